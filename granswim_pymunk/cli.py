@@ -1,0 +1,51 @@
+"""The console command ``granswim``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from .commands import COMMANDS
+from .errors import InputError, SimulationError
+
+
+def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """The parser; with ``only`` just that command's module is imported, so that start-up stays short."""
+    parser = argparse.ArgumentParser(
+        prog="granswim",
+        description="Grains and swimmers on pymunk: simulate, compare with a recording, "
+        "find the physics that was left out.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name in COMMANDS if only is None else (only,):
+        module = importlib.import_module(f".commands.{name.replace('import', 'import_')}", __package__)
+        child = commands.add_parser(name, help=module.HELP, description=module.__doc__)
+        module.add_arguments(child)
+        child.set_defaults(main=module.main)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    only = argv[0] if argv and argv[0] in COMMANDS else None
+    args = build_parser(only).parse_args(argv)
+    try:
+        return int(args.main(args))
+    except InputError as error:
+        print(f"granswim {args.command}: {error}", file=sys.stderr)
+        return 2
+    except SimulationError as error:
+        print(f"granswim {args.command}: the run stopped: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"granswim {args.command}: interrupted; what was written is kept", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,7 @@
+"""The subcommands of ``granswim``, one file each.
+
+A command module has ``HELP`` (one line), ``add_arguments(parser)`` and ``main(args) -> int``; what it
+does is a plain function elsewhere in the package that a script can call.
+"""
+
+COMMANDS = ("run", "diagnose", "import", "validate", "crosscheck", "benchmark", "laws")

@@ -1,0 +1,267 @@
+"""What a law is: one function, its declared parameters, one expression, one reference.
+
+A law's function takes what it needs by name, as a test takes fixtures: the names of the state it
+looks at (see ``STATE`` below) and the names of its parameters. Lifting it to bodies, pairs, chains
+and lists is the engine's business, so base physics and candidates for missing physics are written
+the same way, and a user's script can add one::
+
+    from granswim_pymunk.laws import Parameter, law
+
+    @law(kind="body", expression="F = -k x", reference="Hooke 1678",
+         parameters=[Parameter("k", "N/m", "stiffness", low=0.0)])
+    def trap(x, y, k):
+        return -k * x, -k * y
+
+Everything a law sees and returns is in SI (m, kg, s, rad, N).
+
+Kinds
+-----
+``body``
+    returns ``(fx, fy)`` [N], the force on one body.
+``pair``
+    for two bodies whose gap is below ``reach`` (0: contact); n points from i to j, t is n turned by
+    +90 degrees; returns ``(fn, ft)`` [N], the force on j along n and t; i gets the opposite.
+``chain``
+    sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``.
+``constraint``
+    sees the sum of all other forces on one body and returns what must be added to it.
+``impulse``
+    an instantaneous collision; Chipmunk's own solver performs it.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import InputError
+
+STATE: dict[str, dict[str, str]] = {
+    "body": {
+        "t": "time [s]",
+        "dt": "time step [s]",
+        "x": "position [m] (unwrapped)",
+        "y": "position [m]",
+        "vx": "velocity [m/s]",
+        "vy": "velocity [m/s]",
+        "mass": "mass [kg]",
+        "radius": "radius [m]",
+        "r0": "mean radius of the bodies the law acts on [m]",
+        "mean_mass": "mean mass of the grains [kg]",
+        "g": "size of gravity [m/s^2], 9.81 where the scene has none",
+        "gx": "gravity of the scene, x [m/s^2]",
+        "gy": "gravity of the scene, y [m/s^2]",
+    },
+    "pair": {
+        "t": "time [s]",
+        "gap": "distance of centres less the sum of radii [m]",
+        "distance": "distance of centres [m]",
+        "vn": "relative velocity of j against i along n [m/s]",
+        "vt": "relative surface velocity of j against i along t, spin counted [m/s]",
+        "reduced_mass": "m_i m_j/(m_i + m_j), that of the mobile one against a wall [kg]",
+        "reduced_radius": "r_i r_j/(r_i + r_j) [m]",
+        "r0": "mean radius of the bodies the law acts on [m]",
+    },
+    "chain": {
+        "t": "time [s]",
+        "x": "(n,) positions, head first [m]",
+        "y": "(n,) positions [m]",
+        "vx": "(n,) velocities [m/s]",
+        "vy": "(n,) velocities [m/s]",
+        "mass": "(n,) masses [kg]",
+        "fx": "(n,) force, to be added to [N]",
+        "fy": "(n,) force, to be added to [N]",
+    },
+    "constraint": {
+        "t": "time [s]",
+        "dt": "time step [s]",
+        "x": "position [m]",
+        "y": "position [m]",
+        "vx": "velocity, half a step behind [m/s]",
+        "vy": "velocity, half a step behind [m/s]",
+        "mass": "mass [kg]",
+        "given_inertia": "moment of inertia about the centre [kg m^2], 0 where none was given",
+        "fx": "sum of all other forces [N]",
+        "fy": "sum of all other forces [N]",
+        "command": "commanded value of the body's input over the coming step",
+    },
+    "impulse": {},
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a law.
+
+    ``size`` 2 is a vector, which the law's function sees as ``NAME_x`` and ``NAME_y``. ``choices`` of
+    strings reach the function as their position in the list. A ``default`` of None means required.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    default: Any = None
+    low: float = -math.inf
+    high: float = math.inf
+    size: int = 1
+    choices: tuple[Any, ...] = ()
+    # the size of a first try when the parameter is to be found from data; None: not fitted
+    typical: float | None = None
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        return (self.name,) if self.size == 1 else (f"{self.name}_x", f"{self.name}_y")
+
+    def check(self, value: Any, *, law: str, file: Any = None) -> Any:
+        """Return ``value`` as float, pair or choice; raise InputError naming law and parameter."""
+        where = f"law {law}, parameter {self.name}"
+        if self.choices:
+            if value not in self.choices:
+                names = ", ".join(map(str, self.choices))
+                raise InputError(f"{value!r} is not one of {names}", file=file, where=where)
+            return value
+        values = list(value) if self.size > 1 and isinstance(value, Iterable) else [value]
+        if len(values) != self.size:
+            raise InputError(f"expected {self.size} numbers [{self.unit}], got {value!r}", file=file, where=where)
+        for number in values:
+            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                raise InputError(f"expected a finite number [{self.unit}], got {number!r}", file=file, where=where)
+            if not self.low <= number <= self.high:
+                raise InputError(
+                    f"{number:g} {self.unit} is outside [{self.low:g}, {self.high:g}]", file=file, where=where
+                )
+        return float(values[0]) if self.size == 1 else tuple(float(number) for number in values)
+
+    def encode(self, value: Any) -> tuple[float, ...]:
+        """The numbers that the compiled function gets."""
+        if self.choices and isinstance(self.choices[0], str):
+            return (float(self.choices.index(value)),)
+        return tuple(float(number) for number in value) if self.size > 1 else (float(value),)
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A declared law. Call it as the plain Python function it was made from."""
+
+    name: str
+    kind: str
+    function: Callable[..., Any]
+    parameters: tuple[Parameter, ...]
+    expression: str
+    reference: str
+    compiled: bool = True
+    reach: str | None = None
+    # the parameters that make up the strength: zero means that the law is absent
+    strength: tuple[str, ...] = ()
+    texts: Mapping[str, Any] = field(default_factory=dict)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.function(*args, **kwargs)
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        return tuple(inspect.signature(self.function).parameters)
+
+    def parameter(self, name: str) -> Parameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        known = ", ".join(p.name for p in self.parameters) or "none"
+        raise InputError(f"unknown parameter {name!r}; it has: {known}", where=f"law {self.name}")
+
+    def check(self, values: Mapping[str, Any], *, file: Any = None) -> dict[str, Any]:
+        """Values for every parameter, in the order of declaration, checked and completed by defaults."""
+        known = {parameter.name for parameter in self.parameters}
+        for name in values:
+            if name not in known:
+                listed = ", ".join(sorted(known)) or "none"
+                raise InputError(f"unknown parameter {name!r}; it has: {listed}", file=file, where=f"law {self.name}")
+        result = {}
+        for parameter in self.parameters:
+            value = values.get(parameter.name, parameter.default)
+            if value is None:
+                raise InputError(
+                    f"needs {parameter.name} [{parameter.unit}]: {parameter.meaning}", file=file, where=f"law {self.name}"
+                )
+            result[parameter.name] = (
+                value if value is AUTOMATIC else parameter.check(value, law=self.name, file=file)
+            )
+        return result
+
+    def encode(self, values: Mapping[str, Any]) -> list[float]:
+        return [number for p in self.parameters for number in p.encode(values[p.name])]
+
+
+class _Automatic:
+    """A default that the scene works out (mean mass of the grains, twice the radius ...)."""
+
+    def __repr__(self) -> str:
+        return "automatic"
+
+
+AUTOMATIC = _Automatic()
+
+_REGISTRY: dict[str, Law] = {}
+
+
+def law(
+    *,
+    kind: str,
+    expression: str,
+    reference: str,
+    parameters: Iterable[Parameter] = (),
+    compiled: bool = True,
+    reach: str | None = None,
+    strength: Iterable[str] = (),
+    name: str | None = None,
+) -> Callable[[Callable[..., Any]], Law]:
+    """Declare a law and put it in the registry.
+
+    ``compiled=False`` keeps it plain Python: the engine then runs the scene in ``python`` mode.
+    Raises InputError where the function asks for a state or parameter that does not exist.
+    """
+    if kind not in STATE:
+        raise InputError(f"unknown kind {kind!r}; expected one of {', '.join(STATE)}")
+    parameters = tuple(parameters)
+
+    def declare(function: Callable[..., Any]) -> Law:
+        declared = Law(
+            name=name or function.__name__,
+            kind=kind,
+            function=function,
+            parameters=parameters,
+            expression=expression,
+            reference=reference,
+            compiled=compiled,
+            reach=reach,
+            strength=tuple(strength),
+        )
+        known = set(STATE[kind]) | {a for p in parameters for a in p.arguments}
+        for argument in declared.arguments if kind != "impulse" else ():
+            if argument not in known:
+                raise InputError(
+                    f"the function asks for {argument!r}, which is neither a parameter nor one of "
+                    + ", ".join(sorted(STATE[kind])),
+                    where=f"law {declared.name}",
+                )
+        _REGISTRY[declared.name] = declared
+        return declared
+
+    return declare
+
+
+def get_law(name: str, *, file: Any = None) -> Law:
+    """The declared law of that name; InputError lists the known ones."""
+    try:
+        return _REGISTRY[name]
+    except KeyError:
+        raise InputError(
+            f"unknown law {name!r}; known: {', '.join(sorted(_REGISTRY))}", file=file
+        ) from None
+
+
+def all_laws() -> dict[str, Law]:
+    return dict(_REGISTRY)

@@ -1,0 +1,760 @@
+"""A scene: bodies, box and a list of laws with parameters. Built, read, printed, hashed.
+
+SI throughout (m, kg, s, rad, N); y points up, angles are counter-clockwise.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import math
+import tomllib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from .errors import InputError
+from .laws import AUTOMATIC, Law, get_law
+from .laws.base import Parameter
+
+ROLES = ("head", "tail", "grain", "wall", "free")
+STANDARD_GRAVITY = 9.81  # m/s^2, where a law needs g and the scene has none (contract)
+
+
+class SceneWarning(UserWarning):
+    """Something in a recording.toml was not understood and was left out."""
+
+
+def _number(value: Any, name: str, unit: str, *, file: Any, where: str | None, positive: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{name} should be a finite number [{unit}], got {value!r}", file=file, where=where)
+    if positive and value <= 0:
+        raise InputError(f"{name} should be above zero [{unit}], got {value:g}", file=file, where=where)
+    return float(value)
+
+
+def _numbers(value: Any, size: int, name: str, unit: str, *, file: Any, where: str | None) -> tuple[float, ...]:
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != size:
+        raise InputError(f"{name} should be {size} numbers [{unit}], got {value!r}", file=file, where=where)
+    return tuple(_number(item, name, unit, file=file, where=where) for item in value)
+
+
+@dataclass(frozen=True)
+class Body:
+    """One disk. ``initial`` is x, y [m], vx, vy [m/s]; ``inertia`` [kg m^2] is 2/5 m r^2 where None."""
+
+    id: str
+    role: str
+    radius: float
+    mass: float
+    observed: bool = True
+    initial: tuple[float, float, float, float] | None = None
+    inertia: float | None = None
+
+    def __post_init__(self) -> None:
+        where = f"body {self.id}"
+        if self.role not in ROLES:
+            raise InputError(f"role should be one of {', '.join(ROLES)}, got {self.role!r}", where=where)
+        _number(self.radius, "radius", "m", file=None, where=where, positive=True)
+        if self.role != "wall":
+            _number(self.mass, "mass", "kg", file=None, where=where, positive=True)
+        if self.inertia is not None:
+            _number(self.inertia, "inertia", "kg m^2", file=None, where=where, positive=True)
+
+    @property
+    def mobile(self) -> bool:
+        return self.role != "wall"
+
+    @property
+    def moment(self) -> float:
+        """Moment of inertia about the centre [kg m^2]."""
+        return 0.4 * self.mass * self.radius**2 if self.inertia is None else self.inertia
+
+
+@dataclass(frozen=True)
+class LawUse:
+    """A law with its values, on some bodies (None: all mobile ones)."""
+
+    law: Law
+    values: Mapping[str, Any]
+    bodies: tuple[str, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        return self.law.name
+
+    def with_values(self, **values: Any) -> LawUse:
+        return replace(self, values=self.law.check({**self.values, **values}))
+
+    def __str__(self) -> str:
+        numbers = ", ".join(
+            f"{p.name} = {_show(self.values[p.name])}{' ' + p.unit if p.unit not in ('', '1') else ''}"
+            for p in self.law.parameters
+        )
+        who = "" if self.bodies is None else f" on {', '.join(self.bodies)}"
+        return f"{self.name}({numbers}){who}: {self.law.expression}"
+
+
+def _show(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_show(v) for v in value) + "]"
+    return str(value)
+
+
+def use(law: Law | str, *, bodies: Iterable[str] | None = None, **values: Any) -> LawUse:
+    """Put a law to use: ``use("linear_drag", c=1e-5, bodies=["0"])``. Raises InputError on bad values."""
+    declared = get_law(law) if isinstance(law, str) else law
+    return LawUse(declared, declared.check(values), None if bodies is None else tuple(map(str, bodies)))
+
+
+@dataclass(frozen=True)
+class Adjustable:
+    """A parameter that recalibration may move. ``per``: "all" recordings share it, or "body", "recording"."""
+
+    law: str
+    parameter: str
+    low: float
+    high: float
+    per: str = "all"
+
+    @property
+    def name(self) -> str:
+        return f"{self.law}.{self.parameter}"
+
+
+@dataclass(frozen=True)
+class Bed:
+    """A bed that is not listed body by body; it is packed from the seed."""
+
+    height: float  # m
+    packing_fraction: float
+    grain_diameter: tuple[float, float]  # m
+    density: float  # kg/m^3
+    layers: float = 0.0
+
+
+@dataclass(frozen=True)
+class Time:
+    """Time step, start and duration [s]; ``output``: seconds between stored states."""
+
+    dt: float | None = None
+    start: float = 0.0
+    duration: float | None = None
+    output: float | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies, box, laws. Immutable: every ``with_...`` gives a new scene.
+
+    ``bodies`` in file order; the order of a swimmer's disks is their order here, head first.
+    ``inputs`` maps a body to (t [s], value) of its command, linear between rows.
+    """
+
+    bodies: tuple[Body, ...]
+    laws: tuple[LawUse, ...] = ()
+    gravity: tuple[float, float] = (0.0, 0.0)
+    periodic_x: float | None = None
+    bed: Bed | None = None
+    adjustable: tuple[Adjustable, ...] = ()
+    time: Time = Time()
+    inputs: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
+    camera: Mapping[str, Any] = field(default_factory=dict)
+    frames: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    title: str = ""
+
+    # ---- checks -------------------------------------------------------------------------------
+
+    def __post_init__(self) -> None:
+        ids = [body.id for body in self.bodies]
+        if len(set(ids)) != len(ids):
+            twice = next(i for i in ids if ids.count(i) > 1)
+            raise InputError("this id is used twice", where=f"body {twice}")
+        known = set(ids)
+        for item in self.laws:
+            for name in item.bodies or ():
+                if name not in known:
+                    raise InputError(f"acts on body {name!r}, which the scene does not have", where=f"law {item.name}")
+            if item.law.kind == "constraint" and item.name in ("pin", "drive") and item.bodies is None:
+                raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
+        if self.periodic_x is not None and not self.periodic_x > 0:
+            raise InputError(f"should be above zero [m], got {self.periodic_x!r}", where="scene.periodic_x")
+        for adjustable in self.adjustable:
+            uses = [item for item in self.laws if item.name == adjustable.law]
+            if not uses:
+                raise InputError("the scene has no such law", where=f"adjustable {adjustable.name}")
+            uses[0].law.parameter(adjustable.parameter)
+            if not adjustable.low < adjustable.high:
+                raise InputError("low should be below high", where=f"adjustable {adjustable.name}")
+
+    def check_overlaps(self) -> None:
+        """Raise InputError where two bodies that can touch overlap by more than half the smaller radius."""
+        from scipy.spatial import cKDTree
+
+        placed = [b for b in self.bodies if b.initial is not None]
+        if len(placed) < 2 or not any(item.law.kind in ("pair", "impulse") for item in self.laws):
+            return
+        xy = np.array([b.initial[:2] for b in placed if b.initial is not None])
+        radius = np.array([b.radius for b in placed])
+        for i, j in cKDTree(xy).query_pairs(2 * radius.max()):
+            a, b = placed[i], placed[j]
+            if {a.role, b.role} <= {"head", "tail"} or {a.role, b.role} == {"wall"}:
+                continue
+            overlap = a.radius + b.radius - math.dist(xy[i], xy[j])
+            if overlap > 0.5 * min(a.radius, b.radius):
+                raise InputError(
+                    f"overlaps body {b.id} by {overlap:.3g} m, more than half a radius", where=f"body {a.id}"
+                )
+
+    # ---- asking -------------------------------------------------------------------------------
+
+    def body(self, name: str) -> Body:
+        for body in self.bodies:
+            if body.id == name:
+                return body
+        raise InputError("the scene has no such body", where=f"body {name}")
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(body.id for body in self.bodies)
+
+    @property
+    def swimmer(self) -> tuple[int, ...]:
+        """Rows of the swimmer's disks, head first (all swimmers, one behind the other)."""
+        return tuple(i for i, b in enumerate(self.bodies) if b.role in ("head", "tail"))
+
+    @property
+    def chains(self) -> tuple[tuple[int, ...], ...]:
+        """Rows of each swimmer's disks, head first."""
+        chains: list[list[int]] = []
+        for i in self.swimmer:
+            if self.bodies[i].role == "head" or not chains:
+                chains.append([])
+            chains[-1].append(i)
+        return tuple(map(tuple, chains))
+
+    def laws_named(self, name: str) -> tuple[LawUse, ...]:
+        return tuple(item for item in self.laws if item.name == name)
+
+    def rows(self, item: LawUse) -> np.ndarray:
+        """Rows of the mobile bodies (for pair laws: all bodies) that a law acts on."""
+        wanted = None if item.bodies is None else set(item.bodies)
+        return np.array(
+            [
+                i
+                for i, b in enumerate(self.bodies)
+                if (b.mobile or item.law.kind in ("pair", "impulse")) and (wanted is None or b.id in wanted)
+            ],
+            dtype=np.int64,
+        )
+
+    @property
+    def gravity_size(self) -> float:
+        size = math.hypot(*self.gravity)
+        return size if size > 0 else STANDARD_GRAVITY
+
+    def resolved(self, item: LawUse) -> dict[str, Any]:
+        """Values with the automatic ones worked out from the scene."""
+        values = dict(item.values)
+        for name, value in values.items():
+            if value is AUTOMATIC:
+                values[name] = self._automatic(item.name, name)
+        if item.name == "drive" and item.bodies:
+            for rail in self.laws_named("rail"):
+                if rail.bodies is None or item.bodies[0] in rail.bodies:
+                    values["direction"] = rail.values["direction"]
+        return values
+
+    def _automatic(self, law: str, parameter: str) -> float:
+        if parameter == "mean_mass":
+            grains = [b.mass for b in self.bodies if b.role == "grain"]
+            if not grains and self.bed is not None:
+                low, high = self.bed.grain_diameter
+                # mean of a sphere's mass over a uniform diameter: <d^3> = (a^4 - b^4)/(4 (a - b))
+                cube = (high**4 - low**4) / (4 * (high - low)) if high > low else low**3
+                return self.bed.density * math.pi / 6 * cube
+            mobile = grains or [b.mass for b in self.bodies if b.mobile]
+            return float(np.mean(mobile))
+        if law == "union" and parameter == "length":
+            return 2 * self.bodies[self.swimmer[0]].radius if self.swimmer else 0.0
+        raise InputError("has no automatic value", where=f"law {law}, parameter {parameter}")
+
+    # ---- changing -----------------------------------------------------------------------------
+
+    def with_laws(self, *items: LawUse) -> Scene:
+        """The scene with these laws added."""
+        return replace(self, laws=(*self.laws, *items))
+
+    def with_parameter(self, name: str, value: Any, *, bodies: Iterable[str] | None = None) -> Scene:
+        """The scene with ``LAW.PARAMETER`` changed in every use of that law.
+
+        With ``bodies`` the law is split, and changed for those bodies only.
+        """
+        law, _, parameter = name.partition(".")
+        if not self.laws_named(law):
+            raise InputError("the scene has no such law", where=f"law {law}")
+        laws: list[LawUse] = []
+        for item in self.laws:
+            if item.name != law:
+                laws.append(item)
+            elif bodies is None:
+                laws.append(item.with_values(**{parameter: value}))
+            else:
+                wanted = set(bodies)
+                acts = item.bodies if item.bodies is not None else tuple(b.id for b in self.bodies if b.mobile)
+                rest = tuple(b for b in acts if b not in wanted)
+                if rest:
+                    laws.append(replace(item, bodies=rest))
+                chosen = tuple(b for b in acts if b in wanted)
+                if chosen:
+                    laws.append(replace(item, bodies=chosen).with_values(**{parameter: value}))
+        return replace(self, laws=tuple(laws))
+
+    def with_initial(self, states: Mapping[str, Sequence[float]]) -> Scene:
+        """The scene with the states (x, y, vx, vy) of some bodies replaced."""
+        bodies = tuple(
+            replace(b, initial=tuple(float(v) for v in states[b.id])) if b.id in states else b  # type: ignore[arg-type]
+            for b in self.bodies
+        )
+        return replace(self, bodies=bodies)
+
+    # ---- text, files, hash --------------------------------------------------------------------
+
+    def __str__(self) -> str:
+        roles: dict[str, int] = {}
+        for body in self.bodies:
+            roles[body.role] = roles.get(body.role, 0) + 1
+        lines = [self.title or "scene", "  bodies: " + ", ".join(f"{n} {role}" for role, n in roles.items())]
+        if self.periodic_x:
+            lines.append(f"  periodic along x: {self.periodic_x:g} m")
+        if any(self.gravity):
+            lines.append(f"  gravity: [{self.gravity[0]:g}, {self.gravity[1]:g}] m/s^2")
+        if self.bed:
+            lines.append(f"  bed: {self.bed}")
+        lines += [f"  {replace(item, values=self.resolved(item))}" for item in self.laws]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """A plain dictionary, as it stands in TOML."""
+        data: dict[str, Any] = {"format": "granswim-scene/1", "title": self.title, "seed": self.seed}
+        box: dict[str, Any] = {"gravity": list(self.gravity)}
+        if self.periodic_x is not None:
+            box["periodic_x"] = self.periodic_x
+        if self.bed is not None:
+            box["bed"] = {
+                "height": self.bed.height,
+                "packing_fraction": self.bed.packing_fraction,
+                "grain_diameter": list(self.bed.grain_diameter),
+                "density": self.bed.density,
+                "layers": self.bed.layers,
+            }
+        data["scene"] = box
+        time = {k: v for k, v in vars(self.time).items() if v is not None}
+        if time != {"start": 0.0}:
+            data["time"] = time
+        if self.camera:
+            data["camera"] = dict(self.camera)
+        if self.frames:
+            data["frames"] = dict(self.frames)
+        if self.inputs:
+            data["input"] = {k: {"t": list(t), "value": list(v)} for k, (t, v) in self.inputs.items()}
+        data["body"] = [_body_to_dict(b) for b in self.bodies]
+        data["law"] = [_law_to_dict(item) for item in self.laws]
+        if self.adjustable:
+            data["adjustable"] = [
+                {k: v for k, v in vars(a).items() if not (k == "per" and v == "all")} for a in self.adjustable
+            ]
+        return data
+
+    def to_toml(self) -> str:
+        return tomli_w.dumps(self.to_dict())
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of everything that makes the scene what it is; it goes into every output."""
+        data = self.to_dict()
+        data.pop("title"), data.pop("frames", None)
+        data["code"] = [
+            hashlib.sha256(item.law.function.__code__.co_code).hexdigest() for item in self.laws
+        ]
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+def _body_to_dict(body: Body) -> dict[str, Any]:
+    data: dict[str, Any] = {"id": body.id, "role": body.role, "radius": body.radius, "mass": body.mass}
+    if not body.observed:
+        data["observed"] = False
+    if body.role == "wall" and body.initial is not None:
+        data["x"], data["y"] = body.initial[:2]
+    elif body.initial is not None:
+        data["initial"] = list(body.initial)
+    if body.inertia is not None:
+        data["inertia"] = body.inertia
+    return data
+
+
+def _law_to_dict(item: LawUse) -> dict[str, Any]:
+    data: dict[str, Any] = {"name": item.name}
+    if item.bodies is not None:
+        if len(item.bodies) == 1:
+            data["body"] = item.bodies[0]
+        else:
+            data["bodies"] = list(item.bodies)
+    for name, value in item.values.items():
+        if value is not AUTOMATIC:
+            data[name] = list(value) if isinstance(value, tuple) else value
+    return data
+
+
+# ---- reading ----------------------------------------------------------------------------------
+
+
+class _Reader:
+    """Reads tables of a TOML file; unknown keys are an error (scene) or a warning (recording)."""
+
+    def __init__(self, file: Any, strict: bool) -> None:
+        self.file = file
+        self.strict = strict
+
+    def error(self, message: str, where: str | None = None) -> InputError:
+        return InputError(message, file=self.file, where=where)
+
+    def unknown(self, keys: Iterable[str], where: str, known: Iterable[str]) -> None:
+        for key in keys:
+            message = f"unknown key {key!r}; known: {', '.join(sorted(known))}"
+            if self.strict:
+                raise self.error(message, where)
+            warnings.warn(f"{self.file}: {where}: {message}; it is left out", SceneWarning, stacklevel=4)
+
+    def table(self, data: Any, where: str, known: Sequence[str]) -> dict[str, Any]:
+        if not isinstance(data, Mapping):
+            raise self.error("should be a table", where)
+        self.unknown([k for k in data if k not in known], where, known)
+        return {k: v for k, v in data.items() if k in known}
+
+    def tables(self, data: Any, where: str) -> list[Any]:
+        if not isinstance(data, list):
+            raise self.error(f"should be written [[{where}]]", where)
+        return data
+
+
+BODY_KEYS = ("id", "role", "radius", "mass", "observed", "initial", "inertia", "x", "y")
+
+
+def _read_body(data: Mapping[str, Any], reader: _Reader) -> Body:
+    where = f"body {data.get('id', '(without id)')}"
+    data = reader.table(data, where, BODY_KEYS)
+    for key in ("id", "role", "radius"):
+        if key not in data:
+            raise reader.error(f"needs {key}", where)
+    role = data["role"]
+    if role != "wall" and "mass" not in data:
+        raise reader.error("needs mass [kg]", where)
+    initial = data.get("initial")
+    if initial is not None:
+        initial = _numbers(initial, 4, "initial", "m, m, m/s, m/s", file=reader.file, where=where)
+    elif "x" in data or "y" in data:
+        x = _number(data.get("x"), "x", "m", file=reader.file, where=where)
+        y = _number(data.get("y"), "y", "m", file=reader.file, where=where)
+        initial = (x, y, 0.0, 0.0)
+    elif role == "wall":
+        raise reader.error("a wall needs x and y [m]", where)
+    observed = data.get("observed", True)
+    if not isinstance(observed, bool):
+        raise reader.error(f"observed should be true or false, got {observed!r}", where)
+    try:
+        return Body(
+            id=str(data["id"]),
+            role=role,
+            radius=data["radius"],
+            mass=data.get("mass", 1.0),
+            observed=observed,
+            initial=initial,
+            inertia=data.get("inertia"),
+        )
+    except InputError as error:
+        raise InputError(error.message, file=reader.file, where=error.where) from None
+
+
+def _read_bodies_csv(path: Path, reader: _Reader) -> list[Body]:
+    """``id,role,radius,mass,observed[,inertia][,x,y[,vx,vy]]``, empty where not given."""
+    known = ("id", "role", "radius", "mass", "observed", "inertia", "x", "y", "vx", "vy")
+    try:
+        with path.open(newline="", encoding="utf-8") as handle:
+            rows = list(csv.DictReader(handle))
+    except OSError as error:
+        raise reader.error(f"cannot read it: {error.strerror}", str(path)) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"is not a CSV in UTF-8: {error}", file=path) from None
+    bodies = []
+    inner = _Reader(path, reader.strict)
+    for line, row in enumerate(rows, start=2):
+        where = f"row {line}"
+        if None in row or None in row.values():
+            raise inner.error("has another number of columns than the header", where)
+        inner.unknown([k for k in row if k not in known], where, known) if line == 2 else None
+        data: dict[str, Any] = {}
+        for key, text in row.items():
+            text = (text or "").strip()
+            if key not in known or text == "":
+                continue
+            if key in ("id", "role"):
+                data[key] = text
+            elif key == "observed":
+                if text.lower() not in ("true", "false", "1", "0"):
+                    raise inner.error(f"observed should be true or false, got {text!r}", where)
+                data[key] = text.lower() in ("true", "1")
+            else:
+                try:
+                    data[key] = float(text)
+                except ValueError:
+                    raise inner.error(f"{key} should be a number, got {text!r}", where) from None
+        if "vx" in data or "vy" in data:
+            data["initial"] = [data.pop("x", None), data.pop("y", None), data.pop("vx", None), data.pop("vy", None)]
+        bodies.append(_read_body(data, inner))
+    return bodies
+
+
+def _read_law(data: Any, reader: _Reader) -> LawUse:
+    if not isinstance(data, Mapping) or "name" not in data:
+        raise reader.error("needs a name", "law")
+    name = str(data["name"])
+    declared = get_law(name, file=reader.file)
+    bodies: Any = data.get("bodies")
+    if "body" in data:
+        bodies = [data["body"]]
+    if bodies is not None and (isinstance(bodies, str) or not isinstance(bodies, Sequence)):
+        raise reader.error("bodies should be a list of ids", f"law {name}")
+    values = {k: v for k, v in data.items() if k not in ("name", "body", "bodies")}
+    known = [p.name for p in declared.parameters]
+    reader.unknown([k for k in values if k not in known], f"law {name}", known)
+    values = {k: (tuple(v) if isinstance(v, list) else v) for k, v in values.items() if k in known}
+    return LawUse(
+        declared, declared.check(values, file=reader.file), None if bodies is None else tuple(map(str, bodies))
+    )
+
+
+def _read_adjustable(data: Any, reader: _Reader, laws: Sequence[LawUse]) -> Adjustable:
+    where = "adjustable"
+    data = reader.table(data, where, ("law", "parameter", "low", "high", "per"))
+    for key in ("law", "parameter", "low", "high"):
+        if key not in data:
+            raise reader.error(f"needs {key}", where)
+    name = f"{data['law']}.{data['parameter']}"
+    where = f"adjustable {name}"
+    per = data.get("per", "all")
+    if per not in ("all", "body", "recording"):
+        raise reader.error(f'per should be "body" or "recording", got {per!r}', where)
+    return Adjustable(
+        law=str(data["law"]),
+        parameter=str(data["parameter"]),
+        low=_number(data["low"], "low", "as the parameter", file=reader.file, where=where),
+        high=_number(data["high"], "high", "as the parameter", file=reader.file, where=where),
+        per=per,
+    )
+
+
+SCENE_KEYS = (
+    "format", "title", "seed", "scene", "time", "camera", "frames", "input", "bodies", "body", "law",
+    "adjustable", "swimmer",
+)  # fmt: skip
+
+
+def scene_from_dict(
+    data: Mapping[str, Any], *, file: str | Path | None = None, strict: bool = True, extra: Sequence[str] = ()
+) -> Scene:
+    """Build a scene from what stands in a TOML file.
+
+    ``strict``: unknown keys are an error (a scene to be run) rather than a warning (a recording).
+    ``extra``: further top-level keys that the caller reads itself.
+    Raises InputError naming file, table and key.
+    """
+    reader = _Reader(file, strict)
+    folder = Path(file).parent if file is not None else Path(".")
+    reader.unknown([k for k in data if k not in SCENE_KEYS and k not in extra], "top level", SCENE_KEYS)
+
+    box = reader.table(data.get("scene", {}), "scene", ("gravity", "periodic_x", "bed"))
+    gravity = _numbers(box.get("gravity", [0.0, 0.0]), 2, "gravity", "m/s^2", file=file, where="scene")
+    periodic_x = box.get("periodic_x")
+    if periodic_x is not None:
+        periodic_x = _number(periodic_x, "periodic_x", "m", file=file, where="scene", positive=True)
+    bed = None
+    if "bed" in box:
+        table = reader.table(
+            box["bed"], "scene.bed", ("height", "packing_fraction", "grain_diameter", "density", "layers")
+        )
+        for key in ("height", "packing_fraction", "grain_diameter", "density"):
+            if key not in table:
+                raise reader.error(f"needs {key}", "scene.bed")
+        low, high = _numbers(table["grain_diameter"], 2, "grain_diameter", "m", file=file, where="scene.bed")
+        if not 0 < low <= high:
+            raise reader.error(f"grain_diameter should be [low, high] above zero, got [{low}, {high}]", "scene.bed")
+        fraction = _number(table["packing_fraction"], "packing_fraction", "1", file=file, where="scene.bed")
+        if not 0 < fraction <= 0.9:
+            raise reader.error(f"packing_fraction should lie between 0 and 0.9, got {fraction:g}", "scene.bed")
+        bed = Bed(
+            height=_number(table["height"], "height", "m", file=file, where="scene.bed", positive=True),
+            packing_fraction=fraction,
+            grain_diameter=(low, high),
+            density=_number(table["density"], "density", "kg/m^3", file=file, where="scene.bed", positive=True),
+            layers=_number(table.get("layers", 0.0), "layers", "1", file=file, where="scene.bed"),
+        )
+
+    bodies = [_read_body(item, reader) for item in reader.tables(data.get("body", []), "body")]
+    if "bodies" in data:
+        if not isinstance(data["bodies"], str):
+            raise reader.error("should name a file", "bodies")
+        bodies += _read_bodies_csv(folder / data["bodies"], reader)
+    if "swimmer" in data:
+        bodies = _read_swimmer(data["swimmer"], reader) + bodies
+    if not bodies:
+        raise reader.error("has no bodies: write [[body]], or bodies = FILE.csv")
+
+    laws = [_read_law(item, reader) for item in reader.tables(data.get("law", []), "law")]
+    if any(gravity) and not any(item.name == "gravity" for item in laws):
+        laws.insert(0, use("gravity"))
+    adjustable = [_read_adjustable(item, reader, laws) for item in reader.tables(data.get("adjustable", []), "adjustable")]
+
+    time = reader.table(data.get("time", {}), "time", ("dt", "start", "duration", "output"))
+    numbers = {
+        key: _number(value, key, "s", file=file, where="time", positive=key != "start") for key, value in time.items()
+    }
+    inputs: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    if isinstance(data.get("input"), str):
+        inputs = read_inputs(folder / data["input"])
+    else:
+        for key, table in reader.table(data.get("input", {}), "input", list(data.get("input", {}))).items():
+            try:
+                inputs[key] = (tuple(map(float, table["t"])), tuple(map(float, table["value"])))
+            except (KeyError, TypeError, ValueError):
+                raise reader.error("needs two lists of numbers, t and value", f"input.{key}") from None
+    seed = data.get("seed", 0)
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise reader.error(f"should be a whole number, zero or more, got {seed!r}", "seed")
+    try:
+        return Scene(
+            bodies=tuple(bodies),
+            laws=tuple(laws),
+            gravity=(gravity[0], gravity[1]),
+            periodic_x=periodic_x,
+            bed=bed,
+            adjustable=tuple(adjustable),
+            time=Time(**numbers),
+            inputs=inputs,
+            camera=dict(data.get("camera", {})),
+            frames=dict(data.get("frames", {})),
+            seed=seed,
+            title=str(data.get("title", "")),
+        )
+    except InputError as error:
+        raise InputError(error.message, file=file, where=error.where) from None
+
+
+def _read_swimmer(data: Any, reader: _Reader) -> list[Body]:
+    """``[swimmer]``: disks, radius, density, head_mass_factor, head = [x, y]; straight along +x."""
+    table = reader.table(data, "swimmer", ("disks", "radius", "density", "head_mass_factor", "head"))
+    try:
+        return swimmer(**table)
+    except (TypeError, InputError) as error:
+        raise reader.error(str(error), "swimmer") from None
+
+
+def swimmer(
+    *,
+    disks: int = 7,
+    radius: float = 1.5e-3,
+    density: float = 1004.0,
+    head_mass_factor: float = 7.0,
+    head: Sequence[float] = (0.0, 0.0),
+) -> list[Body]:
+    """The bodies of a straight swimmer at rest, head first, lying along +x from its head.
+
+    Masses are those of spheres, rho 4/3 pi r^3; the head has ``head_mass_factor`` times that.
+    """
+    mass = density * 4 / 3 * math.pi * radius**3
+    return [
+        Body(
+            id=str(i),
+            role="head" if i == 0 else "tail",
+            radius=radius,
+            mass=mass * (head_mass_factor if i == 0 else 1.0),
+            initial=(float(head[0]) + 2 * radius * i, float(head[1]), 0.0, 0.0),
+        )
+        for i in range(disks)
+    ]
+
+
+def read_inputs(path: str | Path) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Read ``input.csv`` (t,name,value): commands given to the apparatus. Raises InputError with the row."""
+    path = Path(path)
+    series: dict[str, list[tuple[float, float]]] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as handle:
+            rows = csv.reader(handle)
+            header = [c.strip() for c in next(rows, [])]
+            if sorted(header) != ["name", "t", "value"]:
+                raise InputError(f"header should be t,name,value, got {','.join(header)}", file=path)
+            at = {name: header.index(name) for name in header}
+            for line, row in enumerate(rows, start=2):
+                if not row:
+                    continue
+                try:
+                    t, value = float(row[at["t"]]), float(row[at["value"]])
+                    name = row[at["name"]].strip()
+                except (ValueError, IndexError):
+                    raise InputError(f"expected a time, a name and a number, got {','.join(row)}", file=path, where=f"row {line}") from None
+                if not (math.isfinite(t) and math.isfinite(value)):
+                    raise InputError("a number is not finite", file=path, where=f"row {line}")
+                series.setdefault(name, []).append((t, value))
+    except OSError as error:
+        raise InputError(f"cannot read it: {error.strerror}", file=path) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"is not a CSV in UTF-8: {error}", file=path) from None
+    result = {}
+    for name, pairs in series.items():
+        pairs.sort()
+        t = tuple(p[0] for p in pairs)
+        if any(b <= a for a, b in zip(t, t[1:], strict=False)):
+            raise InputError("two rows for one time", file=path, where=f"input {name}")
+        result[name] = (t, tuple(p[1] for p in pairs))
+    return result
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Read a TOML file; InputError names file and line."""
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read it: {error.strerror}", file=path) from None
+    except UnicodeDecodeError:
+        raise InputError("is not a text in UTF-8", file=path) from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"is not valid TOML: {error}", file=path) from None
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Read a scene to be run from TOML. Unknown keys are an error."""
+    scene = scene_from_dict(read_toml(path), file=path, strict=True)
+    scene.check_overlaps()
+    return scene
+
+
+def write_scene(scene: Scene, path: str | Path) -> None:
+    """Write a scene as TOML; ``read_scene`` gives back an equal one (same hash)."""
+    Path(path).write_text(scene.to_toml(), encoding="utf-8")
+
+
+__all__ = [
+    "Adjustable", "Bed", "Body", "LawUse", "Parameter", "Scene", "SceneWarning", "Time", "read_inputs",
+    "read_scene", "read_toml", "scene_from_dict", "swimmer", "use", "write_scene",
+]  # fmt: skip
