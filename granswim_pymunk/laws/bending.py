@@ -24,9 +24,17 @@ from .base import Parameter, law
             default="leader",
             choices=("leader", "elastic", "head_axis"),
         ),
+        Parameter(
+            "length",
+            "m",
+            "resting distance d of consecutive disks, used by form = elastic only; "
+            "that of the paper's swimmer where not given",
+            low=0.0,
+            default=3.0e-3,
+        ),
     ],
 )
-def bending(t, x, y, vx, vy, mass, fx, fy, stiffness, damping, amplitude, frequency, phase, form):
+def bending(t, x, y, vx, vy, mass, fx, fy, stiffness, damping, amplitude, frequency, phase, form, length):
     head = amplitude * math.sin(2.0 * math.pi * frequency * t + phase)
     previous = head
     previous_length = 1.0
@@ -46,11 +54,11 @@ def bending(t, x, y, vx, vy, mass, fx, fy, stiffness, damping, amplitude, freque
         vt = (vx[j] - vx[i]) * tx + (vy[j] - vy[i]) * ty
         force = -damping * reduced * vt
         if form == 1:
-            # energy k_B d/2 phi^2 with d the resting distance ~ the actual one: the torque k_B d phi
-            # turns this segment back and, from the second joint on, the segment before it forward
-            force -= stiffness * bend
+            # minus the gradient of k_B d/2 phi^2: the torque k_B d phi turns this segment back and, from
+            # the second joint on, the segment before it forward; d is a constant, or energy would leak
+            force -= stiffness * bend * length / distance
             if i > 0:
-                reaction = stiffness * bend * distance / previous_length
+                reaction = stiffness * bend * length / previous_length
                 fx[i] += reaction * previous_tx
                 fy[i] += reaction * previous_ty
                 fx[i - 1] -= reaction * previous_tx

@@ -1,0 +1,276 @@
+"""Force laws of the reference integrator, written anew from the formulas: no code of the engine's laws.
+
+Only the names of the laws and the values of their parameters are read from the scene. SI throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.scene import LawUse, Scene
+
+CONTACTS = ("contact_linear", "contact_hertz")
+CHAIN_LAWS = ("union", "bending")
+FIELDS = (
+    "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
+)  # fmt: skip
+CONSTRAINTS = ("pin", "rail", "drive")
+KNOWN = (*CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS)
+
+Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+
+
+class Pairs:
+    """Pairs of bodies that can touch, from a k-d tree; rebuilt when something has moved far enough.
+
+    Left out: two walls, and two disks of one swimmer. ``vector(xy, i, j)`` is r_j - r_i [m], by
+    minimum image where x is periodic.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.radius = np.array([body.radius for body in scene.bodies])
+        self.mobile = np.array([body.mobile for body in scene.bodies])
+        self.period = scene.periodic_x
+        self.swimmer = np.full(len(scene.bodies), -1)
+        for number, chain in enumerate(scene.chains):
+            self.swimmer[list(chain)] = number
+        self.skin = 0.3 * float(self.radius.min())
+        self.i = self.j = np.empty(0, dtype=np.int64)
+        self.built_at: np.ndarray | None = None
+
+    def vector(self, xy: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        r = xy[j] - xy[i]
+        if self.period is not None:
+            r[:, 0] -= self.period * np.round(r[:, 0] / self.period)
+        return r
+
+    def update(self, xy: np.ndarray, farthest: float = 0.0) -> None:
+        """Make the list valid at ``xy`` (n, 2) [m], also if everything moves ``farthest`` [m] more."""
+        if self.built_at is not None:
+            moved = math.sqrt(float(((xy - self.built_at) ** 2).sum(axis=1).max()))
+            if 2 * (moved + farthest) < self.skin:
+                return
+        self.skin = max(self.skin, 4 * farthest)
+        reach = 2 * float(self.radius.max()) + self.skin
+        points = xy.copy()
+        box = None
+        if self.period is not None:
+            if self.period < 2 * reach:
+                raise InputError(
+                    f"is shorter than four radii and a skin ({2 * reach:g} m)", where="scene.periodic_x"
+                )
+            points[:, 0] %= self.period
+            points[points[:, 0] >= self.period, 0] = 0.0
+            points[:, 1] -= points[:, 1].min()
+            box = [
+                self.period,
+                4 * (float(points[:, 1].max()) + reach),
+            ]  # y is not periodic: keep its images far
+        pairs = cKDTree(points, boxsize=box).query_pairs(reach, output_type="ndarray")
+        i, j = pairs.min(axis=1), pairs.max(axis=1)
+        keep = (self.mobile[i] | self.mobile[j]) & ~(
+            (self.swimmer[i] >= 0) & (self.swimmer[i] == self.swimmer[j])
+        )
+        order = np.lexsort((j[keep], i[keep]))
+        self.i, self.j = i[keep][order], j[keep][order]
+        self.built_at = xy.copy()
+
+
+class Forces:
+    """Sum of all forces on all bodies.
+
+    ``__call__(t, xy, v)``: (n, 2) [N] for positions (n, 2) [m], velocities (n, 2) [m/s] at time t [s];
+    the forces that a pin, rail or drive needs are not in it.
+    ``extra(t, xy, v)`` -> (n, 2) [N] may add physics that the scene does not know.
+    Raises InputError naming a law that it does not have.
+    """
+
+    def __init__(self, scene: Scene, extra: Force | None = None) -> None:
+        for item in scene.laws:
+            if item.name not in KNOWN:
+                raise InputError("the reference integrator does not have it", where=f"law {item.name}")
+        self.scene = scene
+        self.extra = extra
+        self.mass = np.array([body.mass for body in scene.bodies])
+        self.radius = np.array([body.radius for body in scene.bodies])
+        self.mobile = np.array([body.mobile for body in scene.bodies])
+        # a wall is immovable: infinitely heavy, so that the reduced mass is the mobile one's
+        self.inverse_mass = np.where(self.mobile, 1 / self.mass, 0.0)
+        self.pairs = Pairs(scene)
+        self.uses = [(item, scene.resolved(item), scene.rows(item)) for item in scene.laws]
+        self.has_contacts = any(item.name in CONTACTS for item in scene.laws)
+
+    def __call__(self, t: float, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
+        force = np.zeros_like(xy)
+        if self.has_contacts:
+            self.pairs.update(xy)
+        for item, values, rows in self.uses:
+            if item.name in CONTACTS:
+                self._contacts(force, item, values, xy, v)
+            elif item.name in CHAIN_LAWS:
+                for chain in self.scene.chains:
+                    disks = [row for row in chain if row in rows] if item.bodies is not None else list(chain)
+                    law = union if item.name == "union" else bending
+                    force[disks] += law(t, self._unfold(xy[disks]), v[disks], self.mass[disks], **values)
+            elif item.name in FIELDS:
+                force[rows] += self._field(item, values, xy[rows], v[rows], rows)
+        if self.extra is not None:
+            force += self.extra(t, xy, v)
+        force[~self.mobile] = 0.0
+        return force
+
+    def _unfold(self, xy: np.ndarray) -> np.ndarray:
+        """A chain's positions, each disk at its nearest image to the one before."""
+        period = self.scene.periodic_x
+        if period is None or len(xy) < 2:
+            return xy
+        step = np.diff(xy[:, 0])
+        turns = np.cumsum(np.round(step / period))
+        out = xy.copy()
+        out[1:, 0] -= period * turns
+        return out
+
+    def touching(self, item: LawUse, xy: np.ndarray, margin: float = 0.0) -> tuple[np.ndarray, ...]:
+        """i, j, unit vectors from i to j, and gap [m] of the pairs with a gap below ``margin`` [m]."""
+        i, j = self.pairs.i, self.pairs.j
+        if item.bodies is not None:
+            acts = np.zeros(len(xy), dtype=bool)
+            acts[self.scene.rows(item)] = True
+            both = acts[i] & acts[j]
+            i, j = i[both], j[both]
+        r = self.pairs.vector(xy, i, j)
+        distance = np.hypot(r[:, 0], r[:, 1])
+        gap = distance - self.radius[i] - self.radius[j]
+        near = gap < margin
+        return i[near], j[near], r[near] / distance[near, None], gap[near]
+
+    def contact_forces(
+        self, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """i, j, normal from i to j, gap [m], normal force on j [N] (above zero: repulsion)."""
+        i, j, n, gap = self.touching(item, xy)
+        reduced = 1 / (self.inverse_mass[i] + self.inverse_mass[j])
+        approach = ((v[j] - v[i]) * n).sum(axis=1)
+        if item.name == "contact_linear":
+            elastic = -values["stiffness"] * gap
+        else:
+            elastic = values["stiffness"] * (-gap) ** 1.5
+        return i, j, n, gap, elastic - values["damping"] * reduced * approach
+
+    def _contacts(self, force: np.ndarray, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray) -> None:
+        i, j, n, _, size = self.contact_forces(item, values, xy, v)
+        for axis in (0, 1):
+            push = size * n[:, axis]
+            force[:, axis] += np.bincount(j, push, len(xy)) - np.bincount(i, push, len(xy))
+
+    def _field(
+        self, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, rows: np.ndarray
+    ) -> np.ndarray:
+        """Force [N] on each of ``rows``, which depends on that body's own state only."""
+        mass = self.mass[rows][:, None]
+        speed = np.hypot(v[:, 0], v[:, 1])[:, None]
+        relative = (self.radius[rows] / self.radius[rows].mean())[:, None] if len(rows) else mass
+        if item.name == "gravity":
+            return mass * np.array(self.scene.gravity)
+        if item.name == "uniform_force":
+            return mass * np.array(values["a"])
+        if item.name == "linear_drag":
+            return -values["c"] * relative ** values["p"] * v
+        if item.name == "quadratic_drag":
+            return -values["c"] * relative ** values["p"] * speed * v
+        if item.name == "coulomb_substrate":
+            smooth = np.hypot(speed, values["v_0"])
+            return -values["mu"] * mass * self.scene.gravity_size * v / np.where(smooth > 0, smooth, 1.0)
+        if item.name == "confinement":
+            return -values["mu_eff"] * values["mean_mass"] * 9.81 * values["layers"] * v
+        # a spring to an anchor
+        r = xy - np.array(values["anchor"])
+        distance = np.hypot(r[:, 0], r[:, 1])[:, None]
+        stretched = distance - values["length"]
+        return -values["stiffness"] * stretched * r / np.where(distance > 0, distance, 1.0)
+
+
+def _segments(xy: np.ndarray, v: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Length [m], unit vector along, unit vector across, relative velocity, reduced mass of each segment."""
+    r = np.diff(xy, axis=0)
+    length = np.hypot(r[:, 0], r[:, 1])
+    along = r / length[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    reduced = mass[1:] * mass[:-1] / (mass[1:] + mass[:-1])
+    return length, along, across, np.diff(v, axis=0), reduced
+
+
+def _opposite(on_second: np.ndarray) -> np.ndarray:
+    """(n, 2) forces on the disks when segment s pushes disk s + 1 with ``on_second[s]`` and disk s back."""
+    force = np.zeros((len(on_second) + 1, 2))
+    force[1:] += on_second
+    force[:-1] -= on_second
+    return force
+
+
+def union(
+    t: float,
+    xy: np.ndarray,
+    v: np.ndarray,
+    mass: np.ndarray,
+    *,
+    stiffness: float,
+    damping: float,
+    length: float,
+) -> np.ndarray:
+    """(n, 2) forces [N] of the springs between consecutive disks (optimal_frequency, Eq. 1)."""
+    distance, along, _, relative, reduced = _segments(xy, v, mass)
+    pull = -stiffness * (distance - length) - damping * reduced * (relative * along).sum(axis=1)
+    return _opposite(pull[:, None] * along)
+
+
+def bends(xy: np.ndarray, head: float, form: str = "leader") -> np.ndarray:
+    """(n - 1,) bends phi_i [rad] of a chain, wrapped to (-pi, pi]; phi_0 is against the head's axis."""
+    r = np.diff(xy, axis=0)
+    angle = np.arctan2(r[:, 1], r[:, 0])
+    before = np.full(len(angle), head) if form == "head_axis" else np.concatenate([[head], angle[:-1]])
+    phi = angle - before
+    return phi - 2 * np.pi * np.ceil((phi - np.pi) / (2 * np.pi))
+
+
+def bending(
+    t: float,
+    xy: np.ndarray,
+    v: np.ndarray,
+    mass: np.ndarray,
+    *,
+    stiffness: float,
+    damping: float,
+    amplitude: float,
+    frequency: float,
+    phase: float,
+    form: str,
+    length: float = math.nan,
+) -> np.ndarray:
+    """(n, 2) forces [N] of bending (optimal_frequency, Eq. 3).
+
+    ``elastic`` is minus the gradient of E = k_B d/2 sum phi_i^2 with d = ``length`` [m], the head's axis
+    held from outside. phi_i = alpha_i - alpha_(i-1), and alpha of a segment grows by
+    across . (dr_second - dr_first)/|r|; so segment s feels the torque -d E/d alpha_s =
+    -k_B d (phi_s - phi_(s+1)), a pair of opposite forces torque/|r| across its ends.
+    """
+    head = amplitude * math.sin(2 * math.pi * frequency * t + phase)
+    distance, _, across, relative, reduced = _segments(xy, v, mass)
+    phi = bends(xy, head, form)
+    if form == "elastic":
+        torque = -stiffness * length * (phi - np.append(phi[1:], 0.0))
+        push = torque / distance
+    else:
+        push = -stiffness * phi
+    push = push - damping * reduced * (relative * across).sum(axis=1)
+    return _opposite(push[:, None] * across)
+
+
+def bending_energy(xy: np.ndarray, head: float, *, stiffness: float, length: float) -> float:
+    """Energy k_B d/2 sum phi_i^2 [J] of a chain (n, 2) [m] whose head axis is turned by ``head`` [rad]."""
+    return 0.5 * stiffness * length * float((bends(xy, head) ** 2).sum())
