@@ -1,0 +1,260 @@
+"""The slow way that can be read: ordinary Python pre-solve and velocity callbacks of pymunk.
+
+For prototyping a law and for reading what the compiled modes do; some hundred times slower.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pymunk
+
+from ..errors import SimulationError
+from ..scene import LawUse
+
+if TYPE_CHECKING:
+    from .simulation import Simulation
+
+
+class PythonCallbacks:
+    """Pre-solve of every contact collects pair forces; the first velocity callback of a step adds the rest."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        s = self.simulation = simulation
+        self._pairs: dict[tuple[int, int], tuple[float, float, float, float]] = {}
+        self._summed_step = -1
+        n = s._n
+        self._fx = np.zeros(n)
+        self._fy = np.zeros(n)
+        self._torque = np.zeros(n)
+        self._row = {body.id: k for k, body in enumerate(s._bodies)}
+        self._encoded = [
+            dict(zip([a for p in item.law.parameters for a in p.arguments], item.law.encode(s.scene.resolved(item)), strict=True))
+            for item in s._uses
+        ]
+        self._far = [item for item in s._uses if item.law.kind == "pair" and item.law.reach]
+        for k, body in enumerate(s._bodies[: s._n_mobile]):
+            body.velocity_func = self._velocity_function(k)
+        if not s.impulse:
+            s._space.on_collision(pre_solve=self._pre_solve)
+        self._lay_out_seam()
+
+    # ---- pymunk's callbacks ---------------------------------------------------------------------
+
+    def _pre_solve(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        arbiter.process_collision = False  # else Chipmunk's impulses act too
+        a, b = (self._row.get(shape.body.id) for shape in arbiter.shapes)
+        if a is None or b is None or (a < 0 and b < 0):
+            return
+        i, j = sorted((a if a >= 0 else -a - 2, b if b >= 0 else -b - 2))
+        self._pairs[i, j] = self._pair_force(i, j)
+
+    def _velocity_function(self, k: int) -> Any:
+        def update(body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
+            self._sum()
+            u = self.simulation.units
+            body.force += pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
+            body.torque += self._torque[k] / u.torque
+            pymunk.Body.update_velocity(body, (0.0, 0.0), 1.0, dt)
+
+        return update
+
+    # ---- forces, in SI ----------------------------------------------------------------------------
+
+    def _vector(self, k: int) -> tuple[float, float, float, float]:
+        """x, y [m] (unwrapped), vx, vy [m/s] of a row."""
+        s = self.simulation
+        body = s._bodies[k]
+        (x, y), (vx, vy) = body.position, body.velocity
+        length, velocity = s.units.length, s.units.velocity
+        return (
+            x * length + s._images[k] * (s.scene.periodic_x or 0.0), y * length, vx * velocity, vy * velocity
+        )  # fmt: skip
+
+    def _pair_force(self, i: int, j: int) -> tuple[float, float, float, float]:
+        """Force on j [N], torques on i and j [N m]."""
+        s = self.simulation
+        a = s._a
+        xi, yi, ui, vi = self._vector(i)
+        xj, yj, uj, vj = self._vector(j)
+        dx, dy = xj - xi, yj - yi
+        length = s.scene.periodic_x
+        if length:
+            dx -= length * math.floor(dx / length + 0.5)
+        ri, rj = float(a["radius"][i]), float(a["radius"][j])
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance == 0.0:
+            return 0.0, 0.0, 0.0, 0.0
+        nx, ny = dx / distance, dy / distance
+        gap = distance - (ri + rj)
+        spin = 1.0 / s.units.time
+        wi, wj = s._bodies[i].angular_velocity * spin, s._bodies[j].angular_velocity * spin
+        available = {
+            "t": s.scene.time.start + (s.step + 1) * s.dt,
+            "gap": gap,
+            "distance": distance,
+            "vn": (uj - ui) * nx + (vj - vi) * ny,
+            "vt": (vj - vi) * nx - (uj - ui) * ny - wj * rj - wi * ri,
+            "reduced_mass": 1.0 / (float(a["inverse_mass"][i]) + float(a["inverse_mass"][j])),
+            "reduced_radius": ri * rj / (ri + rj),
+        }
+        fx = fy = ti = tj = 0.0
+        for u, item in enumerate(s._uses):
+            if item.law.kind != "pair" or not (a["mask"][u, i] and a["mask"][u, j]):
+                continue
+            reach = float(item.values[item.law.reach]) if item.law.reach else 0.0
+            if gap >= reach:
+                continue
+            fn, ft = self._call(item, u, available)
+            fx += fn * nx - ft * ny
+            fy += fn * ny + ft * nx
+            ti -= ri * ft
+            tj -= rj * ft
+        return fx, fy, ti, tj
+
+    def _call(self, item: LawUse, u: int, available: dict[str, Any]) -> Any:
+        a = self.simulation._a
+        given = {**available, **self._encoded[u], "r0": float(a["parameters"][a["uses"][u, 1] - 1])}
+        return item.law.function(*(given[name] for name in item.law.arguments))
+
+    def _sum(self, constrained: bool = True) -> None:
+        """All forces of this step; positions are new, velocities still half a step behind."""
+        s = self.simulation
+        if self._summed_step == s.step + 1 and constrained:
+            return
+        self._summed_step = s.step + 1 if constrained else -1
+        a = s._a
+        t = s.scene.time.start + self._time_step() * s.dt
+        fx, fy, torque = self._fx, self._fy, self._torque
+        fx[:], fy[:], torque[:] = 0.0, 0.0, 0.0
+        if self._far:
+            for i in range(s._n):
+                for j in range(i + 1, s._n):
+                    if (a["mobile"][i] or a["mobile"][j]) and (a["group"][i] == 0 or a["group"][i] != a["group"][j]):
+                        self._pairs[i, j] = self._pair_force(i, j)
+        for i, j in sorted(self._pairs):  # Chipmunk's order differs between processes
+            px, py, ti, tj = self._pairs[i, j]
+            fx[j] += px
+            fy[j] += py
+            fx[i] -= px
+            fy[i] -= py
+            torque[i] += ti
+            torque[j] += tj
+        self._pairs.clear()
+        state = np.array([self._vector(k) for k in range(s._n)])
+        for u, item in enumerate(s._uses):
+            kind = item.law.kind
+            if kind == "chain":
+                for first, last in a["chains"]:
+                    m = slice(first, last)
+                    arrays = {
+                        "t": t, "x": state[m, 0].copy(), "y": state[m, 1].copy(), "vx": state[m, 2].copy(),
+                        "vy": state[m, 3].copy(), "mass": a["mass"][m], "fx": fx[m], "fy": fy[m],
+                    }  # fmt: skip
+                    self._call(item, u, arrays)
+            elif kind == "body" or (kind == "constraint" and constrained):
+                for k in a["rows"][a["uses"][u, 2] : a["uses"][u, 3]]:
+                    ax, ay = self._call(item, u, self._body_state(k, t, state, item))
+                    fx[k] += ax
+                    fy[k] += ay
+
+    def _time_step(self) -> int:
+        return self.simulation.step + (1 if self._stepping else 0)
+
+    _stepping = False
+
+    def _body_state(self, k: int, t: float, state: np.ndarray, item: LawUse) -> dict[str, Any]:
+        s = self.simulation
+        a = s._a
+        x, y, vx, vy = (float(v) for v in state[k])
+        command = 0.0
+        if "command" in item.law.arguments:
+            first, last = a["input_at"][k]
+            command = float(np.interp(t + 0.5 * s.dt, a["input_t"][first:last], a["input_v"][first:last]))
+        _, gx, gy, g, mean_mass = (float(v) for v in a["scalars"])
+        return {
+            "t": t, "dt": s.dt, "x": x, "y": y, "vx": vx, "vy": vy, "mass": float(a["mass"][k]),
+            "radius": float(a["radius"][k]), "given_inertia": float(a["given_inertia"][k]), "fx": self._fx[k],
+            "fy": self._fy[k], "command": command, "gx": gx, "gy": gy, "g": g, "mean_mass": mean_mass,
+        }  # fmt: skip
+
+    # ---- time -------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """The first kick: half of one, and the whole one from half a step back where there are constraints."""
+        s = self.simulation
+        half, unit = 0.5 * s.dt, s.units.velocity
+        a = s._a
+        touching = self._touching()
+
+        def kick(size: float, constrained: bool) -> None:
+            self._pairs = {pair: self._pair_force(*pair) for pair in touching}
+            self._summed_step = -1
+            self._sum(constrained)
+            for k, body in enumerate(s._bodies[: s._n_mobile]):
+                w = float(a["inverse_mass"][k])
+                body.velocity += pymunk.Vec2d(size * w * self._fx[k] / unit, size * w * self._fy[k] / unit)
+
+        if any(item.law.kind == "constraint" for item in s._uses):
+            kick(-half, False)
+            kick(s.dt, True)
+        else:
+            kick(half, False)
+        self._summed_step = -1
+
+    def _touching(self) -> list[tuple[int, int]]:
+        s = self.simulation
+        if not any(item.law.kind == "pair" for item in s._uses):
+            return []
+        a = s._a
+        count = s._fresh_list(a["x"].copy(), a["y"].copy(), 0.0)
+        return list(zip(a["pair_i"][:count].tolist(), a["pair_j"][:count].tolist(), strict=True))
+
+    def advance(self, steps: int) -> None:
+        """Do that many steps. Raises SimulationError when a number is no longer finite."""
+        s = self.simulation
+        length = s.scene.periodic_x
+        for _ in range(steps):
+            self._stepping = True
+            s._space.step(s.dt / s.units.time)
+            self._stepping = False
+            s.step += 1
+            m = slice(0, s._n_mobile)
+            s._a["fx"][m], s._a["fy"][m] = self._fx[m], self._fy[m]
+            positions = np.array([body.position for body in s._bodies[: s._n_mobile]])
+            if not np.isfinite(positions).all():
+                who = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
+                name = s.scene.bodies[s._rows_of[who]].id
+                raise SimulationError(f"the position of body {name} is not finite after step {s.step} (t = {s.t:.6g} s)")
+            if length:
+                way = np.hypot(*(positions * s.units.length - self._laid_out[m]).T)
+                if way.max() > s._floats_margin():
+                    self._lay_out_seam()
+
+    def _lay_out_seam(self) -> None:
+        s = self.simulation
+        if not s.scene.periodic_x:
+            return
+        s._lay_out_seam()
+        self._row = {body.id: k for k, body in enumerate(s._bodies)}
+        originals = {ghost.id: k for (ghost, _), k in zip(s._ghosts, s._ghost_originals, strict=True)}
+        period = s.scene.periodic_x / s.units.length
+        for ghost, _ in s._ghosts:
+            k = originals[ghost.id]
+            self._row[ghost.id] = -k - 2
+            ghost.position_func = _follow(s._bodies[k], period)
+        self._laid_out = np.array([body.position for body in s._bodies]) * s.units.length
+
+    def forces(self) -> np.ndarray:
+        """(n, 2) forces of the last step [N], inner order."""
+        return np.column_stack([self._fx, self._fy])
+
+
+def _follow(original: pymunk.Body, period: float) -> Any:
+    def update(ghost: pymunk.Body, dt: float) -> None:
+        ghost.position = (original.position.x + period, original.position.y)
+        ghost.velocity = original.velocity
+
+    return update

@@ -1,0 +1,809 @@
+"""A scene running on pymunk: Chipmunk integrates every body, compiled laws give the forces."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pymunk
+from pymunk._chipmunk_cffi import ffi, lib
+
+from ..errors import InputError, SimulationError
+from ..scene import Scene
+from . import neighbours, stepping
+from .advice import advise_dt
+from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, Kernel, compile_laws
+from .native import Offsets, ProbeError, address, offsets, step_address
+from .units import Units
+
+log = logging.getLogger("granswim")
+
+MODES = ("verlet", "chipmunk", "python", "batch")
+
+_SLOT = {name: k for k, name in enumerate(INTS)}
+_FLOAT_SLOT = {name: k for k, name in enumerate(FLOATS)}
+
+
+@dataclass(frozen=True)
+class State:
+    """The bodies at one time, rows in the order of ``scene.bodies``.
+
+    t : float, time [s]
+    xy : (n, 2) float, positions [m], unwrapped along a periodic x
+    v : (n, 2) float, velocities [m/s] at t
+    angle, spin : (n,) float, angle [rad] and angular velocity [rad/s]
+    """
+
+    t: float
+    xy: np.ndarray
+    v: np.ndarray
+    angle: np.ndarray
+    spin: np.ndarray
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Touching pairs, rows i < j of ``scene.bodies``.
+
+    normal : (k, 2), from i to j;  force : (k,) normal force on j along the normal [N];
+    overlap : (k,) sum of radii less distance [m]
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    normal: np.ndarray
+    force: np.ndarray
+    overlap: np.ndarray
+
+
+class Simulation:
+    """A scene on a ``pymunk.Space``.
+
+    Parameters
+    ----------
+    scene : bodies must be listed (a bed packed) and every mobile one needs ``initial``
+    mode : how contacts are found and forces enter. "verlet": one compiled force call a step over a
+        neighbour list; "chipmunk": Chipmunk's broad and narrow phase, a compiled pre-solve per contact;
+        "python": Python pre-solve and velocity callbacks; "batch": pymunk.batch, without native callbacks
+    dt : time step [s]; left out, that of the scene, else one that resolves the fastest law
+    start : "synchronised": the velocities of the scene belong to the time of the positions;
+        "leapfrog": they are those of the coming drift, half a step ahead
+
+    Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
+    dampings, velocities kick (leapfrog). Runs are repeatable bit for bit.
+
+    Raises InputError for a scene that cannot be run, SimulationError when a run cannot go on.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        mode: str = "verlet",
+        dt: float | None = None,
+        start: str = "synchronised",
+        units: Units | None = None,
+        skin: float | None = None,
+    ) -> None:
+        if mode not in MODES:
+            raise InputError(f"unknown mode {mode!r}; expected one of {', '.join(MODES)}")
+        if start not in ("synchronised", "leapfrog"):
+            raise InputError(f'start should be "synchronised" or "leapfrog", got {start!r}')
+        if scene.bed is not None and not any(b.role == "grain" for b in scene.bodies):
+            raise InputError("the bed is not packed yet: use granswim_pymunk.packing.pack(scene)", where="scene.bed")
+        for body in scene.bodies:
+            if body.initial is None:
+                raise InputError("needs initial = [x, y, vx, vy]", where=f"body {body.id}")
+        self.scene = scene
+        self.units = units or Units.for_scene(scene)
+        self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
+        if self.impulse and scene.periodic_x:
+            raise InputError(
+                "Chipmunk's impulses do not reach across a periodic seam; use contact_linear", where="law contact_elastic"
+            )
+        plain = [item.name for item in scene.laws if not item.law.compiled]
+        if plain and mode != "python":
+            log.warning("law %s is plain Python: running in python mode", ", ".join(plain))
+            mode = "python"
+        self._offsets: Offsets | None = None
+        if mode in ("verlet", "chipmunk"):
+            try:
+                if os.environ.get("GRANSWIM_NO_NATIVE"):
+                    raise ProbeError("switched off by GRANSWIM_NO_NATIVE")
+                self._offsets = offsets()
+                step_address()
+            except ProbeError as error:
+                log.warning("compiled callbacks cannot be installed (%s): using the batch interface", error)
+                mode = "batch"
+        if mode == "chipmunk" and any(item.law.reach for item in scene.laws):
+            far = ", ".join(item.name for item in scene.laws if item.law.reach)
+            raise InputError(f"{far} acts before contact, which Chipmunk does not report; use mode verlet")
+        self.mode = mode
+        self.dt = float(dt if dt is not None else scene.time.dt or advise_dt(scene))
+        if not (math.isfinite(self.dt) and self.dt > 0):
+            raise InputError(f"dt should be above zero [s], got {dt!r}")
+        self.step = 0
+        self._started = False
+        self._start_kind = start
+        self._arrays(skin)
+        self._build_space()
+        if mode in ("verlet", "chipmunk"):
+            self._install_native()
+        elif mode == "python":
+            from .python_mode import PythonCallbacks
+
+            self._python = PythonCallbacks(self)
+        elif mode == "batch":
+            from .batch_mode import BatchStepper
+
+            self._batch = BatchStepper(self)
+
+    # ---- set-up -------------------------------------------------------------------------------
+
+    def _arrays(self, skin: float | None) -> None:
+        scene = self.scene
+        # inside, chains come first, then the other mobile bodies, then walls
+        chains = scene.chains
+        in_chain = {i for chain in chains for i in chain}
+        order = [i for chain in chains for i in chain]
+        order += [i for i, b in enumerate(scene.bodies) if b.mobile and i not in in_chain]
+        self._n_mobile = len(order)
+        order += [i for i, b in enumerate(scene.bodies) if not b.mobile]
+        self._rows_of = np.array(order, dtype=np.int64)  # inner row -> scene row
+        self._inner = np.empty(len(order), dtype=np.int64)  # scene row -> inner row
+        self._inner[self._rows_of] = np.arange(len(order))
+        bodies = [scene.bodies[i] for i in order]
+        n = self._n = len(bodies)
+
+        initial = np.array([b.initial for b in bodies], dtype=float).reshape(n, 4)
+        a: dict[str, np.ndarray] = {}
+        a["x"], a["y"], a["vx"], a["vy"] = (np.ascontiguousarray(initial[:, k]) for k in range(4))
+        a["spin"] = np.zeros(n)
+        a["mass"] = np.array([b.mass for b in bodies])
+        a["mobile"] = np.array([b.mobile for b in bodies], dtype=np.uint8)
+        a["inverse_mass"] = np.where(a["mobile"] == 1, 1.0 / a["mass"], 0.0)
+        a["radius"] = np.array([b.radius for b in bodies])
+        a["given_inertia"] = np.array([b.inertia or 0.0 for b in bodies])
+        for name in ("fx", "fy", "torque"):
+            a[name] = np.zeros(n)
+        a["old_x"] = np.full(n, np.inf)  # forces the first list
+        a["old_y"] = np.full(n, np.inf)
+        a["group"] = np.zeros(n, dtype=np.int64)
+        at = 0
+        spans = []
+        for k, chain in enumerate(chains):
+            a["group"][at : at + len(chain)] = k + 1
+            spans.append((at, at + len(chain)))
+            at += len(chain)
+        a["chains"] = np.array(spans, dtype=np.int64).reshape(-1, 2)
+
+        self._kernel: Kernel | None = None
+        codes: dict[str, int] = {}
+        if self.mode != "python":
+            self._kernel = compile_laws([item.law for item in scene.laws], self._offsets)
+            codes = self._kernel.codes
+        uses = [item for item in scene.laws if item.law.kind in KIND_ORDER]
+        uses.sort(key=lambda item: (KIND_ORDER[item.law.kind], _constraint_order(item.name)))
+        self._uses = uses
+        parameters: list[float] = []
+        rows: list[int] = []
+        table = []
+        mask = np.zeros((len(uses), n), dtype=np.uint8)
+        reach = 0.0
+        for u, item in enumerate(uses):
+            chosen = self._inner[scene.rows(item)]
+            chosen.sort()
+            parameters.append(float(a["radius"][chosen].mean()) if len(chosen) else 1.0)  # r_0
+            table.append(
+                [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None]
+            )
+            parameters += item.law.encode(scene.resolved(item))
+            rows += chosen.tolist()
+            mask[u, chosen] = 1
+            if item.law.reach:
+                reach = max(reach, float(item.values[item.law.reach]))
+        a["parameters"] = np.array(parameters or [0.0], dtype=float)
+        a["uses"] = np.array(table, dtype=np.int64).reshape(-1, 5)
+        a["rows"] = np.array(rows or [0], dtype=np.int64)
+        a["mask"] = mask
+
+        times: list[float] = []
+        values: list[float] = []
+        a["input_at"] = np.zeros((n, 2), dtype=np.int64)
+        for name, (t, value) in scene.inputs.items():
+            if name in scene.ids:
+                row = self._inner[scene.ids.index(name)]
+                a["input_at"][row] = len(times), len(times) + len(t)
+                times += t
+                values += value
+        for item in scene.laws_named("drive"):
+            for name in item.bodies or ():
+                if name not in scene.inputs:
+                    raise InputError(f"no command for body {name} in input.csv", where="law drive")
+        a["input_t"] = np.array(times or [0.0])
+        a["input_v"] = np.array(values or [0.0])
+
+        has_pairs = any(item.law.kind == "pair" for item in uses)
+        smallest = float(a["radius"].min()) if n else 1.0
+        self._skin = skin if skin is not None else 0.4 * smallest
+        self._room = (max(16 * n, 64) if n > 60 else n * n) if has_pairs else 0
+        self._allocate_lists(a)
+        a["heads"] = np.zeros(4 * n + 256, dtype=np.int64)
+        a["nexts"] = np.zeros(n, dtype=np.int64)
+        a["listing"] = np.zeros(n + 1, dtype=np.int64)
+        a["table_keys"] = np.zeros(64, dtype=np.int64)
+        a["table_values"] = np.zeros(64, dtype=np.int64)
+        mean_mass = [b.mass for b in scene.bodies if b.role == "grain"] or [b.mass for b in bodies if b.mobile] or [1.0]
+        a["scalars"] = np.array(
+            [scene.periodic_x or 0.0, *scene.gravity, scene.gravity_size, float(np.mean(mean_mass))]
+        )
+        assert len(a["scalars"]) == len(SCALARS)
+        a["bodies"] = np.zeros(n, dtype=np.int64)
+        self._a = a
+        floats = np.zeros(len(FLOATS))
+        u = self.units
+        for name, value in {
+            "t_start": scene.time.start,
+            "dt": self.dt,
+            "length_unit": u.length,
+            "velocity_unit": u.velocity,
+            "spin_unit": 1.0 / u.time,
+            "force_scale": 1.0 / u.force,
+            "torque_scale": 1.0 / u.torque,
+            "skin": self._skin,
+            "reach": reach,
+        }.items():
+            floats[_FLOAT_SLOT[name]] = value
+        self._floats = floats
+        self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
+
+    def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
+        for name in ("pair_i", "pair_j", "contact_i", "contact_j", "order"):
+            a[name] = np.zeros(self._room, dtype=np.int64)
+        for name in ("pair_shift", "contact_fx", "contact_fy", "contact_ti", "contact_tj"):
+            a[name] = np.zeros(self._room)
+
+    def _build_space(self) -> None:
+        space = pymunk.Space()
+        space.gravity = (0.0, 0.0)
+        space.damping = 1.0
+        space.iterations = 10 if self.impulse else 1
+        space.sleep_time_threshold = float("inf")
+        u = self.units
+        a = self._a
+        restitution = {b: 1.0 for b in self.scene.ids}
+        for item in self.impulse:
+            for name in item.bodies or self.scene.ids:
+                restitution[name] = math.sqrt(item.values["restitution"])
+        touching = set(self.scene.ids) if not self.impulse else set()
+        for item in self.impulse:
+            touching |= set(item.bodies or self.scene.ids)
+        self._bodies: list[pymunk.Body] = []
+        self._circles: list[pymunk.Circle] = []
+        for k in range(self._n):
+            body = self.scene.bodies[self._rows_of[k]]
+            if body.mobile:
+                own = pymunk.Body(body.mass / u.mass, body.moment / u.moment)
+                own.velocity = (a["vx"][k] / u.velocity, a["vy"][k] / u.velocity)
+            else:
+                own = pymunk.Body(body_type=pymunk.Body.STATIC)
+            own.position = (a["x"][k] / u.length, a["y"][k] / u.length)
+            circle = pymunk.Circle(own, body.radius / u.length)
+            circle.elasticity = restitution[body.id]
+            circle.friction = 0.0
+            group = int(a["group"][k])
+            if body.id in touching:
+                circle.filter = pymunk.ShapeFilter(group=group)
+            else:
+                circle.filter = pymunk.ShapeFilter(group=group, categories=0, mask=0)
+            self._bodies.append(own)
+            self._circles.append(circle)
+        space.add(*self._bodies)
+        self._shapes_in = False
+        self._space = space
+        a["bodies"][:] = [address(b._body) for b in self._bodies]
+        self._ghosts: list[tuple[pymunk.Body, pymunk.Circle]] = []
+        if self.impulse or self.mode in ("chipmunk", "python"):
+            self._add_shapes()
+
+    def _add_shapes(self) -> None:
+        if not self._shapes_in:
+            self._space.add(*self._circles)
+            self._shapes_in = True
+
+    def _remove_shapes(self) -> None:
+        if self._shapes_in:
+            self._space.remove(*self._circles)
+            self._shapes_in = False
+
+    def _context(self) -> np.ndarray:
+        a = self._a
+        ints = np.zeros(len(INTS), dtype=np.int64)
+        counts = {
+            "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_rows": len(a["rows"]),
+            "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
+            "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
+        }  # fmt: skip
+        for name, value in counts.items():
+            ints[_SLOT[name]] = value
+        for name in INTS[INTS.index("bodies") :]:
+            array = self._floats if name == "floats" else a[name]
+            assert array.flags.c_contiguous
+            ints[_SLOT[name]] = array.ctypes.data
+        return ints
+
+    def _install_native(self) -> None:
+        assert self._kernel is not None
+        kernel = self._kernel
+        self._ints = self._context()
+        # the constraint holds two private bodies together with a spring of no strength: only its
+        # preSolve matters, which comes after collision detection and before any kick
+        anchors = [lib.cpBodyNew(1.0, 1.0), lib.cpBodyNew(1.0, 1.0)]
+        hook = lib.cpDampedSpringNew(anchors[0], anchors[1], (0, 0), (0, 0), 1.0, 0.0, 0.0)
+        which = kernel.verlet_step if self.mode == "verlet" else kernel.chipmunk_step
+        lib.cpConstraintSetPreSolveFunc(hook, ffi.cast("cpConstraintPreSolveFunc", which.address))
+        lib.cpConstraintSetUserData(hook, ffi.cast("void *", self._ints.ctypes.data))
+        lib.cpSpaceAddConstraint(self._space._space, hook)
+        drift = ffi.cast("cpBodyPositionFunc", kernel.position_function.address)
+        if not self.impulse:  # Chipmunk's own position function knows about its overlap correction
+            for body in self._bodies[: self._n_mobile]:
+                lib.cpBodySetPositionUpdateFunc(body._body, drift)
+        handler = before = None
+        if self.mode == "chipmunk" and not self.impulse:
+            handler = lib.cpSpaceAddGlobalCollisionHandler(self._space._space)
+            before = handler.preSolveFunc
+            handler.preSolveFunc = ffi.cast("cpCollisionPreSolveFunc", kernel.contact_presolve.address)
+            handler.userData = ffi.cast("void *", self._ints.ctypes.data)
+        keep = (self._a, self._floats, self._ints, kernel)
+        self._close = weakref.finalize(
+            self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile], self._ghosts, keep
+        )
+        if self.mode == "chipmunk":
+            self._lay_out_seam()
+
+    # ---- the seam (Chipmunk knows no periodic boundary) --------------------------------------------
+
+    def _lay_out_seam(self) -> None:
+        """Wrap the bodies in the Space, and put ghosts of those near the left edge one period on."""
+        a = self._a
+        length = self.scene.periodic_x
+        if not length:
+            self._fill_table({})
+            self._floats[_FLOAT_SLOT["margin"]] = np.inf
+            return
+        largest = float(a["radius"].max())
+        margin = largest  # how far a body may go before this is done again
+        self._floats[_FLOAT_SLOT["margin"]] = 0.8 * margin
+        period = length / self.units.length
+        for k in range(self._n):
+            body = self._bodies[k]
+            position = body.position
+            turns = math.floor(position.x / period)
+            if turns:
+                body.position = (position.x - turns * period, position.y)
+                self._images[k] += turns
+                if self._shapes_in:
+                    self._space.reindex_shapes_for_body(body)
+        for ghost, circle in self._ghosts:
+            self._space.remove(ghost, circle)
+        self._ghosts.clear()
+        self._ghost_originals: list[int] = []
+        values = {}
+        shell = (2 * largest + 2 * margin) / self.units.length
+        for k in range(self._n):
+            original = self._bodies[k]
+            # bodies a little left of the edge (wrapped to the far right) are met as originals
+            if original.position.x < shell:
+                ghost = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+                ghost.position = (original.position.x + period, original.position.y)
+                circle = pymunk.Circle(ghost, self._circles[k].radius)
+                circle.filter = pymunk.ShapeFilter(group=10**6)
+                self._ghosts.append((ghost, circle))
+                self._ghost_originals.append(k)
+                self._space.add(ghost, circle)
+                if self._offsets is not None:
+                    _point_ghost(ghost, original, period, self._offsets)
+                    assert self._kernel is not None
+                    lib.cpBodySetPositionUpdateFunc(
+                        ghost._body, ffi.cast("cpBodyPositionFunc", self._kernel.ghost_position.address)
+                    )
+                values[address(ghost._body)] = -k - 2
+        self._fill_table(values)
+        x, y = self._positions_inner()
+        a["old_x"][:] = x - self._images * length
+        a["old_y"][:] = y
+
+    def _floats_margin(self) -> float:
+        return float(self._floats[_FLOAT_SLOT["margin"]])
+
+    def _fill_table(self, ghosts: dict[int, int]) -> None:
+        """Open-addressing table from a body's address to its row."""
+        if self._offsets is None:
+            return
+        a = self._a
+        entries = {int(key): k for k, key in enumerate(a["bodies"])} | ghosts
+        size = 64
+        while size < 3 * len(entries):
+            size *= 2
+        a["table_keys"] = np.zeros(size, dtype=np.int64)
+        a["table_values"] = np.zeros(size, dtype=np.int64)
+        for key, value in entries.items():
+            k = ((key >> 4) * 2654435761) & (size - 1)
+            while a["table_keys"][k]:
+                k = (k + 1) & (size - 1)
+            a["table_keys"][k], a["table_values"][k] = key, value
+        self._refresh_context()
+
+    def _refresh_context(self) -> None:
+        fresh = self._context()
+        for name in (*INTS[INTS.index("bodies") :], "room", "n_table"):
+            self._ints[_SLOT[name]] = fresh[_SLOT[name]]
+
+    # ---- time ---------------------------------------------------------------------------------
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+        return self.scene.time.start + self.step * self.dt
+
+    def _array_forces(self, constrained: bool, t: float) -> None:
+        """Forces at the arrays' positions and velocities, into fx, fy, torque [N, N m]."""
+        a = self._a
+        assert self._kernel is not None
+        for name in ("fx", "fy", "torque"):
+            a[name][:] = 0.0
+        count = self._fresh_list(a["x"], a["y"], float(self._floats[_FLOAT_SLOT["reach"]])) if self._room else 0
+        self._kernel.add_forces(
+            True, constrained, t, self.dt, a["x"], a["y"], a["vx"], a["vy"], a["spin"], a["mass"], a["inverse_mass"],
+            a["radius"], a["given_inertia"], a["fx"], a["fy"], a["torque"], a["parameters"], a["uses"], a["rows"],
+            a["mask"], a["pair_i"], a["pair_j"], a["pair_shift"], count, a["scalars"], a["chains"], a["input_t"], a["input_v"],
+            a["input_at"],
+        )  # fmt: skip
+
+    def _fresh_list(self, x: np.ndarray, y: np.ndarray, extra: float) -> int:
+        a = self._a
+        while True:
+            count = neighbours.build_list(
+                x, y, a["radius"], a["mobile"], a["group"], extra, self.scene.periodic_x or 0.0, a["pair_i"],
+                a["pair_j"], a["pair_shift"], a["heads"], a["nexts"],
+            )  # fmt: skip
+            if count == neighbours.NOT_FINITE:
+                raise self._not_finite()
+            if count != neighbours.OVERFLOW:
+                return int(count)
+            self._grow()
+
+    def _grow(self) -> None:
+        """Twice the room for pairs; a list is never cut short."""
+        if self._room > 400 * self._n + 10**6:
+            raise SimulationError(f"more than {self._room} pairs for {self._n} bodies: the bed has collapsed")
+        self._room *= 2
+        self._allocate_lists(self._a)
+        self._a["old_x"][:] = np.inf
+        if hasattr(self, "_ints"):
+            self._refresh_context()
+
+    def _begin(self) -> None:
+        """The first kick: velocities half a step ahead of the positions."""
+        if self._started:
+            return
+        self._started = True
+        if self._start_kind == "leapfrog":
+            return
+        if self.mode == "python":
+            self._python.begin()
+            return
+        a = self._a
+        half = 0.5 * self.dt
+        weight = a["inverse_mass"]
+        self._array_forces(False, self.t)
+        if any(item.law.kind == "constraint" for item in self._uses):
+            # a constraint sees the velocity half a step behind, here as in every later step
+            a["vx"] -= half * a["fx"] * weight
+            a["vy"] -= half * a["fy"] * weight
+            self._array_forces(True, self.t)
+            kick = self.dt
+        else:
+            kick = half
+        u = self.units
+        moments = [self.scene.bodies[row].moment for row in self._rows_of]
+        for k in range(self._n_mobile):
+            vx = a["vx"][k] + kick * a["fx"][k] * weight[k]
+            vy = a["vy"][k] + kick * a["fy"][k] * weight[k]
+            self._bodies[k].velocity = (vx / u.velocity, vy / u.velocity)
+            if a["torque"][k]:
+                self._bodies[k].angular_velocity = half * a["torque"][k] / moments[k] * u.time
+
+    def advance(self, steps: int) -> None:
+        """Do that many steps. Raises SimulationError when a number is no longer finite."""
+        self._begin()
+        if self.mode == "python":
+            self._python.advance(steps)
+            return
+        if self.mode == "batch":
+            self._batch.advance(steps)
+            return
+        if self.mode == "verlet" and not self.impulse:
+            self._remove_shapes()
+        left = steps
+        while left > 0:
+            saved = self._save()
+            done = stepping.advance(
+                step_address(), address(self._space._space), self.dt / self.units.time, left, self._ints,
+                _SLOT["status"], _SLOT["margin_crossed"],
+            )  # fmt: skip
+            if self._interrupted(saved):
+                continue
+            self.step += int(done)
+            left -= int(done)
+
+    def _save(self) -> tuple[Any, ...]:
+        # what a neighbour list that overflowed in the middle of a block goes back to
+        if not self._room or self._n < 200:
+            return ()
+        return (self._raw_inner(), float(self._floats[_FLOAT_SLOT["step"]]))
+
+    def _interrupted(self, saved: tuple[Any, ...]) -> bool:
+        """Deal with what the callbacks reported; True: the block was taken back."""
+        ints = self._ints
+        status = int(ints[_SLOT["status"]])
+        if status == neighbours.NOT_FINITE:
+            self.step = int(self._floats[_FLOAT_SLOT["step"]])
+            raise self._not_finite()
+        if status == neighbours.OVERFLOW:
+            ints[_SLOT["status"]] = 0
+            ints[_SLOT["n_contacts"]] = 0
+            if not saved:
+                raise SimulationError("the neighbour list is full")
+            self._grow()
+            self._restore_inner(saved[0])
+            self._floats[_FLOAT_SLOT["step"]] = saved[1]
+            return True
+        if ints[_SLOT["margin_crossed"]]:
+            ints[_SLOT["margin_crossed"]] = 0
+            self._lay_out_seam()
+        return False
+
+    def _not_finite(self) -> SimulationError:
+        x, y = self._positions_inner()
+        bad = np.flatnonzero(~(np.isfinite(x) & np.isfinite(y)))
+        who = self.scene.bodies[self._rows_of[bad[0]]].id if len(bad) else "?"
+        return SimulationError(
+            f"the position of body {who} is not finite after step {self.step + 1} (t = {self.t:.6g} s, "
+            f"dt = {self.dt:.3g} s); a smaller dt may help"
+        )
+
+    def run(self, duration: float, progress: Callable[[int, int], None] | None = None) -> State:
+        """Run for ``duration`` [s] in blocks, calling ``progress(done, total)`` between them."""
+        total = max(round(duration / self.dt), 0)
+        block = max(total // 200, 1)
+        done = 0
+        while done < total:
+            size = min(block, total - done)
+            self.advance(size)
+            done += size
+            if progress is not None:
+                progress(done, total)
+        return self.state()
+
+    def sample(self, times: Sequence[float] | np.ndarray, rows: Sequence[int] | None = None) -> np.ndarray:
+        """Run on and return positions at these times [s] (rising, from now on): (T, k, 2) [m], unwrapped.
+
+        ``rows`` of ``scene.bodies``; left out, all.
+        """
+        times = np.asarray(times, dtype=float)
+        if len(times) and (np.any(np.diff(times) < 0) or times[0] < self.t - 1e-9 * self.dt):
+            raise InputError("times should rise and not lie before the present one")
+        chosen = np.arange(self._n) if rows is None else np.asarray(rows, dtype=np.int64)
+        inner = self._inner[chosen]
+        out = np.full((len(times), len(chosen), 2), np.nan)
+        if not len(times):
+            return out
+        self._begin()
+        steps = np.floor((times - self.scene.time.start) / self.dt + 1e-9).astype(np.int64)
+        ahead = times - (self.scene.time.start + steps * self.dt)
+        if self.mode in ("python", "batch"):
+            for s in range(len(times)):
+                self.advance(int(steps[s]) - self.step)
+                raw = self._raw_inner()
+                out[s, :, 0] = raw["x"][inner] + raw["vx"][inner] * ahead[s]
+                out[s, :, 1] = raw["y"][inner] + raw["vy"][inner] * ahead[s]
+            return out
+        if self.mode == "verlet" and not self.impulse:
+            self._remove_shapes()
+        assert self._offsets is not None
+        addresses = self._a["bodies"][inner].copy()
+        sample = 0
+        while sample < len(times):
+            saved = self._save()
+            at = self.step
+            shift = self._images[inner] * (self.scene.periodic_x or 0.0)
+            sample, step = stepping.advance_and_sample(
+                step_address(), address(self._space._space), self.dt / self.units.time, sample, self.step, steps,
+                ahead, self._ints, _SLOT["status"], _SLOT["margin_crossed"], addresses, shift,
+                self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, out,
+            )  # fmt: skip
+            if self._interrupted(saved):
+                sample = int(np.searchsorted(steps, at))
+                continue
+            self.step = int(step)
+        return out
+
+    # ---- what there is --------------------------------------------------------------------------
+
+    def _positions_inner(self) -> tuple[np.ndarray, np.ndarray]:
+        raw = self._raw_inner()
+        return raw["x"], raw["y"]
+
+    def _raw_inner(self) -> dict[str, np.ndarray]:
+        """What Chipmunk has, in SI and inner order: unwrapped x, y, half-step velocities, angle, spin."""
+        n = self._n
+        result = {name: np.empty(n) for name in ("x", "y", "vx", "vy", "angle", "spin")}
+        u = self.units
+        if self._offsets is not None:
+            o = self._offsets
+            stepping.read_fields(
+                self._a["bodies"], np.array([o.position, o.position + 8, o.velocity, o.velocity + 8, o.angle, o.spin]),
+                fields := np.empty((6, n)),
+            )  # fmt: skip
+            result = dict(zip(("x", "y", "vx", "vy", "angle", "spin"), fields, strict=True))
+        else:
+            for k, body in enumerate(self._bodies):
+                result["x"][k], result["y"][k] = body.position
+                result["vx"][k], result["vy"][k] = body.velocity
+                result["angle"][k], result["spin"][k] = body.angle, body.angular_velocity
+        result["x"] *= u.length
+        result["y"] *= u.length
+        result["vx"] *= u.velocity
+        result["vy"] *= u.velocity
+        result["spin"] /= u.time
+        if self.scene.periodic_x:
+            result["x"] += self._images * self.scene.periodic_x
+        return result
+
+    def _restore_inner(self, raw: dict[str, np.ndarray]) -> None:
+        u = self.units
+        period = self.scene.periodic_x or 0.0
+        for k, body in enumerate(self._bodies):
+            body.position = ((raw["x"][k] - self._images[k] * period) / u.length, raw["y"][k] / u.length)
+            if k < self._n_mobile:
+                body.velocity = (raw["vx"][k] / u.velocity, raw["vy"][k] / u.velocity)
+                body.angle = raw["angle"][k]
+                body.angular_velocity = raw["spin"][k] * u.time
+                body.force = (0.0, 0.0)
+                body.torque = 0.0
+        self._a["old_x"][:] = np.inf
+
+    def raw(self) -> dict[str, np.ndarray]:
+        """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
+        self._begin()
+        inner = self._raw_inner()
+        return {name: values[self._inner] for name, values in inner.items()}
+
+    def state(self) -> State:
+        """The state at the present time, velocities taken back by the half kick [m, m/s, rad, rad/s]."""
+        raw = self._raw_inner()
+        if self._started and self.step > 0 or (self._started and self._start_kind == "synchronised"):
+            half = 0.5 * self.dt
+            m = slice(0, self._n_mobile)
+            a = self._a
+            if self.step > 0:
+                raw["vx"][m] -= half * a["fx"][m] * a["inverse_mass"][m]
+                raw["vy"][m] -= half * a["fy"][m] * a["inverse_mass"][m]
+            else:
+                initial = np.array([b.initial for b in self.scene.bodies], dtype=float)[self._rows_of]
+                raw["vx"], raw["vy"] = initial[:, 2].copy(), initial[:, 3].copy()
+        s = self._inner
+        return State(
+            t=self.t,
+            xy=np.column_stack([raw["x"][s], raw["y"][s]]),
+            v=np.column_stack([raw["vx"][s], raw["vy"][s]]),
+            angle=raw["angle"][s],
+            spin=raw["spin"][s],
+        )
+
+    def forces(self) -> np.ndarray:
+        """(n, 2) sum of all forces on each body at the last force call [N]."""
+        self._begin()
+        if self.mode == "python":
+            return self._python.forces()[self._inner]
+        if self.step == 0:
+            self._array_forces(True, self.t)
+        result = np.column_stack([self._a["fx"], self._a["fy"]])
+        result[self._n_mobile :] = 0.0
+        return result[self._inner]
+
+    def contacts(self) -> Contacts:
+        """Touching pairs with the normal force of the contact laws at the present state."""
+        raw = self._raw_inner()
+        a = self._a
+        if not self._room or self._kernel is None:
+            empty = np.zeros(0, dtype=np.int64)
+            return Contacts(empty, empty, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+        names = ("pair_i", "pair_j", "pair_shift")
+        saved = [a[name].copy() for name in names]
+        count = self._fresh_list(raw["x"], raw["y"], 0.0)
+        i, j = a["pair_i"][:count].copy(), a["pair_j"][:count].copy()
+        if len(saved[0]) == len(a["pair_i"]):
+            for name, array in zip(names, saved, strict=True):
+                a[name][:] = array  # the running list belongs to older positions
+        dx = raw["x"][j] - raw["x"][i]
+        if self.scene.periodic_x:
+            dx -= self.scene.periodic_x * np.floor(dx / self.scene.periodic_x + 0.5)
+        dy = raw["y"][j] - raw["y"][i]
+        distance = np.hypot(dx, dy)
+        normal = np.column_stack([dx, dy]) / np.where(distance > 0, distance, 1.0)[:, None]
+        force = np.empty(count)
+        for k in range(count):
+            px, py, _, _ = self._kernel.pair_force(
+                int(i[k]), int(j[k]), self.t, raw["x"], raw["y"], raw["vx"], raw["vy"], raw["spin"],
+                a["inverse_mass"], a["radius"], a["parameters"], a["uses"], a["mask"], a["scalars"],
+            )  # fmt: skip
+            force[k] = px * normal[k, 0] + py * normal[k, 1]
+        rows = self._rows_of
+        oi, oj = rows[i], rows[j]
+        flip = oi > oj
+        normal[flip] *= -1
+        oi, oj = np.where(flip, oj, oi), np.where(flip, oi, oj)
+        return Contacts(oi, oj, normal, force, a["radius"][i] + a["radius"][j] - distance)
+
+    @property
+    def space(self) -> pymunk.Space:
+        """The ordinary ``pymunk.Space`` (engine units, see ``units``), with a Circle on every Body.
+
+        In verlet mode the circles are in the Space while you look, and out of it while it runs fast.
+        """
+        self._add_shapes()
+        for body in self._bodies[: self._n_mobile]:
+            body.angle = body.angle  # renews Chipmunk's rotation, which the lean drift leaves alone
+        self._space.reindex_shapes_for_body(self._space.static_body)
+        for circle in self._circles[: self._n_mobile]:
+            circle.cache_bb()
+        return self._space
+
+    def body(self, name: str) -> pymunk.Body:
+        """The ``pymunk.Body`` of a body of the scene (engine units)."""
+        self.scene.body(name)
+        return self._bodies[int(self._inner[self.scene.ids.index(name)])]
+
+    @property
+    def diagnostics(self) -> dict[str, Any]:
+        """Mode, steps and neighbour lists built."""
+        result: dict[str, Any] = {"mode": self.mode, "dt": self.dt, "steps": self.step, "scene": self.scene.hash}
+        if hasattr(self, "_ints"):
+            result["neighbour_lists"] = int(self._ints[_SLOT["rebuilds"]])
+        return result
+
+
+def _constraint_order(name: str) -> int:
+    # a rail gives way to the drive along it; a pin comes before both
+    return {"pin": 0, "rail": 1, "drive": 2}.get(name, 0)
+
+
+def _point_ghost(ghost: pymunk.Body, original: pymunk.Body, period: float, o: Offsets) -> None:
+    base = address(ghost._body)
+    ffi.cast("int64_t *", base + o.torque)[0] = address(original._body)
+    ffi.cast("double *", base + o.force)[0] = period
+
+
+def _uninstall(
+    space: Any, hook: Any, anchors: Any, handler: tuple[Any, Any], bodies: Any, ghosts: Any, keep: Any
+) -> None:
+    """Take the callbacks out before their code and context go: the Space stays usable."""
+    plain = ffi.cast("cpBodyPositionFunc", ffi.addressof(lib, "cpBodyUpdatePosition"))
+    for body in bodies:
+        lib.cpBodySetPositionUpdateFunc(body._body, plain)
+    for ghost, circle in ghosts:
+        space.remove(ghost, circle)
+    if handler[0] is not None:
+        handler[0].preSolveFunc = handler[1]
+    lib.cpSpaceRemoveConstraint(space._space, hook)
+    lib.cpConstraintFree(hook)
+    for anchor in anchors:
+        lib.cpBodyFree(anchor)
+    del keep
