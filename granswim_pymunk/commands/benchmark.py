@@ -1,0 +1,46 @@
+"""``granswim benchmark``: time per step and memory, side by side with LAMMPS and a plain compiled loop.
+
+All engines run in one process in short alternating blocks; the fastest block of each counts.
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+from ..benchmarks.speed import ENGINES, as_json, benchmark, draw
+from ..errors import InputError
+from ..validation.output import check_folder, write_json
+
+HELP = "time per step and memory, side by side with LAMMPS and a plain compiled loop"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--grains", type=int, nargs="+", default=[500, 2264, 5000], metavar="N", help="sizes of the bed")
+    parser.add_argument("--engines", nargs="+", default=list(ENGINES), metavar="NAME", help=f"some of {', '.join(ENGINES)}")
+    parser.add_argument("--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)")
+    parser.add_argument("--no-memory", action="store_true", help="do not measure memory (a process for each row)")
+    parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
+    parser.add_argument("--out", metavar="DIR", help="write benchmark.json and benchmark.png there")
+
+
+def main(args: argparse.Namespace) -> int:
+    if args.rounds < 1:
+        raise InputError(f"should be at least 1, got {args.rounds}", where="--rounds")
+    check_folder(args.json)
+    out = None
+    if args.out:
+        out = Path(args.out)
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make this folder: {error.strerror}", file=out) from None
+    rows, _ = benchmark(args.grains, args.engines, rounds=args.rounds, with_memory=not args.no_memory)
+    if args.json:
+        write_json(as_json(rows), args.json)
+    if out is not None:
+        write_json(as_json(rows), out / "benchmark.json")
+        beside = out / f".benchmark.{os.getpid()}.png"
+        draw(rows, beside)
+        beside.replace(out / "benchmark.png")
+        print(f"\n{out / 'benchmark.json'}, {out / 'benchmark.png'}")
+    return 0
