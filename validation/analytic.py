@@ -43,7 +43,9 @@ def hertz_duration(stiffness: float, reduced_mass: float, speed: float) -> float
     return 2 * deepest / speed * float(integral)
 
 
-def pendulum_period(length: float, gravity: float, amplitude: float, mass: float = 1.0, inertia: float = 0.0) -> float:
+def pendulum_period(
+    length: float, gravity: float, amplitude: float, mass: float = 1.0, inertia: float = 0.0
+) -> float:
     """T = 4 sqrt((m L^2 + I)/(m g L)) K(sin(theta_0/2)) [s], K the complete elliptic integral."""
     slow = math.sqrt((mass * length**2 + inertia) / (mass * gravity * length))
     return 4 * slow * float(ellipk(math.sin(amplitude / 2) ** 2))

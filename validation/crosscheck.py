@@ -69,8 +69,13 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
 
 def _numbers(data: Mapping[str, np.ndarray], key: str, shape: tuple[int, ...], path: Path) -> np.ndarray:
     array = data[key]
-    if array.dtype.kind not in "fiu" or array.shape not in (shape, (*shape[:-1], 2) if key.startswith("after") else shape):
-        raise InputError(f"should be numbers of shape {shape}, got {array.dtype} {array.shape}", file=path, where=key)
+    if array.dtype.kind not in "fiu" or array.shape not in (
+        shape,
+        (*shape[:-1], 2) if key.startswith("after") else shape,
+    ):
+        raise InputError(
+            f"should be numbers of shape {shape}, got {array.dtype} {array.shape}", file=path, where=key
+        )
     return array.astype(float)
 
 
@@ -86,7 +91,9 @@ def read_bed(name: str | Path) -> StoredBed:
     n = len(roles)
     for row, role in enumerate(roles):
         if role not in ROLES:
-            raise InputError(f"should be one of {', '.join(ROLES)}, got {role!r}", file=path, where=f"role of row {row}")
+            raise InputError(
+                f"should be one of {', '.join(ROLES)}, got {role!r}", file=path, where=f"role of row {row}"
+            )
     radius, mass = (_numbers(data, key, (n,), path) for key in ("radius", "mass"))
     start = _numbers(data, "start", (n, 4), path)
     ids = [str(i) for i in data.get("id", np.arange(n)).ravel()]
@@ -116,7 +123,9 @@ def read_bed(name: str | Path) -> StoredBed:
         or not steps
         or any(isinstance(s, bool) or not isinstance(s, int) or s < 0 for s in steps)
     ):
-        raise InputError(f"should be a list of numbers of steps, got {steps!r}", file=beside, where="time.steps")
+        raise InputError(
+            f"should be a list of numbers of steps, got {steps!r}", file=beside, where="time.steps"
+        )
     for step in steps:
         if step not in stored:
             raise InputError(f"has no 'after_{step}', which {beside.name} lists in time.steps", file=path)
@@ -131,13 +140,15 @@ def read_bed(name: str | Path) -> StoredBed:
     return StoredBed(replace(scene, title=scene.title or path.stem), after)
 
 
-def crosscheck(bed: StoredBed | str | Path, mode: str = "verlet", most: int | None = None) -> Iterator[Deviation]:
+def crosscheck(
+    bed: StoredBed | str | Path, mode: str = "verlet", most: int | None = None
+) -> Iterator[Deviation]:
     """Run a bed and yield the deviation at each stored step, in order; none beyond ``most`` steps.
 
     Positions may be wrapped or not: deviations along a periodic x are those of the nearest image.
     ``mode``: one of the engine's, or ``reference``. Raises InputError.
     """
-    if mode not in MODES:
+    if mode not in (*MODES, "batch"):
         raise InputError(f"should be one of {', '.join(MODES)}, got {mode!r}", where="mode")
     if not isinstance(bed, StoredBed):
         bed = read_bed(bed)
