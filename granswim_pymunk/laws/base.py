@@ -34,7 +34,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
@@ -156,7 +156,8 @@ class Law:
     reach: str | None = None
     # the parameters that make up the strength: zero means that the law is absent
     strength: tuple[str, ...] = ()
-    texts: Mapping[str, Any] = field(default_factory=dict)
+    # may be proposed as physics that a scene lacks: "named", or "flexible" (an arm that names nothing)
+    candidate: str = ""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
@@ -216,6 +217,7 @@ def law(
     compiled: bool = True,
     reach: str | None = None,
     strength: Iterable[str] = (),
+    candidate: str = "",
     name: str | None = None,
 ) -> Callable[[Callable[..., Any]], Law]:
     """Declare a law and put it in the registry.
@@ -238,6 +240,7 @@ def law(
             compiled=compiled,
             reach=reach,
             strength=tuple(strength),
+            candidate=candidate,
         )
         known = set(STATE[kind]) | {a for p in parameters for a in p.arguments}
         for argument in declared.arguments if kind != "impulse" else ():

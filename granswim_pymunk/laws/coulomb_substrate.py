@@ -14,6 +14,7 @@ from .base import Parameter, law
         Parameter("v_0", "m/s", "speed below which the force goes smoothly to zero", low=0.0, default=1.0e-3),
     ],
     strength=("mu",),
+    candidate="named",
 )
 def coulomb_substrate(vx, vy, mass, g, mu, v_0):
     speed = math.sqrt(vx * vx + vy * vy + v_0 * v_0)

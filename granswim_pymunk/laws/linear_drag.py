@@ -12,6 +12,7 @@ from .base import Parameter, law
         Parameter("p", "1", "power of the radius", default=0.0, choices=(0, 1)),
     ],
     strength=("c",),
+    candidate="named",
 )
 def linear_drag(vx, vy, radius, r0, c, p):
     rate = c * (radius / r0) if p == 1 else c

@@ -14,6 +14,7 @@ from .base import Parameter, law
         Parameter("p", "1", "power of the radius", default=0.0, choices=(0, 1, 2)),
     ],
     strength=("c",),
+    candidate="named",
 )
 def quadratic_drag(vx, vy, radius, r0, c, p):
     rate = c * math.sqrt(vx * vx + vy * vy)

@@ -9,6 +9,7 @@ from .base import Parameter, law
     reference="Galilei 1638, Discorsi",
     parameters=[Parameter("a", "m/s^2", "acceleration", size=2, typical=1.0)],
     strength=("a",),
+    candidate="named",
 )
 def uniform_force(mass, a_x, a_y):
     return mass * a_x, mass * a_y
