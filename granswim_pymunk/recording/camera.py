@@ -1,0 +1,123 @@
+"""What a simulation looks like filmed: seen = s R(+angle) true + b, at the frame's time plus an offset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..scene import Scene
+from .recording import Recording
+
+
+def see(
+    xy: np.ndarray, *, scale: float = 1.0, tilt: float = 0.0, bias: Sequence[float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Positions as the camera shows them: seen = s R(+tilt) true + b.
+
+    xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
+    bias b : (2,) [m]. Returns (..., 2) [m]. Source: the contract's camera_scale, camera_tilt, tracking_bias.
+    """
+    c, s = scale * math.cos(tilt), scale * math.sin(tilt)
+    seen = np.empty_like(xy, dtype=float)
+    seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
+    seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + bias[1]
+    return seen
+
+
+def rod_angle(xy: np.ndarray, anchor: Sequence[float], gravity: Sequence[float] = (0.0, -9.81)) -> np.ndarray:
+    """Angle of a pinned body's rod, 0 when hanging along gravity, counter-clockwise [rad], in (-pi, pi].
+
+    atan2(down x d, down . d) with d = xy - anchor, which for gravity along -y is atan2(dx, -dy).
+    xy : (..., 2) [m]; without gravity, down is -y. Returns (...).
+    """
+    size = math.hypot(gravity[0], gravity[1])
+    down_x, down_y = (gravity[0] / size, gravity[1] / size) if size > 0 else (0.0, -1.0)
+    dx, dy = xy[..., 0] - anchor[0], xy[..., 1] - anchor[1]
+    return np.arctan2(down_x * dy - down_y * dx, down_x * dx + down_y * dy)
+
+
+def film(
+    source: Any,
+    times: Sequence[float] | np.ndarray,
+    *,
+    rng: np.random.Generator | None = None,
+    noise: float = 0.0,
+    angle_noise: float = 0.0,
+    scale: float = 1.0,
+    tilt: float = 0.0,
+    time_offset: float = 0.0,
+    bias: Sequence[float] = (0.0, 0.0),
+    drop: float | np.ndarray = 0.0,
+    positions: bool = True,
+    wrap: bool = False,
+    name: str = "simulation",
+    mode: str = "verlet",
+) -> Recording:
+    """Run a scene and film it: a Recording of its observed mobile bodies.
+
+    source : Scene, or a Simulation that stands before the first frame
+    times : (T,) stamps of the frames [s], rising; a frame stamped t shows the state at t + time_offset
+    noise [m], angle_noise [rad] : one standard deviation, drawn from ``rng``
+    scale, tilt [rad], bias (2,) [m] : as in ``see``; a pinned body's angle is seen turned by the tilt too
+    drop : share of sightings that are lost at random, or (T, n) True where a body is not seen
+    positions : False leaves angles only (an encoder);  wrap : fold x into the periodic box
+    Raises InputError where nothing is observed or random numbers are asked for without a generator.
+    """
+    from ..engine import Simulation
+
+    simulation = Simulation(source, mode=mode) if isinstance(source, Scene) else source
+    scene: Scene = simulation.scene
+    times = np.asarray(times, dtype=float)
+    rows = np.array([i for i, b in enumerate(scene.bodies) if b.mobile and b.observed], dtype=np.int64)
+    if not len(rows):
+        raise InputError("no mobile body is observed", where=f"recording {name}")
+    shape = (len(times), len(rows))
+    if rng is None and (noise > 0 or angle_noise > 0 or (np.ndim(drop) == 0 and drop > 0)):
+        raise InputError("noise and random drops need a generator (rng)", where=f"recording {name}")
+
+    true = simulation.sample(times + time_offset, rows.tolist())
+    xy = see(true, scale=scale, tilt=tilt, bias=bias)
+    angle = np.full(shape, np.nan)
+    at = {scene.bodies[row].id: column for column, row in enumerate(rows)}
+    for pin in scene.laws_named("pin"):
+        for body in pin.bodies or ():
+            if body in at:
+                rod = rod_angle(true[:, at[body]], pin.values["anchor"], scene.gravity)
+                angle[:, at[body]] = np.unwrap(rod) + tilt
+    if rng is not None:
+        if noise > 0:
+            xy = xy + rng.normal(0.0, noise, xy.shape)
+        if angle_noise > 0:
+            angle = angle + rng.normal(0.0, angle_noise, shape)
+    if wrap and scene.periodic_x:
+        xy[..., 0] %= scene.periodic_x
+    if np.ndim(drop) == 0:
+        lost = np.zeros(shape, dtype=bool) if rng is None or not drop else rng.random(shape) < drop
+    else:
+        lost = np.asarray(drop, dtype=bool)
+        if lost.shape != shape:
+            raise InputError(f"drop should have the shape (T, n) = {shape}, got {lost.shape}")
+    xy[lost] = np.nan
+    angle[lost] = np.nan
+    if not positions:
+        xy[:] = np.nan
+    has_angle = bool(np.isfinite(angle).any())
+    seen = np.isfinite(xy[..., 0]) | np.isfinite(angle)
+    kept = np.flatnonzero(seen.any(axis=0))
+    steps = np.diff(times)
+    return Recording(
+        name=name,
+        title=scene.title,
+        scene=scene,
+        t=times,
+        ids=tuple(scene.bodies[row].id for row in rows[kept]),
+        xy=xy[:, kept],
+        angle=angle[:, kept] if has_angle else None,
+        sampling=float(1 / np.median(steps)) if len(steps) else None,
+        position_noise=noise if noise > 0 else None,
+        angle_noise=angle_noise if has_angle and angle_noise > 0 else None,
+    )

@@ -1,0 +1,62 @@
+"""The free swing of a single arm of Kaheman et al., arXiv:2205.06231."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..scene import Adjustable, Body, Scene, use
+from .import_table import _Table
+from .recording import Recording
+
+# upstream's own estimates, EstimatedParameters_SinglePendulum.mat
+LENGTH = 0.14775  # m, from the axis to the arm's centre of mass
+MASS = 0.14758  # kg
+INERTIA = 1.0912e-4  # kg m^2 about the centre of mass
+RADIUS = 0.02  # m; nominal, the arm is not a disk and nothing touches it
+COUNTS = 40_000  # of the encoder, a turn
+
+
+def import_single_pendulum(source: str | Path) -> Recording:
+    """Angles of the arm: angle only, 0 hanging.
+
+    source : single_pendulum_200Hz.csv or mounted_arm_1kHz.npz (t_s [s], theta_rad [rad], hanging at pi), or
+    their folder. The noise stated is the encoder's step over sqrt(12). Upstream's estimates of the arm are
+    used as they stand, without its damping; ``pin.length`` is adjustable by 10 %.
+    """
+    source = Path(source)
+    file = source / "single_pendulum_200Hz.csv" if source.is_dir() else source
+    if file.suffix == ".npz":
+        try:
+            with np.load(file, allow_pickle=False) as data:
+                t, theta = np.asarray(data["t_s"], dtype=float), np.asarray(data["theta_rad"], dtype=float)
+        except OSError as error:
+            raise InputError(f"cannot read it: {error}", file=file) from None
+        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(f"needs arrays t_s and theta_rad: {error}", file=file) from None
+    else:
+        table = _Table(file, ",", ())
+        t, theta = table.numbers("t_s", required=True), table.numbers("theta_rad", required=True)
+    order = np.argsort(t, kind="stable")
+    t, theta = t[order], theta[order]
+    scene = Scene(
+        bodies=(Body(id="arm", role="free", radius=RADIUS, mass=MASS, inertia=INERTIA),),
+        laws=(use("gravity"), use("pin", bodies=["arm"], anchor=(0.0, 0.0), length=LENGTH)),
+        gravity=(0.0, -9.81),
+        adjustable=(Adjustable("pin", "length", 0.133, 0.163),),
+    )
+    return Recording(
+        name="pendulum",
+        title="free swing of a single arm, encoder",
+        scene=scene,
+        t=t,
+        ids=("arm",),
+        xy=np.full((len(t), 1, 2), np.nan),
+        angle=(theta - math.pi)[:, None],
+        sampling=float(f"{1 / np.median(np.diff(t)):.6g}"),
+        angle_noise=float(f"{2 * math.pi / COUNTS / math.sqrt(12):.3g}"),
+    )
