@@ -75,12 +75,12 @@ def swimmer_modes(mode: str = "verlet", quick: bool = False) -> Case:
         )
         number = np.array(list(chosen)) + 1
         lines += [
-            Line(f"{name}, linearised", number, omegas[list(chosen)] / (2 * math.pi), "_"),
-            Line(f"{name}, {mode}", number, np.array(measured) / (2 * math.pi), "x"),
+            Line("", number, omegas[list(chosen)] / (2 * math.pi), "k_"),
+            Line(name, number, np.array(measured) / (2 * math.pi), "x"),
         ]
         damped.append(_damped(name, axis, form, stiffness, mass, mode, quick))
     panels = [
-        Panel("modes of the swimmer", "mode", "frequency [Hz]", lines, "y"),
+        Panel("modes of the swimmer, bars: linearised", "mode", "frequency [Hz]", lines, "y"),
         *[panel for _, panel in damped],
     ]
     return Case(f"swimmer's modes ({mode})", figures + [figure for figure, _ in damped], panels)
