@@ -1,0 +1,238 @@
+"""Candidates for what was left out: laws from the registry, a changed contact, and the apparatus.
+
+A candidate is made of a law's own declaration: its numeric choices are enumerated, the parameters with a
+typical size are fitted, the rest keep their defaults.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..laws import Law, all_laws
+from ..scene import Scene, use
+from .data import Case
+from .hypothesis import Free, Term
+
+APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
+
+
+def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
+    """Mobile bodies of all recordings by id, with radius and mass: the same three are the same body."""
+    found: dict[str, tuple[float, float]] = {}
+    for case in cases:
+        for body in case.recording.scene.bodies:
+            if body.mobile:
+                found.setdefault(body.id, (body.radius, body.mass))
+    return found
+
+
+def _driven(scene: Scene) -> set[str]:
+    """Bodies whose motion is commanded: no force changes it."""
+    return {name for item in scene.laws_named("drive") for name in item.bodies or ()}
+
+
+def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:
+    return float(choice.get("p", 0.0))
+
+
+def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
+    """Terms that add this law: one for each combination of its choices.
+
+    ``each``: a strength for every distinct body instead of one for all, scaled by radius.
+    """
+    bodies = {b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)}
+    radii = np.array([radius for radius, _ in bodies.values()])
+    choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
+    combinations = [
+        dict(zip([n for n, _ in choices], values, strict=True)) for values in itertools.product(*[c for _, c in choices])
+    ]
+    if np.ptp(radii) == 0 or each:
+        # the power of the radius changes nothing
+        combinations = [c for c in combinations if all(v == p.choices[0] for v, p in ((v, law.parameter(k)) for k, v in c.items()))]
+    terms = []
+    fitted = [p for p in law.parameters if p.typical is not None]
+    for choice in combinations:
+        r0 = float(radii.mean())
+        free: list[Free] = []
+        groups: list[tuple[str, tuple[int, ...]]] = []
+        owners = list(bodies) if each else [None]
+        for owner in owners:
+            where = None if owner is None else frozenset(c.name for c in cases if owner in c.recording.scene.ids)
+            for p in fitted:
+                start = len(free)
+                typical = p.typical if p.name not in law.strength else 0.0
+                for argument in p.arguments:
+                    name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
+                    free.append(Free(name, p.unit, p.low, p.high, float(typical or 0.0), 1.0, where))
+                groups.append((p.name, tuple(range(start, len(free)))))
+        label = law.name + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
+        terms.append(
+            Term(
+                mechanism=law.name,
+                label=label + (" (each body)" if each else ""),
+                free=tuple(free),
+                apply=_LawAdder(law, fitted, dict(choice), owners, r0, constants(law, cases)),
+                bodies=tuple(bodies),
+                expression=law.expression,
+                choices=dict(choice),
+                groups=tuple(groups),
+            )
+        )
+    return terms
+
+
+def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
+    """Values of parameters that are not fitted but belong to the recording: sizes of flexible arms."""
+    names = {p.name for p in law.parameters}
+    result: dict[str, Any] = {}
+    cases = [case for case in cases if not case.held_out]
+    if "top" in names:
+        fastest = 1e-12
+        for case in cases:
+            dt = np.diff(case.t)
+            for k, channel in enumerate(case.channels):
+                if channel.kind != "angle":
+                    step = np.abs(np.diff(case.values[:, k])) / dt
+                    step = step[np.isfinite(step)]
+                    fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
+                else:
+                    pin = next(i for i in case.recording.scene.laws_named("pin"))
+                    step = np.abs(np.diff(case.values[:, k])) / dt * pin.values["length"]
+                    fastest = max(fastest, float(np.nanquantile(step, 0.98)))
+        result["top"] = 1.2 * fastest
+    if "centre" in names:
+        places = [c.recording.xy.reshape(-1, 2) for c in cases]
+        every = np.concatenate(places)
+        every = every[np.isfinite(every).all(axis=1)]
+        if len(every):
+            result["centre"] = tuple(float(v) for v in every.mean(axis=0))
+            result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
+    return result
+
+
+class _LawAdder:
+    """Adds a law to a scene with the values found; the mean radius is that of all recordings together."""
+
+    def __init__(self, law, fitted, choice, owners, r0, fixed) -> None:
+        self.law, self.fitted, self.choice, self.owners, self.r0, self.fixed = law, fitted, choice, owners, r0, fixed
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+        driven = _driven(scene)
+        width = sum(p.size for p in self.fitted)
+        for k, owner in enumerate(self.owners):
+            if owner is not None and (owner not in scene.ids or owner in driven):
+                continue
+            mine = list(values[k * width : (k + 1) * width])
+            given: dict[str, Any] = dict(self.choice) | self.fixed
+            at = 0
+            for p in self.fitted:
+                numbers = [float(v) for v in mine[at : at + p.size]]
+                at += p.size
+                given[p.name] = numbers[0] if p.size == 1 else tuple(numbers)
+            bodies = None if owner is None else [owner]
+            if owner is None and driven:
+                bodies = [b.id for b in scene.bodies if b.mobile and b.id not in driven]
+            acting = [b.radius for b in scene.bodies if b.mobile and (bodies is None or b.id in bodies)]
+            power = _radius_power(self.law, self.choice)
+            if owner is None and power and acting:
+                factor = (float(np.mean(acting)) / self.r0) ** power
+                for name in self.law.strength:
+                    given[name] = given[name] * factor
+            scene = scene.with_laws(use(self.law, bodies=bodies, **given))
+        return scene, camera
+
+
+def _contact_terms(cases: Sequence[Case]) -> list[Term]:
+    """Contacts that lose more, or less, than believed."""
+    scene = cases[0].recording.scene
+    adjustable = {a.name for a in scene.adjustable}
+    terms = []
+    for law, parameter, unit, high in (
+        ("contact_elastic", "restitution", "1", 1.0),
+        ("contact_linear", "damping", "1/s", math.inf),
+        ("contact_hertz", "damping", "1/s", math.inf),
+    ):
+        name = f"{law}.{parameter}"
+        if scene.laws_named(law) and name not in adjustable:
+            believed = float(scene.laws_named(law)[0].values[parameter])
+
+            def apply(scene, camera, values, name=name):
+                return scene.with_parameter(name, float(values[0])), camera
+
+            free = Free(name, unit, 0.0, high, believed, 0.01 * max(believed, 0.1), None, believed)
+            acting = scene.laws_named(law)[0].bodies or tuple(b.id for b in scene.bodies if b.mobile)
+            terms.append(
+                Term(
+                    "restitution", "restitution", (free,), apply, bodies=acting,
+                    expression=scene.laws_named(law)[0].law.expression, groups=((parameter, (0,)),),
+                )
+            )  # fmt: skip
+    return terms
+
+
+def _camera_terms(cases: Sequence[Case]) -> list[Term]:
+    """What the apparatus may have done: seen = s R(angle) true + b, at t + offset."""
+
+    def put(key):
+        def apply(scene, camera, values):
+            value = float(values[0]) if len(values) == 1 else tuple(float(v) for v in values)
+            return scene, {**camera, key: value}
+
+        return apply
+
+    rate = cases[0].recording.sampling
+    positions = any(c.kind != "angle" for case in cases for c in case.channels)
+    terms = []
+    if positions:
+        terms.append(Term("camera_scale", "camera_scale", (Free("camera.scale", "1", 0.5, 2.0, 1.0, 1e-3, None, 1.0),), put("scale"),
+                          expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
+    terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
+                      expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
+    if any(c.recording.scene.inputs or c.recording.scene.laws_named("bending") for c in cases):
+        terms.append(
+            Term("time_offset", "time_offset", (Free("camera.time_offset", "s", -0.2, 0.2, 0.0, 0.1 / rate),),
+                 put("time_offset"), expression="a frame stamped t shows the state at t + offset", groups=(("offset", (0,)),))
+        )  # fmt: skip
+    if positions and any(item.law.kind == "constraint" or item.name == "spring" for c in cases for item in c.recording.scene.laws):
+        terms.append(
+            Term("tracking_bias", "tracking_bias",
+                 (Free("camera.bias_x", "m", -1.0, 1.0, 0.0, 1e-4), Free("camera.bias_y", "m", -1.0, 1.0, 0.0, 1e-4)),
+                 put("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
+        )  # fmt: skip
+    return terms
+
+
+def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
+    """All candidates that have a name, apparatus first."""
+    terms = _camera_terms(cases) + _contact_terms(cases)
+    several = len(distinct_bodies(cases)) > 1
+    for law in all_laws().values():
+        if law.candidate == "named":
+            terms += law_terms(law, cases, each=False)
+            if several and each:
+                terms += law_terms(law, cases, each=True)
+    return terms
+
+
+def flexible_terms(cases: Sequence[Case]) -> list[Term]:
+    """The arms that name nothing: smooth force fields in speed and in place."""
+    terms: list[Term] = []
+    for law in all_laws().values():
+        if law.candidate == "flexible":
+            terms += law_terms(law, cases, each=False)
+    return terms
+
+
+def rescaled(term: Term, scales: Sequence[float], firsts: Sequence[float]) -> Term:
+    """The term with other scales and first values of its numbers."""
+    free = tuple(
+        replace(f, scale=float(s), first=float(np.clip(v, f.low, f.high)))
+        for f, s, v in zip(term.free, scales, firsts, strict=True)
+    )
+    return replace(term, free=free)

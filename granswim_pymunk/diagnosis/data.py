@@ -1,0 +1,169 @@
+"""What a diagnosis looks at: recordings as channels of numbers with noise, split into training and held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..recording import Recording
+
+TRAINING_SHARE = 0.6  # of the time, where single recordings are split
+START_SHARE = 0.2  # of a held-out recording, on which its start is fitted
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured number of one body: ``kind`` is "x", "y" [m] or "angle" [rad]."""
+
+    body: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording, ready to be compared.
+
+    t : (T,) frame times [s];  values : (T, c) measured numbers, NaN where there is none;
+    sigma : (c,) one standard deviation of the noise;  sigma_known : given by the experimenter
+    training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
+        parameters are known; scored as held out
+    """
+
+    recording: Recording
+    t: np.ndarray
+    channels: tuple[Channel, ...]
+    values: np.ndarray
+    sigma: np.ndarray
+    sigma_known: bool
+    training: np.ndarray
+    start: np.ndarray
+    scored: np.ndarray
+    held_out: bool
+
+    @property
+    def name(self) -> str:
+        return self.recording.name
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The observed bodies, in the order of their channels."""
+        return tuple(dict.fromkeys(channel.body for channel in self.channels))
+
+    @property
+    def unit(self) -> str:
+        return "rad rms" if all(channel.kind == "angle" for channel in self.channels) else "m rms"
+
+
+def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
+    """Standard deviation of white noise on a smooth curve: residuals of local quadratics over 7 points.
+
+    t, values : (T,) without NaN. The dof of each local fit are taken off; the median keeps collisions out.
+    """
+    width = 7
+    if len(t) < width + 2:
+        return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0
+    sums = []
+    for k in range(len(t) - width + 1):
+        s = t[k : k + width] - t[k + width // 2]
+        design = np.vander(s / max(np.ptp(s), 1e-300), 3)
+        q, _ = np.linalg.qr(design)
+        v = values[k : k + width]
+        r = v - q @ (q.T @ v)
+        sums.append(float(r @ r) / (width - 3))
+    # the median of chi2_4/4 is 0.839
+    return float(np.sqrt(np.median(sums) / 0.839))
+
+
+def prepare(recording: Recording, *, held_out: bool, split: bool) -> Case:
+    """Make a Case. ``held_out``: nothing of it is used for fitting; ``split``: the last 40 % of its time are.
+
+    Raises InputError where there is nothing to look at.
+    """
+    channels: list[Channel] = []
+    columns: list[np.ndarray] = []
+    known = True
+    sigmas: list[float] = []
+    pinned = {name for item in recording.scene.laws_named("pin") for name in item.bodies or ()}
+    t = recording.t
+    xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
+    for k, body in enumerate(recording.ids):
+        angle = None if recording.angle is None else recording.angle[:, k]
+        for axis, kind in enumerate("xy"):
+            column = xy[:, k, axis]
+            seen = np.isfinite(column)
+            if seen.sum() < 4:
+                continue
+            if np.ptp(column[seen]) == 0.0:
+                continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
+            sigma = recording.position_noise
+            if not sigma:
+                known = False
+                sigma = estimate_noise(t[seen], column[seen])
+            channels.append(Channel(body, kind))
+            columns.append(column)
+            sigmas.append(sigma)
+        # the angle of a free disk says nothing about forces without spin
+        if angle is not None and body in pinned and np.isfinite(angle).sum() >= 4:
+            seen = np.isfinite(angle)
+            column = angle.copy()
+            column[seen] = np.unwrap(angle[seen])
+            sigma = recording.angle_noise
+            if not sigma:
+                known = False
+                sigma = estimate_noise(t[seen], column[seen])
+            channels.append(Channel(body, "angle"))
+            columns.append(column)
+            sigmas.append(sigma)
+    if not channels:
+        raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
+    values = np.column_stack(columns)
+    scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
+    sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
+    begin, end = float(t[0]), float(t[-1])
+    before = t <= begin + TRAINING_SHARE * (end - begin)
+    nothing = np.zeros(len(t), dtype=bool)
+    if held_out:
+        start = t <= begin + START_SHARE * (end - begin)
+        training, scored = nothing, ~start
+    elif split:
+        training, start, scored = before, before, ~before
+    else:
+        training, start, scored = ~nothing, ~nothing, nothing
+    return Case(recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out)
+
+
+def choose_held_out(recordings: Sequence[Recording]) -> set[str]:
+    """Names of the recordings to hold out where the user named none: none below three.
+
+    Of recordings of the same bodies the last by name; where every recording has bodies of its own, the
+    bodies' parameters could not be known, so then the last 40 % of each are held out instead.
+    """
+    if len(recordings) < 3:
+        return set()
+    groups: dict[tuple, list[str]] = {}
+    for recording in recordings:
+        key = tuple((b.id, b.radius, b.mass) for b in recording.scene.bodies if b.mobile)
+        groups.setdefault(key, []).append(recording.name)
+    chosen: set[str] = set()
+    for names in groups.values():
+        names.sort()
+        if len(names) >= 2:
+            chosen |= set(names[-max(1, len(names) // 3) :])
+    return chosen
+
+
+def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()) -> list[Case]:
+    """Cases of all recordings, training first. Raises InputError where no training recording is left."""
+    if hold_out:
+        training, held = list(recordings), list(hold_out)
+    else:
+        names = choose_held_out(recordings)
+        training = [r for r in recordings if r.name not in names]
+        held = [r for r in recordings if r.name in names]
+    if not training:
+        raise InputError("every recording is held out: nothing is left to learn from")
+    cases = [prepare(r, held_out=False, split=not held) for r in training]
+    return cases + [prepare(r, held_out=True, split=False) for r in held]

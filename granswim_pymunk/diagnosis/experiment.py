@@ -1,0 +1,99 @@
+"""Which next recording would separate the rivals: simulated with the winner, the loser refitted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .data import Case
+from .fit import Fit, Fitter
+from .hypothesis import Failed, Predictor
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A change of the experiment, what it separates, and the d' to expect after refitting the loser."""
+
+    change: str
+    separates: tuple[str, str]
+    d_prime: float
+
+
+def _shortened(case: Case, most: int = 400) -> Case:
+    """The first frames of a long recording: what separates laws shows there, at a fraction of the cost."""
+    if len(case.t) <= most:
+        return case
+    keep = slice(0, most)
+    return replace(
+        case, t=case.t[keep], values=case.values[keep], training=case.training[keep], start=case.start[keep],
+        scored=case.scored[keep],
+    )  # fmt: skip
+
+
+def _stretched(case: Case, factor: float) -> Case:
+    t = case.t[0] + (case.t - case.t[0]) * factor
+    every = np.ones(len(t), dtype=bool)
+    return replace(case, t=t, values=np.zeros_like(case.values), training=every, start=every, scored=~every, held_out=False)
+
+
+def propose(
+    winner: Fit,
+    loser: Fit,
+    names: tuple[str, str],
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+) -> Proposal | None:
+    """Try longer, faster and wider repeats of the training recordings and return the best.
+
+    d' is the square root of the chi2 that the loser keeps when it is refitted to the winner's prediction
+    (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
+    """
+    training = [_shortened(c) for c in cases if c.name in winner.starts][:3]
+    best: Proposal | None = None
+    changes = [
+        ("film twice as long", 2.0, 1.0, 1.0),
+        ("start at half the speed", 1.0, 0.5, 1.0),
+        ("start at twice the speed", 1.0, 2.0, 1.0),
+    ]
+    if any(s.form == "pin" for d in winner.described.values() for s in d):
+        changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
+    for text, longer, faster, wider in changes:
+        total = 0.0
+        try:
+            for case in training:
+                synthetic = _stretched(case, longer)
+                fitter = Fitter([synthetic], predictor, None, stop)
+                described = winner.described[case.name]
+                fitter.described = {case.name: described}
+                start = _changed(described, winner.starts[case.name], faster, wider)
+                # what is kept of a start is part of its description
+                truth = predictor(
+                    winner.hypothesis, synthetic, winner.values, described, start, float(synthetic.t[0]), synthetic.t
+                )
+                twin = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
+                inner = Fitter([twin], predictor, None, stop)
+                inner.described = {case.name: described}
+                found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=6)
+                total += found.chi2
+        except Failed:
+            continue
+        d = float(np.sqrt(total))
+        if best is None or d > 1.1 * best.d_prime:
+            best = Proposal(text, names, d)
+    return best
+
+
+def _changed(described, numbers, faster, wider):
+    result = numbers.copy()
+    at = 0
+    for start in described:
+        names = {"free": "xyvv", "pin": "as", "rail": "xyv", "drive": "xy"}[start.form]
+        for kind, is_free in zip(names, start.free, strict=True):
+            if not is_free:
+                continue
+            result[at] *= faster if kind in "vs" else wider if kind == "a" else 1.0
+            at += 1
+    return result

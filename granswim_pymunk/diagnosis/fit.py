@@ -1,0 +1,261 @@
+"""Fitting by simulation: starts and free numbers together, least squares in observed space."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .data import Case
+from .hypothesis import Failed, Hypothesis, Predictor
+from .start import StartBody, describe_starts, first_numbers, number_scales
+
+_POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
+
+HOPELESS = 1e6  # innovation of a run that failed, in standard deviations: the step is taken back
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    values : (p,) free numbers of the terms;  starts : numbers of each recording's start
+    innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
+    covariance : (p, p) of the values, noise taken as known and white
+    chi2, count : sum of squared innovations and how many there are
+    jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers
+    """
+
+    hypothesis: Hypothesis
+    values: np.ndarray
+    starts: Mapping[str, np.ndarray]
+    described: Mapping[str, tuple[StartBody, ...]]
+    innovations: Mapping[str, np.ndarray]
+    chi2: float
+    count: int
+    covariance: np.ndarray
+    jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
+        """Value, low, high of free number k: central 95 %, cut at its bounds."""
+        free = self.hypothesis.free[k]
+        half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
+        value = float(self.values[k])
+        return value, max(value - half, free.low), min(value + half, free.high)
+
+    def used(self, case: str) -> np.ndarray:
+        """Innovations of a recording as one vector."""
+        array = self.innovations[case]
+        return array[np.isfinite(array)]
+
+
+class Fitter:
+    """Fits hypotheses to the same frames of the same recordings."""
+
+    def __init__(
+        self,
+        cases: Sequence[Case],
+        predictor: Predictor,
+        frames: Mapping[str, np.ndarray] | None = None,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.cases = [c for c in cases if (frames[c.name] if frames else c.training).any()]
+        self.frames = {c.name: (frames[c.name] if frames else c.training) for c in self.cases}
+        self.predictor = predictor
+        self.stop = stop
+        self.described = {c.name: describe_starts(c, self.frames[c.name]) for c in self.cases}
+
+    # ---- residuals ------------------------------------------------------------------------------
+
+    def _innovations(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray
+    ) -> np.ndarray:
+        t0 = float(case.t[self.frames[case.name]][0])
+        try:
+            predicted = self.predictor(
+                hypothesis, case, values, self.described[case.name], numbers, t0, case.t[frames]
+            )
+        except Failed:
+            return np.where(np.isfinite(case.values[frames]), HOPELESS, np.nan)
+        return (case.values[frames] - predicted) / case.sigma
+
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        values: Sequence[float] | None = None,
+        starts: Mapping[str, np.ndarray] | None = None,
+        *,
+        fixed: bool = False,
+        stages: Sequence[float] = (1.0,),
+        evaluations: int = 25,
+    ) -> Fit:
+        """Fit starts, and the free numbers unless ``fixed``, on the training frames.
+
+        ``stages``: shares of the frames taken in one after the other, so that a long oscillation is not
+        caught a period off. ``values``, ``starts``: where to begin.
+        """
+        free = hypothesis.free
+        x = np.array([f.first for f in free] if values is None else values, dtype=float)
+        numbers = {
+            c.name: (starts[c.name] if starts and c.name in starts else first_numbers(self.described[c.name])).copy()
+            for c in self.cases
+        }
+        for share in stages:
+            x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations)
+        return self._finish(hypothesis, x, numbers, fixed)
+
+    def _part(self, case: Case, share: float) -> np.ndarray:
+        frames = self.frames[case.name]
+        if share >= 1.0:
+            return frames
+        rows = np.flatnonzero(frames)
+        part = np.zeros_like(frames)
+        part[rows[: max(int(len(rows) * share), min(8, len(rows)))]] = True
+        return part
+
+    def _solve(self, hypothesis, x, numbers, fixed, share, evaluations):
+        free = hypothesis.free
+        cases = self.cases
+        parts = {c.name: self._part(c, share) for c in cases}
+        use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
+        p = 0 if fixed else len(free)
+        sizes = [len(numbers[c.name]) for c in cases]
+        offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        scale = np.concatenate(
+            [np.array([f.scale for f in free]) if p else np.zeros(0)]
+            + [number_scales(self.described[c.name]) for c in cases]
+        )
+        if not len(scale):
+            return x, numbers
+        low = np.concatenate([[f.low for f in free] if p else [], np.full(sum(sizes), -np.inf)])
+        high = np.concatenate([[f.high for f in free] if p else [], np.full(sum(sizes), np.inf)])
+
+        def unpack(z):
+            z = np.clip(z * scale, low, high)
+            return (z[:p] if p else x), {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
+
+        def residuals(z):
+            if self.stop():
+                raise KeyboardInterrupt
+            values, starts = unpack(z)
+            return np.concatenate(
+                [
+                    self._innovations(c, hypothesis, values, starts[c.name], parts[c.name])[use[c.name]]
+                    for c in cases
+                ]
+            )
+
+        rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
+
+        def jacobian(z):
+            values, starts = unpack(z)
+            result = np.zeros((rows[-1], len(z)))
+            for k, c in enumerate(cases):
+                columns, block = self._jacobian(c, hypothesis, values, starts[c.name], parts[c.name], fixed)
+                span = slice(rows[k], rows[k + 1])
+                for index, column in zip(columns, block, strict=True):
+                    target = index if index >= 0 else offsets[k] - index - 1
+                    result[span, target] = -column[use[c.name]] * scale[target]
+            return result
+
+        z0 = np.concatenate([x[:p]] + [numbers[c.name] for c in cases]) / scale
+        # the solver wants to begin strictly inside the bounds
+        z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
+        try:
+            solution = least_squares(
+                residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
+                max_nfev=evaluations, xtol=1e-6, ftol=1e-7, gtol=1e-9,
+            )  # fmt: skip
+        except (ValueError, np.linalg.LinAlgError) as error:
+            self.predictor.failures.append(f"fit: {error}")
+            return x, numbers
+        values, starts = unpack(solution.x)
+        return np.array(values), {name: np.array(v) for name, v in starts.items()}
+
+    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed=False):
+        """d(predicted/sigma) by the numbers that bear on this recording: (indices, list of (T, c)).
+
+        Indices below zero are numbers of the start: -1 the first.
+        """
+        columns: list[int] = []
+        changes: list[tuple[np.ndarray, np.ndarray, float]] = [(np.asarray(values, dtype=float), numbers, 1.0)]
+        if not fixed:
+            for k, f in enumerate(hypothesis.free):
+                if f.cases is not None and case.name not in f.cases:
+                    continue
+                step = 0.1 * f.scale
+                if values[k] + step > f.high:
+                    step = -step
+                shifted = np.array(values, dtype=float)
+                shifted[k] += step
+                columns.append(k)
+                changes.append((shifted, numbers, step))
+        for k, scale in enumerate(number_scales(self.described[case.name])):
+            moved = numbers.copy()
+            moved[k] += 0.1 * scale
+            columns.append(-k - 1)
+            changes.append((changes[0][0], moved, 0.1 * scale))
+        # the compiled loops release the GIL; threads change no bit of the result
+        found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
+        return columns, [(found[0] - other) / c[2] for other, c in zip(found[1:], changes[1:], strict=True)]
+
+    def _finish(self, hypothesis, x, numbers, fixed) -> Fit:
+        innovations, jacobian = {}, {}
+        p = len(hypothesis.free)
+        information = np.zeros((p, p))
+        chi2, count = 0.0, 0
+        for c in self.cases:
+            frames = self.frames[c.name]
+            full = np.full(c.values.shape, np.nan)
+            full[frames] = self._innovations(c, hypothesis, x, numbers[c.name], frames)
+            innovations[c.name] = full
+            use = np.isfinite(c.values[frames])
+            columns, block = self._jacobian(c, hypothesis, x, numbers[c.name], frames, fixed)
+            by_value = np.zeros((int(use.sum()), p))
+            by_start = np.zeros((int(use.sum()), len(numbers[c.name])))
+            for index, column in zip(columns, block, strict=True):
+                if index >= 0:
+                    by_value[:, index] = column[use]
+                else:
+                    by_start[:, -index - 1] = column[use]
+            jacobian[c.name] = (by_value, by_start)
+            projected = by_value - project(by_start, by_value)
+            information += projected.T @ projected
+            used = full[np.isfinite(full)]
+            chi2 += float(used @ used)
+            count += len(used)
+        covariance = np.linalg.pinv(information) if p and not fixed else np.zeros((p, p))
+        return Fit(hypothesis, np.array(x), numbers, self.described, innovations, chi2, count, covariance, jacobian)
+
+    def predict(self, fit: Fit, case: Case, frames: np.ndarray) -> np.ndarray:
+        """Predicted channels (T, c) on ``frames`` and all before them, NaN elsewhere. Raises Failed."""
+        t0 = float(case.t[self.frames[case.name]][0])
+        wanted = case.t >= t0
+        wanted &= case.t <= case.t[frames].max()
+        out = np.full(case.values.shape, np.nan)
+        out[wanted] = self.predictor(
+            fit.hypothesis, case, fit.values, fit.described[case.name], fit.starts[case.name], t0, case.t[wanted]
+        )
+        return out
+
+
+def basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the columns (n, k), those that are numerically dependent left out."""
+    if columns.shape[1] == 0:
+        return columns
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    if columns.shape[1] == 0:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > 1e-7 * s[0]]
+
+
+def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Projection of ``vectors`` (n, m) on the span of ``columns`` (n, k)."""
+    q = basis(columns)
+    return q @ (q.T @ vectors)

@@ -1,0 +1,123 @@
+"""Held-out errors: naive, recalibrated, revised, and the floor that perfect knowledge of the physics leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .data import Case
+from .fit import Fit, Fitter
+from .hypothesis import Failed, Hypothesis, Predictor
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of seen minus predicted over all measured numbers [m or rad], and by recording.
+
+    ``whole``: where starts were fitted to whole held-out recordings, reported beside it.
+    """
+
+    rms: float | None
+    by_case: Mapping[str, float]
+    whole: float | None = None
+    whole_by_case: Mapping[str, float] | None = None
+    predicted: Mapping[str, np.ndarray] | None = None
+
+
+def training_errors(fit: Fit, cases: Sequence[Case]) -> Errors:
+    """Errors on the training part, from the innovations of a fit."""
+    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations})
+
+
+def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
+    by_case = {}
+    squares, count = 0.0, 0
+    for name, array in errors.items():
+        used = array[np.isfinite(array)]
+        if len(used):
+            by_case[name] = float(np.sqrt(np.mean(used**2)))
+            squares += float(used @ used)
+            count += len(used)
+    return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
+
+
+def held_out_errors(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    *,
+    whole: bool = True,
+) -> Errors:
+    """Score the held-out frames with the parameters of the training fit.
+
+    A split recording runs on from its training part. A held-out recording gets its start from its first 20 %
+    and the rest is scored; ``whole`` also fits the start to all of it.
+    """
+    errors: dict[str, np.ndarray] = {}
+    everything: dict[str, np.ndarray] = {}
+    predicted: dict[str, np.ndarray] = {}
+    for case in cases:
+        if not case.scored.any():
+            continue
+        runs = [(case.start, errors, case.scored)]
+        if case.held_out and whole:
+            runs.append((np.ones(len(case.t), dtype=bool), everything, np.ones(len(case.t), dtype=bool)))
+        for frames, into, scored in runs:
+            fitter = Fitter([case], predictor, {case.name: frames}, stop)
+            starts = None if case.held_out else training.starts
+            try:
+                fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+                seen = fitter.predict(fit, case, scored | frames)
+            except Failed:
+                continue
+            array = np.where(scored[:, None], case.values - seen, np.nan)
+            into[case.name] = array
+            if into is errors:
+                predicted[case.name] = seen
+    pooled = _pool(errors)
+    all_frames = _pool(everything)
+    return replace(pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted)
+
+
+def noise_floor(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    rng: np.random.Generator,
+    repeats: int = 3,
+) -> tuple[float | None, float | None]:
+    """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise."""
+    squares = {"train": [0.0, 0], "heldout": [0.0, 0]}
+    for case in cases:
+        frames = case.start if case.held_out else case.training
+        fitter = Fitter([case], predictor, {case.name: frames}, stop)
+        try:
+            starts = None if case.held_out else training.starts
+            fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+            truth = fitter.predict(fit, case, np.ones(len(case.t), dtype=bool))
+        except Failed:
+            continue
+        for _ in range(repeats):
+            noisy = truth + rng.normal(size=truth.shape) * case.sigma
+            noisy[~np.isfinite(case.values)] = np.nan
+            twin = replace(case, values=noisy)
+            inner = Fitter([twin], predictor, {case.name: frames}, stop)
+            try:
+                found = inner.fit(hypothesis, training.values, fit.starts, fixed=True, evaluations=6)
+                seen = inner.predict(found, twin, np.ones(len(case.t), dtype=bool))
+            except Failed:
+                continue
+            error = noisy - seen
+            for key, mask in (("train", case.training), ("heldout", case.scored)):
+                used = error[mask]
+                used = used[np.isfinite(used)]
+                squares[key][0] += float(used @ used)
+                squares[key][1] += len(used)
+    train, held = (float(np.sqrt(s / n)) if n else None for s, n in squares.values())
+    return train, held

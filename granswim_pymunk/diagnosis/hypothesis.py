@@ -1,0 +1,182 @@
+"""A hypothesis: the naive scene with some parameters free and some terms added; and what it predicts.
+
+A term is a law missing from the list (or a changed parameter, or a part of the camera) with free numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..engine import Simulation
+from ..errors import InputError, SimulationError
+from ..recording.camera import see
+from ..scene import Scene
+from .data import Case
+from .start import StartBody, pendulum_angle, states
+
+NO_CAMERA: dict[str, Any] = {"scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0)}
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number to be found. ``cases``: the names of the recordings it bears on (None: all)."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    first: float
+    scale: float
+    cases: frozenset[str] | None = None
+    neutral: float = 0.0  # where the term is absent
+
+
+@dataclass(frozen=True)
+class Term:
+    """Something added to the scene or the camera: ``apply(scene, camera, values)`` gives both changed."""
+
+    mechanism: str
+    label: str
+    free: tuple[Free, ...]
+    apply: Callable[[Scene, Mapping[str, Any], Sequence[float]], tuple[Scene, Mapping[str, Any]]]
+    bodies: tuple[str, ...] | None = None
+    expression: str = ""
+    choices: Mapping[str, Any] = field(default_factory=dict)
+    groups: tuple[tuple[str, tuple[int, ...]], ...] = ()  # verdict parameter -> numbers that make it up
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Terms on top of the naive scene; ``dt`` is one for all, so that differences are smooth."""
+
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def free(self) -> tuple[Free, ...]:
+        return tuple(f for term in self.terms for f in term.free)
+
+    def with_term(self, *terms: Term) -> Hypothesis:
+        return Hypothesis(self.terms + terms)
+
+    def scene(self, case: Case, values: Sequence[float]) -> tuple[Scene, Mapping[str, Any]]:
+        """Scene and camera of a recording under these values."""
+        scene: Scene = case.recording.scene
+        camera: Mapping[str, Any] = NO_CAMERA
+        at = 0
+        for term in self.terms:
+            mine = values[at : at + len(term.free)]
+            at += len(term.free)
+            if _bears_on(term, case):
+                scene, camera = term.apply(scene, camera, mine)
+        return scene, camera
+
+
+def _bears_on(term: Term, case: Case) -> bool:
+    return not term.free or any(f.cases is None or case.name in f.cases for f in term.free)
+
+
+def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
+    """One term for every ``[[adjustable]]`` of the recordings (each of its copies, per body or recording)."""
+    terms: dict[str, Term] = {}
+    for case in cases:
+        scene = case.recording.scene
+        for a in scene.adjustable:
+            parameter = scene.laws_named(a.law)[0].law.parameter(a.parameter)
+            if parameter.size != 1 or parameter.choices:
+                raise InputError("only a single number can be adjustable", where=f"adjustable {a.name}")
+            if a.per == "recording":
+                copies = [(f"{a.name}@{case.name}", None, frozenset([case.name]))]
+            elif a.per == "body":
+                acting = [scene.bodies[k].id for u in scene.laws_named(a.law) for k in scene.rows(u)]
+                copies = [
+                    (f"{a.name}[{b}]", (b,), frozenset(c.name for c in cases if b in c.recording.scene.ids))
+                    for b in acting
+                ]
+            else:
+                copies = [(a.name, None, frozenset(c.name for c in cases if a in c.recording.scene.adjustable))]
+            for name, bodies, where in copies:
+                if name in terms:
+                    continue
+                first = float(np.clip(scene.resolved(scene.laws_named(a.law)[0])[a.parameter], a.low, a.high))
+                free = Free(name, parameter.unit, a.low, a.high, first, 1e-3 * (a.high - a.low), where)
+                terms[name] = Term(
+                    "adjustable", name, (free,), _set_parameter(a.name, bodies), bodies=bodies, expression=name
+                )
+    return tuple(terms.values())
+
+
+def _set_parameter(name: str, bodies: tuple[str, ...] | None):
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+        present = None if bodies is None else [b for b in bodies if b in scene.ids]
+        return scene.with_parameter(name, float(values[0]), bodies=present), camera
+
+    return apply
+
+
+class Failed(Exception):
+    """A run that could not be finished: a reason, never a number in the likelihood."""
+
+
+@dataclass
+class Predictor:
+    """Simulates recordings under a hypothesis and looks at them as the camera does."""
+
+    dt: Mapping[str, float]
+    runs: int = 0
+    failures: list[str] = field(default_factory=list)
+
+    def __call__(
+        self,
+        hypothesis: Hypothesis,
+        case: Case,
+        values: Sequence[float],
+        starts: tuple[StartBody, ...],
+        numbers: np.ndarray,
+        t0: float,
+        t: np.ndarray,
+    ) -> np.ndarray:
+        """Predicted channels (T, c) at frame times ``t``, the first of which is ``t0``. Raises Failed."""
+        scene, camera = hypothesis.scene(case, values)
+        offset = float(camera["time_offset"])
+        placed = states(starts, numbers, scene, t0 + offset)
+        scene = replace(
+            scene.with_initial(placed), time=replace(scene.time, start=t0 + offset, dt=self.dt[case.name])
+        )
+        self.runs += 1
+        rows = [scene.ids.index(b) for b in case.bodies]
+        try:
+            with np.errstate(all="ignore"):
+                xy = Simulation(scene).sample(np.maximum(t + offset, t0 + offset), rows)
+        except (SimulationError, InputError) as error:
+            self.failures.append(f"{case.name}: {error}")
+            raise Failed(str(error)) from None
+        seen = see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
+        at = {b: k for k, b in enumerate(case.bodies)}
+        out = np.empty((len(t), len(case.channels)))
+        for c, channel in enumerate(case.channels):
+            k = at[channel.body]
+            if channel.kind == "angle":
+                angle = pendulum_angle(xy[:, k], scene, channel.body) + camera["tilt"]
+                # the same turn as the start that was asked for
+                first = next(s for s in starts if s.body == channel.body)
+                asked = numbers[_offset(starts, channel.body)] if first.free[0] else first.first[0]
+                out[:, c] = angle + 2 * np.pi * round((asked - angle[0]) / (2 * np.pi))
+            else:
+                out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
+        if not np.isfinite(out).all():
+            self.failures.append(f"{case.name}: a prediction is not finite")
+            raise Failed("a prediction is not finite")
+        return out
+
+
+def _offset(starts: tuple[StartBody, ...], body: str) -> int:
+    at = 0
+    for start in starts:
+        if start.body == body:
+            return at
+        at += int(start.free.sum())
+    raise KeyError(body)

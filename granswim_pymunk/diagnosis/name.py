@@ -1,0 +1,167 @@
+"""Naming: every candidate refitted by simulation, compared on data inside the training part, alone and in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .candidates import APPARATUS
+from .data import Case
+from .fit import Fit, Fitter
+from .hypothesis import Failed, Hypothesis, Predictor, Term
+from .innovations import inflation
+from .signatures import Bank, Signature
+
+INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after refitting.
+
+    gain : fall in chi2 on the training part;  inner : mean squared innovation (in sigma^2) on the part of
+    the training data that its fit did not see;  reason : why there is no fit, if so
+    """
+
+    signature: Signature
+    fit: Fit | None
+    gain: float
+    inner: float
+    reason: str = ""
+
+    @property
+    def term(self) -> Term:
+        return self.signature.term
+
+    @property
+    def mechanism(self) -> str:
+        return self.signature.term.mechanism
+
+    @property
+    def numbers(self) -> int:
+        return len(self.signature.term.free)
+
+
+@dataclass(frozen=True)
+class InnerSplit:
+    """Fits on the first part of each training recording and scores on the rest of it."""
+
+    fitter: Fitter
+    cases: tuple[Case, ...]
+    rest: Mapping[str, np.ndarray]
+
+    @classmethod
+    def make(cls, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> InnerSplit:
+        first, rest = {}, {}
+        for case in cases:
+            if not case.training.any():
+                continue
+            at = np.flatnonzero(case.training)
+            cut = max(int(len(at) * INNER_SHARE), min(6, len(at)))
+            first[case.name] = np.zeros(len(case.t), dtype=bool)
+            rest[case.name] = np.zeros(len(case.t), dtype=bool)
+            first[case.name][at[:cut]] = True
+            rest[case.name][at[cut:]] = True
+        used = [c for c in cases if c.name in first]
+        return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
+
+    def score(
+        self, hypothesis: Hypothesis, start: Fit, evaluations: int = 15
+    ) -> tuple[float, dict[str, float]]:
+        """Mean squared innovation on the rest, over all and by recording; infinite where the run failed.
+
+        ``start``: where the search begins, so that all candidates begin equally well.
+        """
+        fit = self.fitter.fit(hypothesis, start.values, start.starts, evaluations=evaluations)
+        squares, count = 0.0, 0
+        by_case = {}
+        for case in self.cases:
+            if not self.rest[case.name].any():
+                continue
+            try:
+                predicted = self.fitter.predict(fit, case, self.rest[case.name])
+            except Failed:
+                return float("inf"), {}
+            r = ((case.values - predicted) / case.sigma)[self.rest[case.name]]
+            r = r[np.isfinite(r)]
+            squares += float(r @ r)
+            count += len(r)
+            by_case[case.name] = float(np.mean(r**2)) if len(r) else float("nan")
+        return (squares / count if count else float("inf")), by_case
+
+
+def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:
+    """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
+    hypothesis = base.hypothesis.with_term(signature.term)
+    first = np.array([f.first for f in signature.term.free])
+    neutral = np.array([f.neutral for f in signature.term.free])
+    best: Fit | None = None
+    # beyond the linear range the first-order amount may be far off: begin from a part of it too
+    for share in (1.0, 0.2):
+        values = np.concatenate([base.values, neutral + share * (first - neutral)])
+        found = fitter.fit(
+            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,),
+            evaluations=12 if len(signature.term.free) > 4 else 20,
+        )  # fmt: skip
+        if best is None or found.chi2 < best.chi2:
+            best = found
+        if found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count:
+            break
+    assert best is not None
+    return best
+
+
+def try_candidates(
+    fitter: Fitter,
+    base: Fit,
+    bank: Bank,
+    stages: Sequence[float],
+    progress: Callable[[str, int, int], None],
+    keep: int = 40,
+) -> list[Trial]:
+    """Refit the candidates that are not imitated by starts and recalibration, best first."""
+    trials = []
+    order = sorted(bank.signatures, key=lambda s: -s.gain)
+    for k, signature in enumerate(order):
+        progress(signature.term.label, k, len(order))
+        if signature.surviving <= 1e-3:
+            trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
+        elif k >= keep:
+            trials.append(Trial(signature, None, 0.0, float("inf"), "dropped: its first-order gain is small"))
+        else:
+            found = refit(fitter, base, signature, stages)
+            trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
+    return sorted(trials, key=lambda t: -t.gain)
+
+
+def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
+    """First-order gains of all pairs of candidates, best first: (gain beyond the better one, i, j)."""
+    left = bank.innovations - bank.nuisance @ (bank.nuisance.T @ bank.innovations)
+    result = []
+    for i, a in enumerate(bank.signatures):
+        if a.directions.shape[1] == 0:
+            continue
+        rest = left - a.directions @ (a.directions.T @ left)
+        for j in range(i + 1, len(bank.signatures)):
+            b = bank.signatures[j]
+            if b.directions.shape[1] == 0 or a.term.mechanism == b.term.mechanism:
+                continue
+            extra = b.directions - a.directions @ (a.directions.T @ b.directions)
+            u, s, _ = np.linalg.svd(extra, full_matrices=False)
+            u = u[:, s > 1e-3]
+            both = a.gain + float(np.sum((u.T @ rest) ** 2))
+            result.append((both - max(a.gain, b.gain), i, j))
+    return sorted(result, reverse=True)
+
+
+def is_apparatus(trial: Trial) -> bool:
+    return trial.mechanism in APPARATUS
+
+
+def spread_of(fit: Fit, cases: Sequence[Case]) -> float:
+    """Inflation of variances by what a fit leaves over."""
+    used = [c for c in cases if c.name in fit.innovations]
+    numbers = len(fit.values) + sum(len(s) for s in fit.starts.values())
+    return inflation(fit, used, numbers)

@@ -1,0 +1,79 @@
+"""Nulls: what the same search finds in noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .signatures import Bank
+
+
+@dataclass(frozen=True)
+class Null:
+    """Best gains of the whole search on innovations without a candidate in them.
+
+    gains : (replicates,) best fall in chi2 over all candidates;  case : that of the recording
+    p : (1 + how many reach the case)/(replicates + 1), so never below 1/(replicates + 1)
+    """
+
+    gains: np.ndarray
+    case: float
+
+    @property
+    def p(self) -> float:
+        return float((1 + np.sum(self.gains >= self.case)) / (len(self.gains) + 1))
+
+
+def correlation_time(series: np.ndarray) -> float:
+    """1 + 2 sum of the autocorrelation up to its first value that is not clearly above zero; 1 for white noise."""
+    series = series - series.mean()
+    n = len(series)
+    power = float(series @ series)
+    if n < 8 or power == 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, n // 3):
+        rho = float(series[:-lag] @ series[lag:]) / power
+        if rho < 2 / np.sqrt(n):
+            break
+        total += 2 * rho
+    return total
+
+
+def shuffled(series: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The series with the phases of its Fourier components drawn anew: same spectrum, no memory of when."""
+    spectrum = np.fft.rfft(series)
+    phases = np.exp(2j * np.pi * rng.random(len(spectrum)))
+    phases[0] = 1.0
+    if len(series) % 2 == 0:
+        phases[-1] = 1.0
+    return np.fft.irfft(spectrum * phases, n=len(series))
+
+
+def surrogate(innovations: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Innovations (T, c) with the phases of every channel shuffled; NaN stays where it is. As one vector."""
+    result = np.full(innovations.shape, np.nan)
+    for c in range(innovations.shape[1]):
+        seen = np.isfinite(innovations[:, c])
+        if seen.any():
+            result[seen, c] = shuffled(innovations[seen, c], rng)
+    return result[np.isfinite(result)]
+
+
+def search_nulls(
+    bank: Bank,
+    noise: Sequence[np.ndarray],
+    wanted: np.ndarray,
+    case: float,
+    replicates: int,
+    rng: np.random.Generator,
+) -> Null:
+    """Shuffle the phases of ``noise`` (innovations (T, c) of each recording, in the order of the bank) and
+    search again. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data."""
+    gains = np.empty(replicates)
+    for k in range(replicates):
+        found = bank.gains(np.concatenate([surrogate(array, rng) for array in noise]))[wanted]
+        gains[k] = found.max(initial=0.0)
+    return Null(gains, case)

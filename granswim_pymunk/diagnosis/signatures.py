@@ -1,0 +1,118 @@
+"""Signatures: how the predictions change for a little of each candidate, and what recalibration leaves of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .candidates import rescaled
+from .fit import Fit, Fitter, basis
+from .hypothesis import Term
+
+
+@dataclass(frozen=True)
+class Signature:
+    """A candidate's signature around a fit, all recordings stacked.
+
+    directions : (n, k) orthonormal, what is left when starts and free numbers are projected out
+    surviving : share (0..1) of the signature's length that recalibration cannot imitate (starts, which
+        every hypothesis refits, are projected out of both)
+    gain : how much chi2 falls, to first order
+    """
+
+    term: Term
+    directions: np.ndarray
+    surviving: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class Bank:
+    """All signatures around one fit, with the innovations they are held against."""
+
+    fit: Fit
+    innovations: np.ndarray
+    nuisance: np.ndarray
+    signatures: tuple[Signature, ...]
+
+    def gains(self, innovations: np.ndarray) -> np.ndarray:
+        """Fall in chi2 of every candidate for other innovations (n,)."""
+        left = innovations - self.nuisance @ (self.nuisance.T @ innovations)
+        return np.array([float(np.sum((s.directions.T @ left) ** 2)) for s in self.signatures])
+
+
+def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal bases of the starts alone and of starts and free numbers together."""
+    sizes = [len(fit.used(c.name)) for c in fitter.cases]
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    blocks = [basis(fit.jacobian[c.name][1]) for c in fitter.cases]
+    starts = np.zeros((offsets[-1], sum(b.shape[1] for b in blocks)))
+    at = 0
+    for k, block in enumerate(blocks):
+        starts[offsets[k] : offsets[k + 1], at : at + block.shape[1]] = block
+        at += block.shape[1]
+    free = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
+    left = free - starts @ (starts.T @ free)
+    return starts, np.hstack([starts, basis(left)])
+
+
+def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
+    """d(predicted/sigma)/d(number) of a term's numbers (n, k), and scales that change the prediction by a sigma."""
+    hypothesis = fit.hypothesis.with_term(term)
+    columns = []
+    scales = []
+    for k, free in enumerate(term.free):
+        step = free.scale * 1e-3
+        column = np.zeros(sum(len(fit.used(c.name)) for c in fitter.cases))
+        for _ in range(12):
+            if free.first + step > free.high:
+                step = -abs(step)
+            at = 0
+            worst = 0.0
+            for c in fitter.cases:
+                base = fit.innovations[c.name]
+                size = int(np.isfinite(base).sum())
+                if free.cases is None or c.name in free.cases:
+                    values = np.concatenate([fit.values, [f.first for f in term.free]])
+                    values[len(fit.values) + k] += step
+                    changed = fitter._innovations(c, hypothesis, values, fit.starts[c.name], fitter.frames[c.name])
+                    difference = (base[fitter.frames[c.name]] - changed)[np.isfinite(base[fitter.frames[c.name]])]
+                    column[at : at + size] = difference / step
+                    worst = max(worst, float(np.abs(difference).max(initial=0.0)))
+                at += size
+            # far enough to be above rounding, near enough to be linear
+            if worst > 10.0:
+                step *= max(1.0 / worst, 1e-4)
+            elif worst < 1e-3:
+                if worst == 0.0 and abs(step) > 1e6:
+                    break
+                step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
+            else:
+                break
+        columns.append(column)
+        size = float(np.sqrt(np.mean(column**2)))
+        scales.append(1.0 / size if size > 0 else abs(step))
+    return np.column_stack(columns), np.array(scales)
+
+
+def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
+    """Signatures of all candidates around a fit; their numbers get scales and first-order first values."""
+    starts, nuisance = _stack_nuisance(fitter, fit)
+    r = np.concatenate([fit.used(c.name) for c in fitter.cases])
+    left = r - nuisance @ (nuisance.T @ r)
+    signatures = []
+    for term in terms:
+        columns, scales = _columns(fitter, fit, term)
+        after_starts = columns - starts @ (starts.T @ columns)
+        after_all = columns - nuisance @ (nuisance.T @ columns)
+        size = float(np.linalg.norm(columns * scales))
+        before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
+        surviving = after / before if before > 1e-5 * size else 0.0
+        directions = basis(after_all * scales) if surviving > 1e-4 else np.zeros((len(r), 0))
+        gain = float(np.sum((directions.T @ left) ** 2))
+        amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
+        first = [f.first + a for f, a in zip(term.free, amount, strict=True)]
+        signatures.append(Signature(rescaled(term, scales, first), directions, surviving, gain))
+    return Bank(fit, r, nuisance, tuple(signatures))
