@@ -59,7 +59,7 @@ def lines(case: Case) -> str:
     for figure in case.figures:
         unit = "" if figure.unit == "1" else f" {figure.unit}"
         state = "holds" if figure.holds else "DOES NOT HOLD"
-        row = f"  {figure.name:<64} {figure.value:9.2e}{unit:<4} <= {figure.bound:7.0e}{unit:<4} {state}"
+        row = f"  {figure.name:<64} {figure.value:9.2e}{unit:<4} <= {figure.bound:7.2g}{unit:<4} {state}"
         rows.append(f"{row}   {figure.note}".rstrip())
     return "\n".join(rows)
 
