@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from granswim_pymunk.validation.crosscheck import read_bed
 
 from granswim_pymunk.scene import Body, Scene
-from granswim_pymunk.validation.crosscheck import read_bed
 
 # bodies of the shipped bed as its size is quoted: 7 disks, 2189 grains, half of the 132 wall grains
 SHIPPED_SIZE = 2264
@@ -52,7 +52,8 @@ def bed(grains: int) -> Scene:
                 placed.append((replace(body, role=role), at))
     keep = _clear_of_the_seam(placed, length) if rest else range(len(placed))
     cut = tuple(
-        replace(placed[k][0], id=str(row), initial=placed[k][1]) for row, k in enumerate(keep)  # type: ignore[arg-type]
+        replace(placed[k][0], id=str(row), initial=placed[k][1])
+        for row, k in enumerate(keep)  # type: ignore[arg-type]
     )
     return replace(scene, bodies=cut, periodic_x=length, title=f"{scene.title}, {len(cut)} bodies")
 

@@ -15,7 +15,25 @@ from granswim_pymunk.scene import Scene
 
 
 @njit(cache=True, nogil=True)
-def neighbours(x, y, radius, group, n_mobile, skin, length, size_x, size_y, columns, rows, low, heads, nexts, lo, hi, shift):
+def neighbours(
+    x,
+    y,
+    radius,
+    group,
+    n_mobile,
+    skin,
+    length,
+    size_x,
+    size_y,
+    columns,
+    rows,
+    low,
+    heads,
+    nexts,
+    lo,
+    hi,
+    shift,
+):
     """Pairs closer than touch + skin, by cells; -1 when the list is full."""
     heads[:] = -1
     for i in range(x.shape[0] - 1, -1, -1):
@@ -104,7 +122,23 @@ def advance(
         most = drift(x, y, vx, vy, old_x, old_y, n_mobile, dt)
         if 4.0 * most > skin * skin or count < 0:
             count = neighbours(
-                x, y, radius, group, n_mobile, skin, length, size_x, size_y, columns, rows, low, heads, nexts, lo, hi, shift
+                x,
+                y,
+                radius,
+                group,
+                n_mobile,
+                skin,
+                length,
+                size_x,
+                size_y,
+                columns,
+                rows,
+                low,
+                heads,
+                nexts,
+                lo,
+                hi,
+                shift,
             )
             if count < 0:
                 return count

@@ -24,23 +24,28 @@ from types import ModuleType
 from typing import Any
 
 import numba
+import numpy as np
 import platformdirs
+import pymunk
+from pymunk._chipmunk_cffi import ffi, lib
 
 from ..errors import InputError
 from ..laws import Law, all_laws
-from .native import Offsets
+from . import native, neighbours
+from .native import Offsets, offsets, write_slot
 
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
 # columns of the integer table that says how a law is used
-USE_COLUMNS = ("code", "parameters", "first", "last", "mask")
+USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "first_run", "last_run")
 
 # slots of the context that the callbacks find behind a pointer: addresses and whole numbers ...
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds",
-    "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains",
+    "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_near", "own_drift", "own_kick",
     "bodies", "x", "y", "vx", "vy", "spin", "mass", "inverse_mass", "radius", "given_inertia", "fx", "fy",
-    "torque", "old_x", "old_y", "mobile", "group", "parameters", "uses", "rows", "mask", "pair_i", "pair_j", "pair_shift",
+    "torque", "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
+    "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_x", "near_y",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
     "order", "listing",
@@ -48,8 +53,11 @@ INTS = (
 # ... and floats
 FLOATS = (
     "t_start", "dt", "step", "length_unit", "velocity_unit", "spin_unit", "force_scale", "torque_scale",
-    "skin", "reach", "margin",
+    "skin", "reach", "margin", "near_skin", "pruned",
 )  # fmt: skip
+# steps that a list of near pairs should last: cutting it costs as much as two or three steps
+SHORT_PRUNE = 8
+LONG_PRUNE = 16
 # numbers that laws may ask for
 SCALARS = ("length", "gx", "gy", "g", "mean_mass")
 
@@ -131,7 +139,6 @@ def _pair_block(law: Law, code: int) -> str:
     reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
     lines = [
         "dy = y[j] - y[i]",
-        "touch = radius[i] + radius[j]",
         "square = dx * dx + dy * dy",
         f"limit = touch{reach}",
         "if square < limit * limit and square > 0.0:",
@@ -142,7 +149,6 @@ def _pair_block(law: Law, code: int) -> str:
         "    ux = vx[j] - vx[i]",
         "    uy = vy[j] - vy[i]",
         "    vn = ux * nx + uy * ny",
-        "    reduced_mass = 1.0 / (inverse_mass[i] + inverse_mass[j])",
     ]
     if spin:
         lines.append("    vt = uy * nx - ux * ny - spin[j] * radius[j] - spin[i] * radius[i]")
@@ -163,21 +169,25 @@ def pair_{law.name}(i, j, o, t, x, y, vx, vy, spin, inverse_mass, radius, parame
     py = 0.0
     ti = 0.0
     tj = 0.0
-{_indent(read, 1)}    dx = x[j] - x[i]
+{_indent(read, 1)}    touch = radius[i] + radius[j]
+    reduced_mass = 1.0 / (inverse_mass[i] + inverse_mass[j])
+    dx = x[j] - x[i]
     if length > 0.0:
         dx -= length * math.floor(dx / length + 0.5)
 {_indent(lines + inner, 1)}    return px, py, ti, tj
 
 
 @njit(**PLAIN)
-def sum_{law.name}(u, t, x, y, vx, vy, spin, inverse_mass, radius, fx, fy, torque, parameters, uses, mask,
-                   pair_i, pair_j, pair_shift, n_pairs):
+def sum_{law.name}(u, t, x, y, vx, vy, spin, radius, fx, fy, torque, parameters, uses, mask, near_i, near_j,
+                   near_shift, near_touch, near_mass, n_near):
     o = uses[u, 1]
     masked = uses[u, 4]
-{_indent(read, 1)}    for k in range(n_pairs):
-        i = pair_i[k]
-        j = pair_j[k]
-        dx = x[j] - x[i] + pair_shift[k]
+{_indent(read, 1)}    for k in range(n_near):
+        i = near_i[k]
+        j = near_j[k]
+        touch = near_touch[k]
+        reduced_mass = near_mass[k]
+        dx = x[j] - x[i] + near_shift[k]
         if masked and not (mask[u, i] and mask[u, j]):
             continue
 {_indent([*lines, *inner, *("    " + line for line in add)], 2)}"""
@@ -195,10 +205,14 @@ def _body_block(law: Law, code: int) -> list[str]:
         "command": "command", **_SCENE, **names,
     }  # fmt: skip
     lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
-    lines += ["    for k in range(uses[u, 2], uses[u, 3]):", "        i = rows[k]"]
+    # unsigned: numba then leaves out the test for an index counted from the end
+    lines += [
+        "    for run in range(uses[u, 5], uses[u, 6]):",
+        "        for i in range(np.uint64(runs[run, 0]), np.uint64(runs[run, 1])):",
+    ]
     if "command" in law.arguments:
-        lines.append("        command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
-    lines += [f"        ax, ay = {_call(law, available)}", "        fx[i] += ax", "        fy[i] += ay"]
+        lines.append("            command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
+    lines += [f"            ax, ay = {_call(law, available)}", "            fx[i] += ax", "            fy[i] += ay"]
     return lines
 
 
@@ -217,11 +231,14 @@ def _chain_block(law: Law, code: int) -> list[str]:
 
 def _context_arrays() -> str:
     """Lines that turn the context behind a pointer into arrays."""
-    n, m = "n", "I[{}]"
+    n = "n"
     shapes = {
         "bodies": (n, "i8"), "mobile": (n, "u1"), "group": (n, "i8"), "old_x": (n, "f8"), "old_y": (n, "f8"),
-        "parameters": ("I[N_PARAMETERS]", "f8"), "uses": ("(I[N_USES], 5)", "i8"), "rows": ("I[N_ROWS]", "i8"),
-        "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "i8"), "pair_j": ("I[ROOM]", "i8"), "pair_shift": ("I[ROOM]", "f8"),
+        "parameters": ("I[N_PARAMETERS]", "f8"), "uses": (f"(I[N_USES], {len(USE_COLUMNS)})", "i8"),
+        "runs": ("(I[N_RUNS], 2)", "i8"), "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "u4"),
+        "pair_j": ("I[ROOM]", "u4"), "pair_shift": ("I[ROOM]", "f8"), "near_i": ("I[ROOM]", "u4"),
+        "near_j": ("I[ROOM]", "u4"), "near_shift": ("I[ROOM]", "f8"), "near_touch": ("I[ROOM]", "f8"),
+        "near_mass": ("I[ROOM]", "f8"),
         "heads": ("I[N_CELLS]", "i8"), "nexts": (n, "i8"), "chains": ("(I[N_CHAINS], 2)", "i8"),
         "input_t": ("I[N_INPUT]", "f8"), "input_v": ("I[N_INPUT]", "f8"), "input_at": ("(n, 2)", "i8"),
         "scalars": (str(len(SCALARS)), "f8"), "table_keys": ("I[N_TABLE]", "i8"),
@@ -229,8 +246,7 @@ def _context_arrays() -> str:
         "contact_fx": ("I[ROOM]", "f8"), "contact_fy": ("I[ROOM]", "f8"), "contact_ti": ("I[ROOM]", "f8"),
         "contact_tj": ("I[ROOM]", "f8"), "order": ("I[ROOM]", "i8"), "listing": ("n + 1", "i8"),
     }  # fmt: skip
-    del m
-    kinds = {"f8": "np.float64", "i8": "np.int64", "u1": "np.uint8"}
+    kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u1": "np.uint8"}
     lines = []
     for name in INTS[INTS.index("bodies") :]:
         if name == "floats":
@@ -249,7 +265,7 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
         '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
         "import math\n\nimport numpy as np\nfrom numba import carray, cfunc, njit, types\n",
         "from granswim_pymunk.engine.native import load_float, load_int, pointer_to, store_byte, store_float\n",
-        "from granswim_pymunk.engine.neighbours import build_list\n\n",
+        "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
         "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
         "INLINE = dict(cache=True, error_model='numpy', nogil=True, inline='never')\n",
@@ -293,15 +309,15 @@ def interpolate(t, times, values, first, last):
     parts += [_pair_block(law, codes[law.name]) for law in pairs]
     arguments = (
         "t, dt, x, y, vx, vy, spin, mass, inverse_mass, radius, given_inertia, fx, fy, torque, parameters, uses,\n"
-        "    rows, mask, pair_i, pair_j, pair_shift, n_pairs, scalars, chains, input_t, input_v, input_at"
+        "    runs, mask, near_i, near_j, near_shift, near_touch, near_mass, n_near, scalars, chains, input_t, input_v, input_at"
     )
     pair_sums = []
     for law in pairs:
         pair_sums += [
             f"elif code == {codes[law.name]}:",
             "    if from_list:",
-            f"        sum_{law.name}(u, t, x, y, vx, vy, spin, inverse_mass, radius, fx, fy, torque, parameters,",
-            "            uses, mask, pair_i, pair_j, pair_shift, n_pairs)",
+            f"        sum_{law.name}(u, t, x, y, vx, vy, spin, radius, fx, fy, torque, parameters, uses, mask,",
+            "            near_i, near_j, near_shift, near_touch, near_mass, n_near)",
         ]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
@@ -312,7 +328,7 @@ def interpolate(t, times, values, first, last):
 def add_forces(from_list, constrained, {arguments}):
     """Add all forces [N] to fx, fy, torque. Uses are sorted: pairs, chains, bodies, constraints.
 
-    ``from_list``: sum the pairs from the neighbour list (else the contacts are there already).
+    ``from_list``: sum the pairs of the list of near ones (else the contacts are there already).
     """
     for u in range(uses.shape[0]):
         code = uses[u, 0]
@@ -381,27 +397,23 @@ def find(key, keys, values):
 
 
 @njit(**PLAIN)
-def gather(I, F, n, bodies, x, y, vx, vy, spin, old_x, old_y, mobile):
-    """Read the state of the mobile bodies [SI]; return the largest squared way since the last list."""
-    length_unit = F[F_LENGTH_UNIT]
-    velocity_unit = F[F_VELOCITY_UNIT]
-    spin_unit = F[F_SPIN_UNIT]
-    most = 0.0
+def gather(I, F, bodies, x, y, vx, vy, spin):
+    """Read the state of the mobile bodies [SI], where the drift did not write it."""
     for i in range(I[N_MOBILE]):
         at = bodies[i]
-        px = load_float(at + {o.position}) * length_unit
-        py = load_float(at + {o.position + 8}) * length_unit
-        x[i] = px
-        y[i] = py
-        vx[i] = load_float(at + {o.velocity}) * velocity_unit
-        vy[i] = load_float(at + {o.velocity + 8}) * velocity_unit
-        spin[i] = load_float(at + {o.spin}) * spin_unit
-        mx = px - old_x[i]
-        my = py - old_y[i]
-        way = mx * mx + my * my
-        if not way <= most:  # true for NaN too
-            most = way
-    return most
+        x[i] = load_float(at + {o.position}) * F[F_LENGTH_UNIT]
+        y[i] = load_float(at + {o.position + 8}) * F[F_LENGTH_UNIT]
+        vx[i] = load_float(at + {o.velocity}) * F[F_VELOCITY_UNIT]
+        vy[i] = load_float(at + {o.velocity + 8}) * F[F_VELOCITY_UNIT]
+        spin[i] = load_float(at + {o.spin}) * F[F_SPIN_UNIT]
+
+
+@njit(**PLAIN)
+def finite(x, y):
+    for i in range(x.shape[0]):
+        if not (math.isfinite(x[i]) and math.isfinite(y[i])):
+            return False
+    return True
 
 
 @njit(**PLAIN)
@@ -419,35 +431,48 @@ def hand_over(I, F, bodies, fx, fy, torque):
 
 @cfunc(types.void(types.int64, types.int64), cache=True, error_model='numpy')
 def verlet_step(constraint, space):
-    """A constraint's preSolve: after the drift, before any kick. One force call over the list."""
+    """A constraint's preSolve: after the drift, before any kick. One force call over the near pairs."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
 {unpack}
-    most = gather(I, F, n, bodies, x, y, vx, vy, spin, old_x, old_y, mobile)
-    half = 0.5 * F[F_SKIN]
-    if not most <= half * half and I[ROOM] > 0:
-        count = build_list(x, y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i, pair_j, pair_shift,
-                           heads, nexts)
-        if count < 0:
-            I[STATUS] = count
+    if I[OWN_DRIFT] == 0:
+        gather(I, F, bodies, x, y, vx, vy, spin)
+    n_mobile = I[N_MOBILE]
+    if I[ROOM] == 0:
+        if not finite(x, y):
+            I[STATUS] = -2
             return
-        I[N_PAIRS] = count
-        I[REBUILDS] += 1
-        for i in range(n):
-            old_x[i] = x[i]
-            old_y[i] = y[i]
-    elif most != most:
-        I[STATUS] = -2
-        return
+    elif moved(x, y, near_x, near_y, n_mobile, 0.5 * F[F_NEAR_SKIN]):
+        # the near list is cut from the long one every few steps, the long one built every few hundred
+        lasted = F[F_STEP] - F[F_PRUNED]
+        F[F_PRUNED] = F[F_STEP]
+        if lasted < {SHORT_PRUNE}:
+            F[F_NEAR_SKIN] = min(1.2 * F[F_NEAR_SKIN], 0.5 * F[F_SKIN])
+        elif lasted > {LONG_PRUNE}:
+            F[F_NEAR_SKIN] *= 0.8
+        if moved(x, y, old_x, old_y, n_mobile, 0.5 * (F[F_SKIN] - F[F_NEAR_SKIN])):
+            count = build_list(x, y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i, pair_j,
+                               pair_shift, heads, nexts)
+            if count < 0:
+                I[STATUS] = count
+                return
+            I[N_PAIRS] = count
+            I[REBUILDS] += 1
+            old_x[:] = x
+            old_y[:] = y
+        I[N_NEAR] = prune(x, y, radius, inverse_mass, F[F_REACH] + F[F_NEAR_SKIN], pair_i, pair_j, pair_shift,
+                          I[N_PAIRS], near_i, near_j, near_shift, near_touch, near_mass)
+        near_x[:] = x
+        near_y[:] = y
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
-    n_pairs = I[N_PAIRS]
-    for i in range(n):
-        fx[i] = 0.0
-        fy[i] = 0.0
-        torque[i] = 0.0
+    n_near = I[N_NEAR]
+    fx[:] = 0.0
+    fy[:] = 0.0
+    torque[:] = 0.0
     add_forces(True, True, {arguments})
-    hand_over(I, F, bodies, fx, fy, torque)
+    if I[OWN_KICK] == 0:
+        hand_over(I, F, bodies, fx, fy, torque)
 
 
 @cfunc(types.void(types.int64, types.int64, types.int64), cache=True, error_model='numpy')
@@ -466,16 +491,6 @@ def contact_presolve(arbiter, space, data):
         i, j = j, i
     if not (mobile[i] or mobile[j]) or (group[i] != 0 and group[i] == group[j]):
         return
-    length_unit = F[F_LENGTH_UNIT]
-    velocity_unit = F[F_VELOCITY_UNIT]
-    for k in (i, j):
-        if mobile[k]:
-            at = bodies[k]
-            x[k] = load_float(at + {o.position}) * length_unit
-            y[k] = load_float(at + {o.position + 8}) * length_unit
-            vx[k] = load_float(at + {o.velocity}) * velocity_unit
-            vy[k] = load_float(at + {o.velocity + 8}) * velocity_unit
-            spin[k] = load_float(at + {o.spin}) * F[F_SPIN_UNIT]
     t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
     px, py, ti, tj = pair_force(i, j, t, x, y, vx, vy, spin, inverse_mass, radius, parameters, uses, mask, scalars)
     c = I[N_CONTACTS]
@@ -496,11 +511,12 @@ def chipmunk_step(constraint, space):
     """A constraint's preSolve: sums the contacts in a fixed order (Chipmunk's differs between processes)."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
 {unpack}
-    most = gather(I, F, n, bodies, x, y, vx, vy, spin, old_x, old_y, mobile)
-    if most != most:
-        I[STATUS] = -2
-        return
-    if most > F[F_MARGIN] * F[F_MARGIN]:
+    if I[OWN_DRIFT] == 0:
+        gather(I, F, bodies, x, y, vx, vy, spin)
+    if moved(x, y, old_x, old_y, I[N_MOBILE], F[F_MARGIN]):
+        if not finite(x, y):
+            I[STATUS] = -2
+            return
         I[MARGIN_CROSSED] = 1  # the ghosts at the seam must be laid out anew
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
@@ -542,21 +558,78 @@ def chipmunk_step(constraint, space):
                 torque[j] += contact_tj[c]
         first = last
     I[N_CONTACTS] = 0
-    n_pairs = 0
+    n_near = 0
     add_forces(False, True, {arguments})
-    hand_over(I, F, bodies, fx, fy, torque)
+    if I[OWN_KICK] == 0:
+        hand_over(I, F, bodies, fx, fy, torque)
 
 
 @cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')
 def position_function(body, dt):
-    """Drift. Chipmunk's own computes sine and cosine of an angle that a disk does not need."""
-    px = load_float(body + {o.position}) + load_float(body + {o.velocity}) * dt
-    py = load_float(body + {o.position + 8}) + load_float(body + {o.velocity + 8}) * dt
+    """Drift, and a copy of the state [SI] into the arrays of the force call.
+
+    Chipmunk's own computes sine and cosine of an angle that a disk does not need. Where the arrays are,
+    and the body's row, stand in the place of its centre of gravity: as floats they are smaller than any
+    length that matters (1e-309), and a disk's is zero.
+    """
+    vx = load_float(body + {o.velocity})
+    vy = load_float(body + {o.velocity + 8})
+    spin = load_float(body + {o.spin})
+    px = load_float(body + {o.position}) + vx * dt
+    py = load_float(body + {o.position + 8}) + vy * dt
+    angle = load_float(body + {o.angle}) + spin * dt
+    context = load_int(body + {o.center})
+    row = 8 * load_int(body + {o.center + 8})
+    floats = load_int(context + {8 * INTS.index("floats")})
+    length_unit = load_float(floats + {8 * FLOATS.index("length_unit")})
+    velocity_unit = load_float(floats + {8 * FLOATS.index("velocity_unit")})
+    spin_unit = load_float(floats + {8 * FLOATS.index("spin_unit")})
+    at_x = load_int(context + {8 * INTS.index("x")}) + row
+    at_y = load_int(context + {8 * INTS.index("y")}) + row
+    at_vx = load_int(context + {8 * INTS.index("vx")}) + row
+    at_vy = load_int(context + {8 * INTS.index("vy")}) + row
+    at_spin = load_int(context + {8 * INTS.index("spin")}) + row
     store_float(body + {o.position}, px)
     store_float(body + {o.position + 8}, py)
     store_float(body + {o.transform}, px)
     store_float(body + {o.transform + 8}, py)
-    store_float(body + {o.angle}, load_float(body + {o.angle}) + load_float(body + {o.spin}) * dt)
+    store_float(body + {o.angle}, angle)
+    store_float(at_x, px * length_unit)
+    store_float(at_y, py * length_unit)
+    store_float(at_vx, vx * velocity_unit)
+    store_float(at_vy, vy * velocity_unit)
+    store_float(at_spin, spin * spin_unit)
+
+
+@cfunc(types.void(types.int64, types.float64, types.float64, types.float64, types.float64), cache=True,
+       error_model='numpy')
+def velocity_function(body, gravity_x, gravity_y, damping, dt):
+    """Kick: Chipmunk's own, with the force taken from the arrays (and what the user put on the body).
+
+    Its gravity is a cpVect by value, which arrives as two doubles only where such pairs pass in
+    registers; that is tried out before the function is installed.
+    """
+    vx = load_float(body + {o.velocity})
+    vy = load_float(body + {o.velocity + 8})
+    spin = load_float(body + {o.spin})
+    inverse_mass = load_float(body + {o.inverse_mass})
+    context = load_int(body + {o.center})
+    row = 8 * load_int(body + {o.center + 8})
+    floats = load_int(context + {8 * INTS.index("floats")})
+    force_scale = load_float(floats + {8 * FLOATS.index("force_scale")})
+    torque = load_float(load_int(context + {8 * INTS.index("torque")}) + row)
+    fx = load_float(body + {o.force})
+    fy = load_float(body + {o.force + 8})
+    fx += load_float(load_int(context + {8 * INTS.index("fx")}) + row) * force_scale
+    fy += load_float(load_int(context + {8 * INTS.index("fy")}) + row) * force_scale
+    store_float(body + {o.velocity}, vx * damping + (gravity_x + fx * inverse_mass) * dt)
+    store_float(body + {o.velocity + 8}, vy * damping + (gravity_y + fy * inverse_mass) * dt)
+    store_float(body + {o.force}, 0.0)
+    store_float(body + {o.force + 8}, 0.0)
+    torque *= load_float(floats + {8 * FLOATS.index("torque_scale")})
+    torque += load_float(body + {o.torque})
+    store_float(body + {o.spin}, spin * damping + torque * load_float(body + {o.inverse_moment}) * dt)
+    store_float(body + {o.torque}, 0.0)
 
 
 @cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')
@@ -586,6 +659,32 @@ class Kernel:
         self.codes = codes
         self.file = file
 
+    @functools.cached_property
+    def kicks(self) -> bool:
+        """Whether Chipmunk can call the velocity function: its gravity has to arrive in registers."""
+        o = offsets()
+        size = 1
+        arrays = {name: np.zeros(size) for name in ("fx", "fy", "torque")}
+        floats = np.zeros(len(FLOATS))
+        ints = np.zeros(len(INTS), dtype=np.int64)
+        arrays["fx"][0], arrays["fy"][0], arrays["torque"][0] = 0.375, -0.625, 1.5
+        floats[FLOATS.index("force_scale")] = 2.0
+        floats[FLOATS.index("torque_scale")] = 4.0
+        ints[INTS.index("floats")] = floats.ctypes.data
+        for name, array in arrays.items():
+            ints[INTS.index(name)] = array.ctypes.data
+        space = pymunk.Space()
+        space.gravity = (1.25, -2.5)
+        body = pymunk.Body(0.5, 2.0)
+        body.velocity = (10.0, 20.0)
+        space.add(body)
+        write_slot(body, o, ints.ctypes.data, 0)
+        lib.cpBodySetVelocityUpdateFunc(
+            body._body, ffi.cast("cpBodyVelocityFunc", self.module.velocity_function.address)
+        )
+        space.step(0.5)
+        return tuple(body.velocity) == (11.375, 17.5) and body.angular_velocity == 1.5
+
     def __getattr__(self, name: str) -> Any:
         return getattr(self.module, name)
 
@@ -593,7 +692,9 @@ class Kernel:
 @functools.lru_cache(maxsize=32)
 def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
     text, given, codes = generate(laws, offsets)
-    digest = hashlib.sha256(f"{text}{numba.__version__}{sys.version}".encode()).hexdigest()[:20]
+    # numba looks at the kernel's own file only: what is compiled into it from elsewhere is in the name
+    parts = "".join(inspect.getsource(module) for module in (native, neighbours))
+    digest = hashlib.sha256(f"{text}{parts}{numba.__version__}{sys.version}".encode()).hexdigest()[:20]
     name = f"granswim_kernel_{digest}"
     if given:
         # a function without a source of its own cannot be cached on disk

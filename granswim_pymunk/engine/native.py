@@ -33,6 +33,9 @@ class Offsets:
     angle: int
     spin: int
     torque: int
+    inverse_mass: int
+    inverse_moment: int
+    center: int  # the centre of gravity, zero for a disk
     transform: int
     user_data: int  # of cpConstraint
     body_a: int  # of cpArbiter
@@ -55,8 +58,10 @@ def _find(memory: Any, size: int, value: bytes, what: str, *, skip: tuple[int, .
 @functools.cache
 def offsets() -> Offsets:
     """Find the offsets, and check them on a second body. Raises ProbeError where that fails."""
-    body = pymunk.Body(3.0, 5.0)
+    body = pymunk.Body(3.0, 7.0)
     memory = ffi.cast("char *", body._body)
+    inverse_mass = _find(memory, _BODY_BYTES, struct.pack("d", 1.0 / 3.0), "the inverse mass")
+    inverse_moment = _find(memory, _BODY_BYTES, struct.pack("d", 1.0 / 7.0), "the inverse moment of inertia")
     body.position = (1.2345e11, -6.789e7)
     position = _find(memory, _BODY_BYTES, struct.pack("dd", 1.2345e11, -6.789e7), "the position")
     transform = _find(
@@ -73,6 +78,9 @@ def offsets() -> Offsets:
     body.torque = 8.015625e7
     torque = _find(memory, _BODY_BYTES, struct.pack("d", 8.015625e7), "the torque")
 
+    body.center_of_gravity = (3.0625e7, -9.25e8)
+    center = _find(memory, _BODY_BYTES, struct.pack("dd", 3.0625e7, -9.25e8), "the centre of gravity")
+
     constraint = pymunk.DampedSpring(pymunk.Body(1, 1), pymunk.Body(1, 1), (0, 0), (0, 0), 1, 0, 0)
     kept = lib.cpConstraintGetUserData(constraint._constraint)
     mark = 0x5A5A1234ABCD
@@ -84,7 +92,7 @@ def offsets() -> Offsets:
 
     fields = dict(ffi.typeof("cpArbiter").fields)
     found = Offsets(
-        position, velocity, force, angle, spin, torque, transform, user_data,
+        position, velocity, force, angle, spin, torque, inverse_mass, inverse_moment, center, transform, user_data,
         fields["body_a"].offset, fields["body_b"].offset, fields["processCollision"].offset,
     )  # fmt: skip
 
@@ -113,6 +121,12 @@ def step_address() -> int:
 def address(pointer: Any) -> int:
     """Address of a cffi pointer."""
     return int(ffi.cast("intptr_t", pointer))
+
+
+def write_slot(body: pymunk.Body, o: Offsets, context: int, row: int) -> None:
+    """Put the address of the context and the body's row where its centre of gravity stands."""
+    slot = ffi.cast("int64_t *", address(body._body) + o.center)
+    slot[0], slot[1] = context, row
 
 
 # ---- what compiled code uses --------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 OVERFLOW = -1
@@ -109,3 +110,44 @@ def build_list(x, y, reach, mobile, group, cutoff_extra, length, pair_i, pair_j,
                             count += 1
                     j = nexts[j]
     return count
+
+
+@njit(cache=True, error_model="numpy")
+def prune(
+    x, y, radius, inverse_mass, extra, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift, near_touch, near_mass
+):
+    """Keep the pairs of a list that are closer than touch + extra [m]; their number.
+
+    ``near_touch`` [m] is the sum of radii, ``near_mass`` [kg] the reduced mass. The order stays.
+    """
+    near = np.uint64(0)
+    one = np.uint64(1)
+    for k in range(count):
+        i = pair_i[k]
+        j = pair_j[k]
+        dx = x[j] - x[i] + pair_shift[k]
+        dy = y[j] - y[i]
+        cutoff = radius[i] + radius[j] + extra
+        # written in any case, kept if near: no branch that cannot be foreseen
+        near_i[near] = i
+        near_j[near] = j
+        near_shift[near] = pair_shift[k]
+        near += one if dx * dx + dy * dy < cutoff * cutoff else np.uint64(0)
+    for k in range(near):
+        i = near_i[k]
+        j = near_j[k]
+        near_touch[k] = radius[i] + radius[j]
+        near_mass[k] = 1.0 / (inverse_mass[i] + inverse_mass[j])
+    return near
+
+
+@njit(cache=True, error_model="numpy")
+def moved(x, y, old_x, old_y, n, way):
+    """Whether one of the first ``n`` bodies is farther than ``way`` [m] from its old position, or not finite."""
+    far = 0
+    limit = way * way
+    for i in range(n):
+        dx = x[i] - old_x[i]
+        dy = y[i] - old_y[i]
+        far += 0 if dx * dx + dy * dy <= limit else 1
+    return far > 0

@@ -18,8 +18,8 @@ from ..errors import InputError, SimulationError
 from ..scene import Scene
 from . import neighbours, stepping
 from .advice import advise_dt
-from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, Kernel, compile_laws
-from .native import Offsets, ProbeError, address, offsets, step_address
+from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, USE_COLUMNS, Kernel, compile_laws
+from .native import Offsets, ProbeError, address, offsets, step_address, write_slot
 from .units import Units
 
 log = logging.getLogger("granswim")
@@ -147,13 +147,13 @@ class Simulation:
 
     def _arrays(self, skin: float | None) -> None:
         scene = self.scene
-        # inside, chains come first, then the other mobile bodies, then walls
+        # inside, chains come first, then the other mobile bodies, then walls; neighbours near in memory
         chains = scene.chains
         in_chain = {i for chain in chains for i in chain}
         order = [i for chain in chains for i in chain]
-        order += [i for i, b in enumerate(scene.bodies) if b.mobile and i not in in_chain]
+        order += _in_columns(scene, [i for i, b in enumerate(scene.bodies) if b.mobile and i not in in_chain])
         self._n_mobile = len(order)
-        order += [i for i, b in enumerate(scene.bodies) if not b.mobile]
+        order += _in_columns(scene, [i for i, b in enumerate(scene.bodies) if not b.mobile])
         self._rows_of = np.array(order, dtype=np.int64)  # inner row -> scene row
         self._inner = np.empty(len(order), dtype=np.int64)  # scene row -> inner row
         self._inner[self._rows_of] = np.arange(len(order))
@@ -173,6 +173,8 @@ class Simulation:
             a[name] = np.zeros(n)
         a["old_x"] = np.full(n, np.inf)  # forces the first list
         a["old_y"] = np.full(n, np.inf)
+        a["near_x"] = np.full(n, np.inf)
+        a["near_y"] = np.full(n, np.inf)
         a["group"] = np.zeros(n, dtype=np.int64)
         at = 0
         spans = []
@@ -192,6 +194,7 @@ class Simulation:
         self._uses = uses
         parameters: list[float] = []
         rows: list[int] = []
+        runs: list[tuple[int, int]] = []
         table = []
         mask = np.zeros((len(uses), n), dtype=np.uint8)
         reach = 0.0
@@ -199,17 +202,23 @@ class Simulation:
             chosen = self._inner[scene.rows(item)]
             chosen.sort()
             parameters.append(float(a["radius"][chosen].mean()) if len(chosen) else 1.0)  # r_0
+            own_runs = _runs(chosen)
             table.append(
-                [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None]
-            )
+                [
+                    codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen),
+                    item.bodies is not None, len(runs), len(runs) + len(own_runs),
+                ]
+            )  # fmt: skip
+            runs += own_runs
             parameters += item.law.encode(scene.resolved(item))
             rows += chosen.tolist()
             mask[u, chosen] = 1
             if item.law.reach:
                 reach = max(reach, float(item.values[item.law.reach]))
         a["parameters"] = np.array(parameters or [0.0], dtype=float)
-        a["uses"] = np.array(table, dtype=np.int64).reshape(-1, 5)
+        a["uses"] = np.array(table, dtype=np.int64).reshape(-1, len(USE_COLUMNS))
         a["rows"] = np.array(rows or [0], dtype=np.int64)
+        a["runs"] = np.array(runs, dtype=np.int64).reshape(-1, 2)
         a["mask"] = mask
 
         times: list[float] = []
@@ -257,15 +266,18 @@ class Simulation:
             "torque_scale": 1.0 / u.torque,
             "skin": self._skin,
             "reach": reach,
+            "near_skin": 0.1 * self._skin,
         }.items():
             floats[_FLOAT_SLOT[name]] = value
         self._floats = floats
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
 
     def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
-        for name in ("pair_i", "pair_j", "contact_i", "contact_j", "order"):
+        for name in ("pair_i", "pair_j", "near_i", "near_j"):
+            a[name] = np.zeros(self._room, dtype=np.uint32)
+        for name in ("contact_i", "contact_j", "order"):
             a[name] = np.zeros(self._room, dtype=np.int64)
-        for name in ("pair_shift", "contact_fx", "contact_fy", "contact_ti", "contact_tj"):
+        for name in ("pair_shift", "near_shift", "near_touch", "near_mass", "contact_fx", "contact_fy", "contact_ti", "contact_tj"):
             a[name] = np.zeros(self._room)
 
     def _build_space(self) -> None:
@@ -293,6 +305,10 @@ class Simulation:
             else:
                 own = pymunk.Body(body_type=pymunk.Body.STATIC)
             own.position = (a["x"][k] / u.length, a["y"][k] / u.length)
+            self._bodies.append(own)
+        # bodies first, all circles afterwards: what a step touches lies close together
+        for k, own in enumerate(self._bodies):
+            body = self.scene.bodies[self._rows_of[k]]
             circle = pymunk.Circle(own, body.radius / u.length)
             circle.elasticity = restitution[body.id]
             circle.friction = 0.0
@@ -301,7 +317,6 @@ class Simulation:
                 circle.filter = pymunk.ShapeFilter(group=group)
             else:
                 circle.filter = pymunk.ShapeFilter(group=group, categories=0, mask=0)
-            self._bodies.append(own)
             self._circles.append(circle)
         space.add(*self._bodies)
         self._shapes_in = False
@@ -325,7 +340,7 @@ class Simulation:
         a = self._a
         ints = np.zeros(len(INTS), dtype=np.int64)
         counts = {
-            "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_rows": len(a["rows"]),
+            "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_runs": len(a["runs"]),
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
         }  # fmt: skip
@@ -338,7 +353,7 @@ class Simulation:
         return ints
 
     def _install_native(self) -> None:
-        assert self._kernel is not None
+        assert self._kernel is not None and self._offsets is not None
         kernel = self._kernel
         self._ints = self._context()
         # the constraint holds two private bodies together with a spring of no strength: only its
@@ -351,8 +366,15 @@ class Simulation:
         lib.cpSpaceAddConstraint(self._space._space, hook)
         drift = ffi.cast("cpBodyPositionFunc", kernel.position_function.address)
         if not self.impulse:  # Chipmunk's own position function knows about its overlap correction
-            for body in self._bodies[: self._n_mobile]:
+            kick = ffi.cast("cpBodyVelocityFunc", kernel.velocity_function.address)
+            own_kick = kernel.kicks
+            self._ints[_SLOT["own_drift"]] = 1
+            self._ints[_SLOT["own_kick"]] = int(own_kick)
+            for row, body in enumerate(self._bodies[: self._n_mobile]):
+                write_slot(body, self._offsets, self._ints.ctypes.data, row)
                 lib.cpBodySetPositionUpdateFunc(body._body, drift)
+                if own_kick:
+                    lib.cpBodySetVelocityUpdateFunc(body._body, kick)
         handler = before = None
         if self.mode == "chipmunk" and not self.impulse:
             handler = lib.cpSpaceAddGlobalCollisionHandler(self._space._space)
@@ -361,8 +383,9 @@ class Simulation:
             handler.userData = ffi.cast("void *", self._ints.ctypes.data)
         keep = (self._a, self._floats, self._ints, kernel)
         self._close = weakref.finalize(
-            self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile], self._ghosts, keep
-        )
+            self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile], self._ghosts,
+            self._offsets, keep,
+        )  # fmt: skip
         if self.mode == "chipmunk":
             self._lay_out_seam()
 
@@ -457,12 +480,18 @@ class Simulation:
         assert self._kernel is not None
         for name in ("fx", "fy", "torque"):
             a[name][:] = 0.0
-        count = self._fresh_list(a["x"], a["y"], float(self._floats[_FLOAT_SLOT["reach"]])) if self._room else 0
+        reach = float(self._floats[_FLOAT_SLOT["reach"]])
+        count = self._fresh_list(a["x"], a["y"], reach) if self._room else 0
+        near = neighbours.prune(
+            a["x"], a["y"], a["radius"], a["inverse_mass"], reach, a["pair_i"], a["pair_j"], a["pair_shift"], count,
+            a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"],
+        )  # fmt: skip
+        self._forget_lists()
         self._kernel.add_forces(
             True, constrained, t, self.dt, a["x"], a["y"], a["vx"], a["vy"], a["spin"], a["mass"], a["inverse_mass"],
-            a["radius"], a["given_inertia"], a["fx"], a["fy"], a["torque"], a["parameters"], a["uses"], a["rows"],
-            a["mask"], a["pair_i"], a["pair_j"], a["pair_shift"], count, a["scalars"], a["chains"], a["input_t"], a["input_v"],
-            a["input_at"],
+            a["radius"], a["given_inertia"], a["fx"], a["fy"], a["torque"], a["parameters"], a["uses"], a["runs"],
+            a["mask"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"], int(near),
+            a["scalars"], a["chains"], a["input_t"], a["input_v"], a["input_at"],
         )  # fmt: skip
 
     def _fresh_list(self, x: np.ndarray, y: np.ndarray, extra: float) -> int:
@@ -484,9 +513,14 @@ class Simulation:
             raise SimulationError(f"more than {self._room} pairs for {self._n} bodies: the bed has collapsed")
         self._room *= 2
         self._allocate_lists(self._a)
-        self._a["old_x"][:] = np.inf
+        self._forget_lists()
         if hasattr(self, "_ints"):
             self._refresh_context()
+
+    def _forget_lists(self) -> None:
+        """The next step builds the neighbour lists anew."""
+        self._a["old_x"][:] = np.inf
+        self._a["near_x"][:] = np.inf
 
     def _begin(self) -> None:
         """The first kick: velocities half a step ahead of the positions."""
@@ -677,7 +711,7 @@ class Simulation:
                 body.angular_velocity = raw["spin"][k] * u.time
                 body.force = (0.0, 0.0)
                 body.torque = 0.0
-        self._a["old_x"][:] = np.inf
+        self._forget_lists()
 
     def raw(self) -> dict[str, np.ndarray]:
         """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
@@ -725,13 +759,9 @@ class Simulation:
         if not self._room or self._kernel is None:
             empty = np.zeros(0, dtype=np.int64)
             return Contacts(empty, empty, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-        names = ("pair_i", "pair_j", "pair_shift")
-        saved = [a[name].copy() for name in names]
         count = self._fresh_list(raw["x"], raw["y"], 0.0)
         i, j = a["pair_i"][:count].copy(), a["pair_j"][:count].copy()
-        if len(saved[0]) == len(a["pair_i"]):
-            for name, array in zip(names, saved, strict=True):
-                a[name][:] = array  # the running list belongs to older positions
+        self._forget_lists()  # the running list is gone; a new one has the same pairs within reach
         dx = raw["x"][j] - raw["x"][i]
         if self.scene.periodic_x:
             dx -= self.scene.periodic_x * np.floor(dx / self.scene.periodic_x + 0.5)
@@ -785,6 +815,27 @@ def _constraint_order(name: str) -> int:
     return {"pin": 0, "rail": 1, "drive": 2}.get(name, 0)
 
 
+def _in_columns(scene: Scene, rows: list[int]) -> list[int]:
+    """Rows sorted by place: columns along x, from bottom to top in each."""
+    if not rows:
+        return rows
+    bodies = [scene.bodies[i] for i in rows]
+    xy = np.array([b.initial[:2] for b in bodies if b.initial is not None])
+    width = 2 * max(b.radius for b in bodies)
+    x = np.mod(xy[:, 0], scene.periodic_x) if scene.periodic_x else xy[:, 0] - xy[:, 0].min()
+    return [rows[k] for k in np.lexsort((xy[:, 1], np.floor(x / width)))]
+
+
+def _runs(rows: np.ndarray) -> list[tuple[int, int]]:
+    """Sorted rows as half-open ranges, so that loops over bodies need no table."""
+    if not len(rows):
+        return []
+    ends = np.flatnonzero(np.diff(rows) > 1)
+    first = rows[np.concatenate([[0], ends + 1])]
+    last = rows[np.concatenate([ends, [len(rows) - 1]])] + 1
+    return [(int(a), int(b)) for a, b in zip(first, last, strict=True)]
+
+
 def _point_ghost(ghost: pymunk.Body, original: pymunk.Body, period: float, o: Offsets) -> None:
     base = address(ghost._body)
     ffi.cast("int64_t *", base + o.torque)[0] = address(original._body)
@@ -792,12 +843,15 @@ def _point_ghost(ghost: pymunk.Body, original: pymunk.Body, period: float, o: Of
 
 
 def _uninstall(
-    space: Any, hook: Any, anchors: Any, handler: tuple[Any, Any], bodies: Any, ghosts: Any, keep: Any
+    space: Any, hook: Any, anchors: Any, handler: tuple[Any, Any], bodies: Any, ghosts: Any, o: Offsets, keep: Any
 ) -> None:
     """Take the callbacks out before their code and context go: the Space stays usable."""
     plain = ffi.cast("cpBodyPositionFunc", ffi.addressof(lib, "cpBodyUpdatePosition"))
+    plain_kick = ffi.cast("cpBodyVelocityFunc", ffi.addressof(lib, "cpBodyUpdateVelocity"))
     for body in bodies:
         lib.cpBodySetPositionUpdateFunc(body._body, plain)
+        lib.cpBodySetVelocityUpdateFunc(body._body, plain_kick)
+        write_slot(body, o, 0, 0)
     for ghost, circle in ghosts:
         space.remove(ghost, circle)
     if handler[0] is not None:
