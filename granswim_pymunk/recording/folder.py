@@ -13,7 +13,7 @@ import shutil
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ LARGEST_TIME = 1e12  # s, so that a Unix clock passes
 LARGEST_ANGLE = 1e9  # rad
 LARGEST_NUMBER = 1e100  # anywhere in recording.toml
 
-_CHUNK = 100_000  # rows of a CSV taken at once
+_CHUNK = 2000  # rows of a CSV taken at once; few, or the garbage collector walks through millions of texts
 _CSV_ROWS = 50_000  # more rows than this are written as NPZ
 _LISTED_BODIES = 40  # more bodies than this are written as bodies.csv
 
@@ -51,7 +51,19 @@ def read_recording(folder: str | Path) -> Recording:
     naming file and row or key, where something is missing, not a number, given twice, not plausible
     (mixed units) or where bodies overlap by more than half.
     """
-    folder = Path(folder)
+    try:
+        return _read(Path(folder))
+    except InputError as error:
+        raise one_line(error) from None
+
+
+def one_line(error: InputError) -> InputError:
+    """The error without the line breaks that quoted pieces of a file may have brought in."""
+    where = None if error.where is None else " ".join(error.where.split())
+    return InputError(" ".join(error.message.split()), file=error.file, where=where)
+
+
+def _read(folder: Path) -> Recording:
     if folder.name == "recording.toml" and folder.is_file():
         folder = folder.parent
     try:
@@ -167,7 +179,7 @@ def _read_tracks(folder: Path, scene: Scene, *, needed: bool) -> _Tracks:
 
 def _csv_chunks(
     path: Path, required: tuple[str, ...], optional: tuple[str, ...]
-) -> Iterator[tuple[dict, list[int]]]:
+) -> Iterator[tuple[dict, Sequence[int]]]:
     """Columns of a CSV as tuples of texts, some rows at a time, with the line of every row."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as handle:
@@ -188,7 +200,7 @@ def _csv_chunks(
                 )
             line = 2
             while chunk := list(itertools.islice(rows, _CHUNK)):
-                lines = list(range(line, line + len(chunk)))
+                lines: Sequence[int] = range(line, line + len(chunk))
                 line += len(chunk)
                 if set(map(len, chunk)) != {len(header)}:
                     lines = [number for number, row in zip(lines, chunk, strict=True) if row]
@@ -213,7 +225,7 @@ def _shorten(text: str) -> str:
 
 
 def _parse(
-    cells: tuple[str, ...], name: str, largest: float, path: Path, lines: list[int], *, empty: bool
+    cells: tuple[str, ...], name: str, largest: float, path: Path, lines: Sequence[int], *, empty: bool
 ) -> np.ndarray:
     """Texts to floats; empty cells become NaN where they are allowed. InputError names the row."""
     try:
@@ -328,13 +340,15 @@ def _read_npz(path: Path, scene: Scene) -> _Tracks:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy remarks on the headers of damaged files
-            loaded = np.load(path, allow_pickle=False)
-            if not isinstance(loaded, np.lib.npyio.NpzFile):
-                raise ValueError("it holds a single array")
-            with loaded:
-                for key in ("t", "body", "xy", "angle"):
-                    if key in loaded.files:
-                        data[key] = np.asarray(loaded[key])
+            # opened here, as numpy does not close what it cannot read
+            with path.open("rb") as handle:
+                loaded = np.load(handle, allow_pickle=False)
+                if not isinstance(loaded, np.lib.npyio.NpzFile):
+                    raise ValueError("it holds a single array")
+                with loaded:
+                    for key in ("t", "body", "xy", "angle"):
+                        if key in loaded.files:
+                            data[key] = np.asarray(loaded[key])
     except OSError as error:
         raise InputError(f"cannot read it: {error}", file=path) from None
     except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, MemoryError, NotImplementedError,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .folder import write_recording
+from .folder import one_line, write_recording
 from .import_falling_balls import import_falling_balls
 from .import_single_pendulum import import_single_pendulum
 from .import_table import import_long, import_wide
@@ -57,8 +57,11 @@ def import_recording(source: str | Path, format: str, **options: Any) -> list[Re
             raise InputError(f"format {format} has no option {name}; it has: {known}")
     if not Path(source).exists():
         raise InputError("no such file", file=source)
-    found = chosen.function(source, **options)
-    recordings = [found] if isinstance(found, Recording) else found
+    try:
+        found = chosen.function(source, **options)
+        recordings = [found] if isinstance(found, Recording) else found
+    except InputError as error:
+        raise one_line(error) from None
     for recording in recordings:
         try:
             check_plausible(recording)
