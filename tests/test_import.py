@@ -111,10 +111,18 @@ class TestLong:
         source = self.write(
             tmp_path, "particle;frame;cx;cy;deg\na;0;10;20;90\nb;0;-1;-1;\na;50;30;-1;45\na;100;50;60;0\n"
         )
-        r, = import_recording(
-            source, "long", bodies=["a:0.001:2e-6:head", "b:0.002:1e-5"], unit="mm", fps=50.0, flip_y=100.0, missing=["-1"],
-            columns="t=frame,body=particle,x=cx,y=cy,angle=deg", angle_unit="deg", delimiter=";",
-        )  # fmt: skip
+        (r,) = import_recording(
+            source,
+            "long",
+            bodies=["a:0.001:2e-6:head", "b:0.002:1e-5"],
+            unit="mm",
+            fps=50.0,
+            flip_y=100.0,
+            missing=["-1"],
+            columns="t=frame,body=particle,x=cx,y=cy,angle=deg",
+            angle_unit="deg",
+            delimiter=";",
+        )
         assert r.ids == ("a",) and [b.role for b in r.scene.bodies] == ["head", "free"]
         np.testing.assert_allclose(r.t, [0, 1, 2])
         np.testing.assert_allclose(r.xy[:, 0], [[0.01, 0.08], [np.nan, np.nan], [0.05, 0.04]])
@@ -124,12 +132,27 @@ class TestLong:
         template = tmp_path / "scene.toml"
         template.write_text(
             'title = "drop"\nposition_noise = 1e-3\n[scene]\ngravity = [0.0, -9.81]\n'
-            '[[body]]\nid = "ball"\nrole = "free"\nradius = 0.1\nmass = 0.2\n[[law]]\nname = "linear_drag"\nc = 0.1\n'
+            '[[body]]\nid = "ball"\nrole = "free"\nradius = 0.1\nmass = 0.2\n'
+            '[[law]]\nname = "linear_drag"\nc = 0.1\n'
         )
         source = self.write(tmp_path, "t,height\n0,100\n0.1,95.1\n0.2,80.4\n")
         out = tmp_path / "out"
-        code = main(["import", str(source), "--format", "long", "--scene", str(template), "--columns", "y=height",
-                     "--unit", "cm", "--out", str(out)])  # fmt: skip
+        code = main(
+            [
+                "import",
+                str(source),
+                "--format",
+                "long",
+                "--scene",
+                str(template),
+                "--columns",
+                "y=height",
+                "--unit",
+                "cm",
+                "--out",
+                str(out),
+            ]
+        )
         assert code == 0
         r = read_recording(out)
         assert r.title == "drop" and r.position_noise == 1e-3 and r.scene.gravity == (0.0, -9.81)
@@ -171,7 +194,7 @@ class TestWide:
     def test_two_dimensions_with_ids_from_the_header(self, tmp_path):
         source = tmp_path / "wide.csv"
         source.write_text("t,x1,y1,x_b,y_b\n0,1,2,3,4\n20,5,6,,\n40,7,8,nan,9\n")
-        r, = import_recording(source, "wide", bodies=["1:0.1:1", "b:0.1:1"], time_unit="ms")  # fmt: skip
+        (r,) = import_recording(source, "wide", bodies=["1:0.1:1", "b:0.1:1"], time_unit="ms")
         np.testing.assert_allclose(r.t, [0, 0.02, 0.04])
         np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [5, 6], [7, 8]])
         np.testing.assert_array_equal(r.xy[:, 1], [[3, 4], [np.nan, np.nan], [np.nan, np.nan]])
@@ -180,9 +203,29 @@ class TestWide:
     def test_one_dimension_without_times(self, tmp_path):
         source = tmp_path / "wide.csv"
         source.write_text("left,right\n1,3\n2,\n3,5\n")
-        code = main(["import", str(source), "--format", "wide", "--columns", "1.x=left,2.x=right", "--fps", "100",
-                     "--unit", "1e-2", "--flip-y", "--body", "1:0.001:0.1", "--body", "2:0.001:0.1",
-                     "--position-noise", "1e-4", "--out", str(tmp_path / "out")])  # fmt: skip
+        code = main(
+            [
+                "import",
+                str(source),
+                "--format",
+                "wide",
+                "--columns",
+                "1.x=left,2.x=right",
+                "--fps",
+                "100",
+                "--unit",
+                "1e-2",
+                "--flip-y",
+                "--body",
+                "1:0.001:0.1",
+                "--body",
+                "2:0.001:0.1",
+                "--position-noise",
+                "1e-4",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
         assert code == 0
         r = read_recording(tmp_path / "out")
         np.testing.assert_allclose(r.t, [0, 0.01, 0.02])

@@ -41,8 +41,14 @@ class TestRecording:
         xy[0, 1] = [7, 8]
         angle = np.full((4, 2), np.nan)
         angle[3, 1] = 0.5
-        r = Recording("r", Scene((ball("a"), ball("w", role="wall", initial=(0.0, 0.0, 0.0, 0.0)), ball("b"))),
-                      np.arange(4.0), ("a", "b"), xy, angle)  # fmt: skip
+        r = Recording(
+            "r",
+            Scene((ball("a"), ball("w", role="wall", initial=(0.0, 0.0, 0.0, 0.0)), ball("b"))),
+            np.arange(4.0),
+            ("a", "b"),
+            xy,
+            angle,
+        )
         assert r.track_rows.tolist() == [0, 2]
         np.testing.assert_array_equal(r.body("a").t, [1, 2, 3])
         t, places, angles = r.body("b")
@@ -112,11 +118,15 @@ def recordings(draw):
         st.lists(st.sampled_from(["a", "0", "ü b", "x,y", '"q"', "7"]), min_size=1, max_size=4, unique=True)
     )
     bodies = tuple(
-        ball(n, radius=draw(st.floats(1e-3, 0.1)), mass=draw(st.floats(1e-3, 10)),
-             inertia=draw(st.none() | st.floats(1e-9, 1e-3)),
-             initial=draw(st.none() | st.tuples(numbers, numbers, numbers, numbers)))
+        ball(
+            n,
+            radius=draw(st.floats(1e-3, 0.1)),
+            mass=draw(st.floats(1e-3, 10)),
+            inertia=draw(st.none() | st.floats(1e-9, 1e-3)),
+            initial=draw(st.none() | st.tuples(numbers, numbers, numbers, numbers)),
+        )
         for n in names
-    )  # fmt: skip
+    )
     laws = (
         use("gravity"),
         use("linear_drag", c=draw(st.floats(0, 1)), bodies=draw(st.none() | st.just(names[:1]))),
@@ -146,9 +156,17 @@ def recordings(draw):
         xy[:, 0] = np.nan_to_num(xy[:, 0])
         xy[0] = np.nan_to_num(xy[0])
     return Recording(
-        "r", scene, t, tuple(names), xy, angle, title=draw(st.text(max_size=20)), sampling=10.0,
-        position_noise=draw(st.none() | st.floats(1e-9, 1e-2)), angle_noise=draw(st.none() | st.floats(1e-9, 1e-2)),
-    )  # fmt: skip
+        "r",
+        scene,
+        t,
+        tuple(names),
+        xy,
+        angle,
+        title=draw(st.text(max_size=20)),
+        sampling=10.0,
+        position_noise=draw(st.none() | st.floats(1e-9, 1e-2)),
+        angle_noise=draw(st.none() | st.floats(1e-9, 1e-2)),
+    )
 
 
 class TestFolder:
@@ -209,8 +227,9 @@ class TestFolder:
     def test_rows_in_any_order_with_times_that_differ_in_the_last_digit(self, tmp_path):
         (tmp_path / "recording.toml").write_text(MINIMAL)
         rows = ["0.2,b,5,6", "0.1,a,1,2", "0.30000000000000004,a,7,8", "0.1,b,3,4", "0.3,b,9,10", "0,a,0,0"]
-        (tmp_path / "tracks.csv").write_text("x,t,body,y\n" + "".join(
-            "{2},{0},{1},{3}\n".format(*row.split(",")) for row in rows))  # fmt: skip
+        (tmp_path / "tracks.csv").write_text(
+            "x,t,body,y\n" + "".join("{2},{0},{1},{3}\n".format(*row.split(",")) for row in rows)
+        )
         r = read_recording(tmp_path)
         np.testing.assert_array_equal(r.t, [0, 0.1, 0.2, 0.3])
         np.testing.assert_array_equal(r.xy[:, 0], [[0, 0], [1, 2], [np.nan, np.nan], [7, 8]])
@@ -334,8 +353,12 @@ class TestCamera:
     def test_pendulum_filmed_by_an_encoder(self):
         length, start = 0.5, 0.1
         arm = ball(initial=(length * math.sin(start), -length * math.cos(start), 0.0, 0.0))
-        scene = Scene((arm,), (use("gravity"), use("pin", bodies=["a"], anchor=(0.0, 0.0), length=length)),
-                      gravity=(0.0, -9.81), time=Time(dt=1e-4))  # fmt: skip
+        scene = Scene(
+            (arm,),
+            (use("gravity"), use("pin", bodies=["a"], anchor=(0.0, 0.0), length=length)),
+            gravity=(0.0, -9.81),
+            time=Time(dt=1e-4),
+        )
         times = np.arange(0, 1, 0.05)
         r = film(scene, times, positions=False, tilt=0.02)
         omega = math.sqrt(9.81 / length) * (1 - start**2 / 16)
@@ -343,8 +366,11 @@ class TestCamera:
         assert not np.isfinite(r.xy).any()
 
     def test_unobserved_bodies_and_walls_are_not_filmed(self):
-        bodies = (ball("hidden", observed=False, initial=(0.5, 0.5, 0.0, 0.0)), ball("seen", initial=(0.1, 0.1, 0.0, 0.0)),
-                  ball("w", role="wall", initial=(0.9, 0.9, 0.0, 0.0)))  # fmt: skip
+        bodies = (
+            ball("hidden", observed=False, initial=(0.5, 0.5, 0.0, 0.0)),
+            ball("seen", initial=(0.1, 0.1, 0.0, 0.0)),
+            ball("w", role="wall", initial=(0.9, 0.9, 0.0, 0.0)),
+        )
         assert film(Scene(bodies, time=Time(dt=1e-3)), [0.0, 0.1]).ids == ("seen",)
 
     def test_filmed_written_and_read(self, tmp_path):

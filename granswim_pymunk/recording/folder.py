@@ -74,6 +74,11 @@ def _read(folder: Path) -> Recording:
     file = folder / "recording.toml"
     data = read_toml(file)
     _check_numbers(data, file)
+    for key in ("body", "law", "adjustable"):
+        if not isinstance(data.get(key, []), list) or not all(
+            isinstance(i, Mapping) for i in data.get(key, [])
+        ):
+            raise InputError(f"should be tables, written [[{key}]]", file=file, where=key)
     if data.get("format", FORMAT) != FORMAT:
         raise InputError(f"should be {FORMAT!r}, got {data['format']!r}", file=file, where="format")
     if "format" not in data:

@@ -120,7 +120,8 @@ def _check_drive(recording: Recording) -> None:
             t, xy = t[np.isfinite(xy[:, 0])], xy[np.isfinite(xy[:, 0])]
             if len(t) < 3:
                 continue
-            command = np.interp(t, *map(np.array, scene.inputs[name]))
+            at, values_then = scene.inputs[name]
+            command = np.interp(t, np.array(at), np.array(values_then))
             way = values["gain"] * np.cumsum(0.5 * (command[1:] + command[:-1]) * np.diff(t))
             expected = way[:, None] * direction / np.hypot(*direction)
             factor = _common_factor(expected, xy[1:] - xy[0])
