@@ -16,6 +16,8 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str, *, file: str | Path | None = None, where: str | None = None) -> None:
+        # what is quoted from a file may hold line breaks; an error is one line
+        message = " ".join(str(message).split())
         self.message = message
         self.file = None if file is None else str(file)
         self.where = where

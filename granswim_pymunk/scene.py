@@ -32,8 +32,10 @@ class SceneWarning(UserWarning):
 
 
 def _number(value: Any, name: str, unit: str, *, file: Any, where: str | None, positive: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value or value in (math.inf, -math.inf):
         raise InputError(f"{name} should be a finite number [{unit}], got {value!r}", file=file, where=where)
+    if abs(value) > 1e300:
+        raise InputError(f"{name} [{unit}] is too large: {str(value)[:20]}", file=file, where=where)
     if positive and value <= 0:
         raise InputError(f"{name} should be above zero [{unit}], got {value:g}", file=file, where=where)
     return float(value)
@@ -61,11 +63,15 @@ class Body:
         where = f"body {self.id}"
         if self.role not in ROLES:
             raise InputError(f"role should be one of {', '.join(ROLES)}, got {self.role!r}", where=where)
-        _number(self.radius, "radius", "m", file=None, where=where, positive=True)
+        # whole numbers become floats, so that equal scenes have equal hashes
+        object.__setattr__(self, "radius", _number(self.radius, "radius", "m", file=None, where=where, positive=True))
         if self.role != "wall":
-            _number(self.mass, "mass", "kg", file=None, where=where, positive=True)
+            object.__setattr__(self, "mass", _number(self.mass, "mass", "kg", file=None, where=where, positive=True))
         if self.inertia is not None:
-            _number(self.inertia, "inertia", "kg m^2", file=None, where=where, positive=True)
+            inertia = _number(self.inertia, "inertia", "kg m^2", file=None, where=where, positive=True)
+            object.__setattr__(self, "inertia", inertia)
+        if self.initial is not None:
+            object.__setattr__(self, "initial", tuple(float(v) for v in self.initial))
 
     @property
     def mobile(self) -> bool:
@@ -450,7 +456,9 @@ class _Reader:
 BODY_KEYS = ("id", "role", "radius", "mass", "observed", "initial", "inertia", "x", "y")
 
 
-def _read_body(data: Mapping[str, Any], reader: _Reader) -> Body:
+def _read_body(data: Any, reader: _Reader) -> Body:
+    if not isinstance(data, Mapping):
+        raise reader.error(f"should be a table, got {data!r}", "body")
     where = f"body {data.get('id', '(without id)')}"
     data = reader.table(data, where, BODY_KEYS)
     for key in ("id", "role", "radius"):

@@ -176,7 +176,7 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
     return terms
 
 
-def _camera_terms(cases: Sequence[Case]) -> list[Term]:
+def camera_terms(cases: Sequence[Case]) -> list[Term]:
     """What the apparatus may have done: seen = s R(angle) true + b, at t + offset."""
 
     def put(key):
@@ -210,7 +210,7 @@ def _camera_terms(cases: Sequence[Case]) -> list[Term]:
 
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
-    terms = _camera_terms(cases) + _contact_terms(cases)
+    terms = camera_terms(cases) + _contact_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
         if law.candidate == "named":
@@ -236,3 +236,39 @@ def rescaled(term: Term, scales: Sequence[float], firsts: Sequence[float]) -> Te
         for f, s, v in zip(term.free, scales, firsts, strict=True)
     )
     return replace(term, free=free)
+
+
+class _Partly:
+    """Applies a term with some of its numbers; the others stay where the law is absent."""
+
+    def __init__(self, term: Term, kept: Sequence[int]) -> None:
+        self.term = term
+        self.kept = tuple(kept)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+        full = [f.neutral for f in self.term.free]
+        for k, value in zip(self.kept, values, strict=True):
+            full[k] = float(value)
+        return self.term.apply(scene, camera, full)
+
+
+def with_numbers(term: Term, kept: Sequence[int]) -> Term:
+    """The term with only some of its numbers free."""
+    new = {k: n for n, k in enumerate(kept)}
+    groups = tuple((name, tuple(new.get(k, -1) for k in rows)) for name, rows in term.groups if any(k in new for k in rows))
+    return replace(term, free=tuple(term.free[k] for k in kept), apply=_Partly(term, kept), groups=groups)
+
+
+def for_bodies(term: Term, bodies: Sequence[str]) -> tuple[Term, list[int]] | None:
+    """A term that has a strength for each body, for some of them only, and which of its numbers those are."""
+    numbers = [k for k, f in enumerate(term.free) if any(f.name.endswith(f"[{b}]") for b in bodies)]
+    if not numbers:
+        return None
+    present = tuple(b for b in owners(term) if b in bodies)
+    return replace(with_numbers(term, numbers), bodies=present), numbers
+
+
+def owners(term: Term) -> list[str]:
+    """Bodies that have a strength of their own in this term."""
+    names = [f.name[f.name.index("[") + 1 : -1] for f in term.free if f.name.endswith("]")]
+    return list(dict.fromkeys(names)) if term.mechanism not in ("adjustable",) else []

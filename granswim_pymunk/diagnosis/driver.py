@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ..engine import advise_dt
 from ..errors import InputError
 from ..recording import Recording
-from .candidates import APPARATUS, flexible_terms, named_terms
+from .candidates import camera_terms, flexible_terms, for_bodies, named_terms, owners
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
 from .held_out import Errors, held_out_errors, noise_floor, training_errors
-from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
+from .hypothesis import Hypothesis, Predictor, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, whiteness, window_map
 from .name import InnerSplit, Trial, is_apparatus, pair_gains, refit, spread_of, try_candidates
 from .nulls import Null, search_nulls
-from .signatures import Bank, make_bank
+from .signatures import make_bank
 from .start import describe_starts, first_numbers, states
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
@@ -65,6 +64,7 @@ class Diagnosis:
     runs: int = 0
     seed: int = 0
     dropped_bodies: dict[str, str] = field(default_factory=dict)
+    dt: dict[str, float] = field(default_factory=dict)
 
 
 def time_steps(cases: Sequence[Case]) -> dict[str, float]:
@@ -153,7 +153,7 @@ def diagnose_bodies(
 
     progress("testing inside the training part", 0.56)
     inner_scores: dict[str, float] = {}
-    inner_scores["recalibrated"], inner_base = inner.score(recalibrated.hypothesis, recalibrated)
+    inner_scores["recalibrated"], _ = inner.score(recalibrated.hypothesis, recalibrated)
     alive, arms_alive = _score_inner(inner, alive, spread), _score_inner(inner, arms_alive, spread)
     for t in alive + arms_alive:
         inner_scores[t.term.label] = t.inner
@@ -165,11 +165,13 @@ def diagnose_bodies(
     null = None
     found: list[Trial] = []
     if bank.signatures:
-        case_gain = max([t.gain for t in alive] + [float(s.gain) for s in bank.signatures if s.surviving > 1e-3] + [0.0]) if chosen is None else chosen.gain
+        open_ = np.array([s.surviving > 1e-3 for s in bank.signatures])
+        case_gain = chosen.gain if chosen is not None else max(
+            (s.gain for s, counts in zip(bank.signatures, open_, strict=True) if counts), default=0.0
+        )
         null = search_nulls(
-            bank, [floor_fit.innovations[c.name] for c in fitter.cases],
-            np.array([s.surviving > 1e-3 for s in bank.signatures]), case_gain, replicates, rng,
-        )  # fmt: skip
+            bank, _noise_of(floor_fit, fitter.cases, spread, numbers(floor_fit)), open_, case_gain, replicates, rng
+        )
     significant = chosen is not None and null is not None and null.p <= ALARM
     revised = recalibrated
     dropped: dict[str, str] = {}
@@ -239,7 +241,6 @@ def diagnose_bodies(
         if len(found) == 1:
             proposal = propose(winner, loser, (found[0].mechanism, close[0].mechanism), cases, predictor, stop)
     progress("done", 1.0)
-    del inner_base
     if predictor.failures:
         notes.append(f"{len(predictor.failures)} runs could not be finished, the first: {predictor.failures[0]}")
     return Diagnosis(
@@ -248,8 +249,17 @@ def diagnose_bodies(
         null=null, white_naive=white_naive, white_recalibrated=white_recalibrated, white_revised=white_revised,
         windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=inner_scores,
         proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=predictor.runs, seed=seed,
-        dropped_bodies=dropped,
+        dropped_bodies=dropped, dt=dict(predictor.dt),
     )  # fmt: skip
+
+
+def _noise_of(fit: Fit, cases: Sequence[Case], spread: float, numbers: int = 0) -> list[np.ndarray] | None:
+    """What the nulls are drawn from: None for known white noise, else what the best fit leaves over."""
+    if spread <= 1.0 and all(c.sigma_known for c in cases):
+        return None
+    # fitted numbers have taken some of the noise away
+    size = np.sqrt(fit.count / max(fit.count - numbers, 1))
+    return [fit.innovations[c.name] * size for c in cases]
 
 
 def _score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[Trial]:
@@ -260,7 +270,7 @@ def _score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[
     result = []
     for t in trials:
         assert t.fit is not None
-        if t.gain >= 0.3 * best and t.gain > 0:
+        if t.gain >= 0.5 * best and t.gain > 0:
             score, _ = inner.score(t.fit.hypothesis, t.fit)
             t = replace(t, inner=score)
         result.append(t)
@@ -292,35 +302,6 @@ def _choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | No
     return min(same, key=lambda t: (t.numbers, not is_apparatus(t), -t.gain))
 
 
-def _only(trial: Trial, keep: Sequence[str]) -> Term | None:
-    """The term of a trial with a strength for each body, for some of the bodies only."""
-    term = trial.term
-    adder = term.apply
-    owners = [o for o in adder.owners if o in keep]  # type: ignore[attr-defined]
-    if not owners:
-        return None
-    width = len(term.free) // len(adder.owners)  # type: ignore[attr-defined]
-    positions = [k for k, o in enumerate(adder.owners) if o in keep]  # type: ignore[attr-defined]
-    free = tuple(f for k in positions for f in term.free[k * width : (k + 1) * width])
-    per = len(term.groups) // len(adder.owners)  # type: ignore[attr-defined]
-    names = [g[0] for g in term.groups[:per]]
-    sizes = [len(g[1]) for g in term.groups[:per]]
-    groups, at = [], 0
-    for _ in owners:
-        for name, size in zip(names, sizes, strict=True):
-            groups.append((name, tuple(range(at, at + size))))
-            at += size
-    from .candidates import _LawAdder
-
-    apply = _LawAdder(adder.law, adder.fitted, adder.choice, owners, adder.r0, adder.fixed)  # type: ignore[attr-defined]
-    return replace(term, free=free, apply=apply, bodies=tuple(owners), groups=tuple(groups))
-
-
-def _owners(trial: Trial) -> list[str]:
-    owners = getattr(trial.term.apply, "owners", [None])
-    return [o for o in owners if o is not None]
-
-
 def _prune(
     chosen: Trial,
     base: Fit,
@@ -332,21 +313,21 @@ def _prune(
     notes: list[str],
 ) -> tuple[Trial | None, dict[str, str]]:
     """Keep a law only for the bodies whose own recordings ask for it, and where no camera scale does as well."""
-    owners = _owners(chosen)
-    if len(owners) < 2 or chosen.fit is None:
+    bodies = owners(chosen.term)
+    if len(bodies) < 2 or chosen.fit is None:
         return chosen, {}
     dropped: dict[str, str] = {}
     kept = []
-    for owner in owners:
+    for owner in bodies:
         mine = [c for c in fitter.cases if owner in c.recording.scene.ids]
         if not mine:
             continue
         alone = Fitter(mine, predictor, {c.name: fitter.frames[c.name] for c in mine}, stop)
         base_fit = alone.fit(base.hypothesis, base.values, base.starts, fixed=True)
-        term = _only(chosen, [owner])
-        assert term is not None
+        own = for_bodies(chosen.term, [owner])
+        assert own is not None
+        term, index = own
         n = len(base.hypothesis.free)
-        index = [k for k, f in enumerate(chosen.term.free) if f.name in {g.name for g in term.free}]
         start = np.concatenate([base.values, chosen.fit.values[n + np.array(index)]])
         hypothesis = Hypothesis((*base.hypothesis.terms, term))
         with_law = alone.fit(hypothesis, start, chosen.fit.starts)
@@ -366,16 +347,13 @@ def _prune(
     if not kept:
         notes.append(f"{chosen.mechanism} was not kept for any single body")
         return None, dropped
-    if len(kept) == len(owners):
+    if len(kept) == len(bodies):
         return chosen, dropped
-    term = _only(chosen, kept)
-    assert term is not None
-    n = len(base.hypothesis.free)
-    names = {f.name for f in term.free}
-    index = [n + k for k, f in enumerate(chosen.term.free) if f.name in names]
-    fit = fitter.fit(
-        base.hypothesis.with_term(term), np.concatenate([base.values, chosen.fit.values[index]]), chosen.fit.starts
-    )
+    part = for_bodies(chosen.term, kept)
+    assert part is not None
+    term, index = part
+    values = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)]])
+    fit = fitter.fit(base.hypothesis.with_term(term), values, chosen.fit.starts)
     score, _ = inner.score(fit.hypothesis, fit)
     signature = replace(chosen.signature, term=term)
     return Trial(signature, fit, base.chi2 - fit.chi2, score), dropped
@@ -383,17 +361,13 @@ def _prune(
 
 def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, spread: float) -> bool:
     """Whether a scale of the one camera, with the law on all other bodies, does as well as the law on this one too."""
-    from .candidates import _camera_terms
-
-    scale = next((t for t in _camera_terms(fitter.cases) if t.mechanism == "camera_scale"), None)
-    others = _only(chosen, [o for o in _owners(chosen) if o != owner])
+    scale = next((t for t in camera_terms(fitter.cases) if t.mechanism == "camera_scale"), None)
+    others = for_bodies(chosen.term, [b for b in owners(chosen.term) if b != owner])
     if scale is None or others is None or chosen.fit is None:
         return False
-    names = {f.name for f in others.free}
-    n = len(base.values)
-    index = [n + k for k, f in enumerate(chosen.term.free) if f.name in names]
-    start = np.concatenate([base.values, chosen.fit.values[index], [1.0]])
-    rival = fitter.fit(base.hypothesis.with_term(others, scale), start, chosen.fit.starts, evaluations=12)
+    term, index = others
+    start = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)], [1.0]])
+    rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
     return (rival.chi2 - chosen.fit.chi2) / spread < SAME
 
 
@@ -405,7 +379,10 @@ def _second(
         first = found[0]
         rest = [t for t in terms if t.mechanism != first.mechanism]
         beside = make_bank(fitter, revised, rest)
-        order = sorted((s for s in beside.signatures if s.surviving > 0.02), key=lambda s: -s.gain)[:5]
+        # where something else is wrong too, a law with many numbers fits whatever that is
+        spread = spread_of(revised, training)
+        open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
+        order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
         second_trials = []
         for signature in order:
             fit = refit(fitter, revised, signature, (1.0,))
@@ -417,8 +394,7 @@ def _second(
         base_inner, base_by = inner.score(revised.hypothesis, revised)
         scored = []
         for t in second_trials:
-            # where something else is wrong too, a law with many numbers fits whatever that is
-            if _worth(t, spread) > 8 and (spread <= 1.0 or t.numbers <= first.numbers):
+            if _worth(t, spread) > 8:
                 score, by_case = inner.score(t.fit.hypothesis, t.fit)
                 better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [0.0])
                 scored.append((replace(t, inner=score), float(better)))
@@ -431,8 +407,8 @@ def _second(
         if best is None or best.fit is None:
             return found, revised
         null = search_nulls(
-            beside, [best.fit.innovations[c.name] for c in fitter.cases],
-            np.array([s.surviving > 0.02 for s in beside.signatures]), best.gain, 99, rng,
+            beside, _noise_of(best.fit, fitter.cases, spread), np.array([s.surviving > 0.02 for s in beside.signatures]),
+            best.gain, 99, rng,
         )  # fmt: skip
         if null.p > ALARM:
             return found, revised
@@ -452,8 +428,8 @@ def _second(
         if not score < inner_scores["recalibrated"]:
             continue
         null = search_nulls(
-            bank, [fit_a.innovations[c.name] for c in fitter.cases],
-            np.array([s.surviving > 1e-3 for s in bank.signatures]), gain, 199, rng,
+            bank, _noise_of(fit_a, fitter.cases, spread), np.array([s.surviving > 1e-3 for s in bank.signatures]), gain,
+            199, rng,
         )  # fmt: skip
         if null.p <= ALARM:
             inner_scores[f"{a.term.label} + {b.term.label}"] = score
@@ -502,7 +478,7 @@ def _rivals(found: list[Trial], alive: list[Trial], spread: float, verdict: str)
         if t.gain < 0.2 * winner.gain:
             continue
         seen.add(t.mechanism)
-        same = (winner.gain - t.gain) / spread < SAME
+        same = _worth(winner, spread) - _worth(t, spread) < SAME
         result.append((t, bool(same)))
     return result[:8]
 
@@ -547,4 +523,4 @@ def check_kind(recordings: Sequence[Recording]) -> None:
             )
 
 
-__all__ = ["APPARATUS", "Bank", "Diagnosis", "Mapping", "Any", "check_kind", "diagnose_bodies"]
+__all__ = ["Diagnosis", "check_kind", "diagnose_bodies"]

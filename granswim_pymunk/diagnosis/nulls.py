@@ -64,16 +64,22 @@ def surrogate(innovations: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def search_nulls(
     bank: Bank,
-    noise: Sequence[np.ndarray],
+    noise: Sequence[np.ndarray] | None,
     wanted: np.ndarray,
     case: float,
     replicates: int,
     rng: np.random.Generator,
 ) -> Null:
-    """Shuffle the phases of ``noise`` (innovations (T, c) of each recording, in the order of the bank) and
-    search again. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data."""
-    gains = np.empty(replicates)
-    for k in range(replicates):
-        found = bank.gains(np.concatenate([surrogate(array, rng) for array in noise]))[wanted]
-        gains[k] = found.max(initial=0.0)
-    return Null(gains, case)
+    """Search again in innovations that hold no candidate.
+
+    ``noise``: innovations (T, c) of each recording, in the order of the bank, whose phases are shuffled; None
+    where the noise is known and white. ``wanted`` (candidates,): mask of those that count; ``case``: the gain
+    found on the data.
+    """
+    if noise is None:
+        drawn = rng.normal(size=(len(bank.innovations), replicates))
+    else:
+        drawn = np.column_stack(
+            [np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)]
+        )
+    return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)

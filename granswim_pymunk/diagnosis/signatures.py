@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .candidates import rescaled
+from .candidates import rescaled, with_numbers
 from .fit import Fit, Fitter, basis
 from .hypothesis import Term
 
@@ -38,9 +38,9 @@ class Bank:
     signatures: tuple[Signature, ...]
 
     def gains(self, innovations: np.ndarray) -> np.ndarray:
-        """Fall in chi2 of every candidate for other innovations (n,)."""
+        """Fall in chi2 of every candidate (m,) for other innovations (n,), or (m, k) for k of them (n, k)."""
         left = innovations - self.nuisance @ (self.nuisance.T @ innovations)
-        return np.array([float(np.sum((s.directions.T @ left) ** 2)) for s in self.signatures])
+        return np.array([np.sum((s.directions.T @ left) ** 2, axis=0) for s in self.signatures])
 
 
 def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -105,6 +105,14 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     signatures = []
     for term in terms:
         columns, scales = _columns(fitter, fit, term)
+        answered = np.abs(columns).max(axis=0) > 0
+        if not answered.any():
+            signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
+            continue
+        if not answered.all():
+            # a number that changes nothing these recordings show stays where the law is absent
+            term = with_numbers(term, np.flatnonzero(answered).tolist())
+            columns, scales = columns[:, answered], scales[answered]
         after_starts = columns - starts @ (starts.T @ columns)
         after_all = columns - nuisance @ (nuisance.T @ columns)
         size = float(np.linalg.norm(columns * scales))

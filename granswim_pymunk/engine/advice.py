@@ -69,10 +69,4 @@ def advise_dt(scene: Scene) -> float:
             steps.append(0.01 * lightest / values["c"])
         elif item.name == "quadratic_drag" and values["c"] > 0 and speed > 0:
             steps.append(0.01 * lightest / (values["c"] * speed))
-        elif item.name == "contact_elastic":
-            # a collision is found when the disks already overlap: a small part of a radius
-            radius = min((b.radius for b in scene.bodies), default=1.0)
-            fall = math.hypot(*scene.gravity)
-            fast = max(speed, math.sqrt(2 * fall * 10 * radius), 1e-3)
-            steps.append(radius / fast / 1000)
     return float(np.min(steps))

@@ -16,7 +16,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 
 from ..errors import InputError, SimulationError
 from ..scene import Scene
-from . import neighbours, stepping
+from . import events, neighbours, stepping
 from .advice import advise_dt
 from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, USE_COLUMNS, Kernel, compile_laws
 from .native import Offsets, ProbeError, address, offsets, step_address, write_slot
@@ -128,6 +128,7 @@ class Simulation:
         if not (math.isfinite(self.dt) and self.dt > 0):
             raise InputError(f"dt should be above zero [s], got {dt!r}")
         self.step = 0
+        self._event_time: float | None = None  # where steps end at impacts, time is not a number of steps
         self._started = False
         self._start_kind = start
         self._arrays(skin)
@@ -472,6 +473,8 @@ class Simulation:
     @property
     def t(self) -> float:
         """Time [s]."""
+        if self._event_time is not None:
+            return self._event_time
         return self.scene.time.start + self.step * self.dt
 
     def _array_forces(self, constrained: bool, t: float) -> None:
@@ -562,7 +565,10 @@ class Simulation:
         if self.mode == "batch":
             self._batch.advance(steps)
             return
-        if self.mode == "verlet" and not self.impulse:
+        if self.impulse:
+            self._advance_events(np.array([self.t + steps * self.dt]), np.zeros(0, dtype=np.int64))
+            return
+        if self.mode == "verlet":
             self._remove_shapes()
         left = steps
         while left > 0:
@@ -575,6 +581,24 @@ class Simulation:
                 continue
             self.step += int(done)
             left -= int(done)
+
+    def _advance_events(self, ends: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Go on to times ``ends`` [s] in steps that end at impacts; positions of inner ``rows`` there."""
+        a = self._a
+        assert self._offsets is not None
+        touching = np.array([circle.filter.mask != 0 for circle in self._circles], dtype=np.uint8)
+        radius = a["radius"] / self.units.length
+        out = np.full((len(ends), len(rows), 2), np.nan)
+        reached, last = events.advance_to(
+            step_address(), address(self._space._space), self.t, ends, self.dt, self.units.time, self._ints,
+            _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"], a["bodies"],
+            radius, a["group"], touching, a["mobile"], self._offsets.position, self._offsets.velocity,
+            self.units.length, self.units.velocity, a["bodies"][rows].copy(), out,
+        )  # fmt: skip
+        self._event_time, self._last_step = float(reached), float(last)
+        self.step = max(round((reached - self.scene.time.start) / self.dt), 1)
+        self._interrupted(())
+        return out
 
     def _save(self) -> tuple[Any, ...]:
         # what a neighbour list that overflowed in the middle of a block goes back to
@@ -639,6 +663,8 @@ class Simulation:
         if not len(times):
             return out
         self._begin()
+        if self.impulse and self._offsets is not None:
+            return self._advance_events(times, inner)
         steps = np.floor((times - self.scene.time.start) / self.dt + 1e-9).astype(np.int64)
         ahead = times - (self.scene.time.start + steps * self.dt)
         if self.mode in ("python", "batch"):
@@ -723,7 +749,7 @@ class Simulation:
         """The state at the present time, velocities taken back by the half kick [m, m/s, rad, rad/s]."""
         raw = self._raw_inner()
         if self._started and self.step > 0 or (self._started and self._start_kind == "synchronised"):
-            half = 0.5 * self.dt
+            half = 0.5 * (self._last_step if self._event_time is not None else self.dt)
             m = slice(0, self._n_mobile)
             a = self._a
             if self.step > 0:

@@ -1,0 +1,46 @@
+"""``granswim diagnose``: hold a simulation against a recording and find the physics that was left out."""
+
+import argparse
+from pathlib import Path
+
+HELP = "find the physics that the scene of a recording lacks"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="folder, or name of a shipped recording")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for verdict, report, figures")
+    parser.add_argument(
+        "--hold-out", action="append", default=[], metavar="RECORDING", help="not looked at before the verdict is fixed"
+    )
+    parser.add_argument("--minutes", type=float, metavar="M", help="time budget")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the nulls")
+
+
+def main(args: argparse.Namespace) -> int:
+    from ..diagnosis.diagnose import ProgressLine, diagnose
+    from ..diagnosis.verdict import verdict_dict
+    from ..errors import InputError
+
+    if args.minutes is not None and not args.minutes > 0:
+        raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
+    if args.seed < 0:
+        raise InputError(f"should be zero or more, got {args.seed}", where="--seed")
+    found = diagnose(
+        args.recordings, args.out, hold_out=args.hold_out, minutes=args.minutes, seed=args.seed, progress=ProgressLine()
+    )
+    verdict = verdict_dict(found)
+    print(f"verdict: {verdict['verdict']}")
+    for entry in verdict["mechanisms"]:
+        print(f"  {entry['name']} on {', '.join(entry['bodies'])}: {entry['expression']}")
+    for rival in verdict["rivals"]:
+        if rival["indistinguishable"]:
+            print(f"  these data cannot tell it from {rival['name']}")
+    unit = verdict["fit"]["unit"]
+    for part, title in (("train", "training"), ("heldout", "held out")):
+        errors = verdict["fit"][part]
+        shown = ", ".join(f"{k.replace('_', ' ')} {v:.3g}" for k, v in errors.items() if v is not None)
+        print(f"  {title} [{unit}]: {shown or 'nothing'}")
+    for note in verdict["notes"]:
+        print(f"  note: {note}")
+    print(f"report: {args.out / 'report.html'}")
+    return 0

@@ -1,0 +1,216 @@
+"""verdict.json and revised.toml of the contract, from a finished diagnosis."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from ..scene import Scene, Time
+from .candidates import distinct_bodies, owners
+from .data import Case
+from .driver import Diagnosis
+from .fit import Fit
+from .hypothesis import NO_CAMERA
+from .name import Trial
+from .start import states
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _term_offset(fit: Fit, trial: Trial) -> int:
+    """Where the numbers of a trial's term begin among those of the fit."""
+    at = 0
+    for term in fit.hypothesis.terms:
+        if term.label == trial.term.label and term.mechanism == trial.mechanism:
+            return at
+        at += len(term.free)
+    raise KeyError(trial.term.label)
+
+
+def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dict[str, Any]]:
+    """The entries of ``mechanisms`` for one law: one, or one for each body that has a strength of its own."""
+    fit = diagnosis.revised
+    offset = _term_offset(fit, trial)
+    term = trial.term
+    bodies = owners(term)
+    entries = []
+    for owner in bodies or [None]:
+        parameters: dict[str, Any] = {}
+        for name, rows in term.groups:
+            mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
+            if not any(r >= 0 for r in mine):
+                continue
+            parameters[name] = _parameter(diagnosis, fit, offset, term, mine)
+        for name, choice in term.choices.items():
+            parameters[name] = {"value": choice, "low": None, "high": None, "unit": "1"}
+        entries.append(
+            {
+                "name": trial.mechanism,
+                "expression": _with_numbers(term.expression, parameters),
+                "bodies": [owner] if owner is not None else _acting(diagnosis, trial),
+                "parameters": parameters,
+                "surviving_fraction": _number(trial.signature.surviving),
+                "gain_heldout": _number(gain),
+            }
+        )
+    return entries
+
+
+def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int]) -> dict[str, Any]:
+    found = []
+    for r in rows:
+        if r < 0:  # a component that these recordings do not show
+            found.append((0.0, None, None))
+        else:
+            found.append(fit.interval(offset + r, diagnosis.spread))
+    unit = next(term.free[r].unit for r in rows if r >= 0)
+    if len(found) == 1:
+        value, low, high = found[0]
+        return {"value": value, "low": low, "high": high, "unit": unit}
+    return {
+        "value": [f[0] for f in found], "low": [f[1] for f in found], "high": [f[2] for f in found], "unit": unit,
+    }  # fmt: skip
+
+
+def _with_numbers(expression: str, parameters: Mapping[str, Any]) -> str:
+    shown = []
+    for name, p in parameters.items():
+        value = p["value"]
+        text = "[" + ", ".join(f"{v:.4g}" for v in value) + "]" if isinstance(value, list) else f"{value:.4g}"
+        shown.append(f"{name} = {text}" + (f" {p['unit']}" if p["unit"] not in ("1", "") else ""))
+    return f"{expression}; {', '.join(shown)}" if shown else expression
+
+
+def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
+    if trial.term.bodies is not None:
+        return list(trial.term.bodies)
+    return list(distinct_bodies(diagnosis.cases))
+
+
+def heldout_gain(diagnosis: Diagnosis, trial_fit: Fit | None) -> float | None:
+    """How much the mean squared error on held-out data falls against recalibration, as a log-ratio:
+    n/2 ln(recalibrated/this), n the independent held-out numbers; only for the revised scene."""
+    before, after = diagnosis.held["recalibrated"].rms, diagnosis.held["revised"].rms
+    if trial_fit is not diagnosis.revised or not before or not after:
+        return None
+    n = sum(int(math.prod(c.values[c.scored].shape)) for c in diagnosis.cases) / max(diagnosis.spread, 1.0)
+    return float(max(n, 1.0) * math.log(before / after))
+
+
+def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The contents of verdict.json (contract version 1)."""
+    d = diagnosis
+    base_inner = d.inner.get("recalibrated")
+    mechanisms: list[dict[str, Any]] = []
+    gain = heldout_gain(d, d.revised)
+    if d.verdict == "unmodelled" and d.found:
+        trial = d.found[0]
+        entry = _entries(d, trial, gain)[0]
+        entry["name"] = "unknown"
+        mechanisms.append(entry)
+    else:
+        for trial in d.found:
+            mechanisms += _entries(d, trial, gain)
+
+    def inner_gain(trial: Trial) -> float | None:
+        # rivals are never shown held-out data: their gain is that inside the training part
+        if not base_inner or not math.isfinite(trial.inner) or trial.inner <= 0:
+            return None
+        n = sum(int(c.training.sum()) * len(c.channels) for c in d.cases if not c.held_out) * 0.4 / max(d.spread, 1.0)
+        return float(n / 2 * math.log(base_inner / trial.inner))
+
+    errors = {
+        part: {
+            "naive": _number(source["naive"].rms),
+            "recalibrated": _number(source["recalibrated"].rms),
+            "revised": _number(source["revised"].rms),
+            "noise_floor": _number(floor),
+        }
+        for part, source, floor in (("train", d.train, d.floor[0]), ("heldout", d.held, d.floor[1]))
+    }
+    whole = {k: _number(v.whole) for k, v in d.held.items()}
+    result: dict[str, Any] = {
+        "format": "granswim-verdict/1",
+        "verdict": d.verdict,
+        "mismatch": [place.as_dict() for place in d.places],
+        "mechanisms": mechanisms,
+        "rivals": [
+            {"name": t.mechanism, "gain_heldout": inner_gain(t), "indistinguishable": same} for t, same in d.rivals
+        ],
+        "fit": {**errors, "unit": next(c.unit for c in d.cases)},
+        "null": {"p_false_alarm": d.null.p, "replicates": len(d.null.gains)} if d.null else None,
+        "next_experiment": None
+        if d.proposal is None
+        else {"change": d.proposal.change, "separates": list(d.proposal.separates), "d_prime": d.proposal.d_prime},
+        "recalibrated": {
+            f.name: dict(zip(("value", "low", "high"), d.revised.interval(k, d.spread), strict=True))
+            for k, f in enumerate(d.recalibrated.hypothesis.free)
+        },
+        "notes": list(d.notes)
+        + [f"{b}: not named, {why}" for b, why in d.dropped_bodies.items()]
+        + _remaining(d),
+    }
+    if any(whole.values()):
+        result["fit"]["heldout_start_fitted_to_whole"] = whole
+    return result
+
+
+def _remaining(d: Diagnosis) -> list[str]:
+    revised, floor = d.held["revised"].rms, d.floor[1]
+    if revised and floor and revised > 1.5 * floor:
+        unit = next(c.unit for c in d.cases)
+        return [f"a held-out misfit of {revised:.3g} {unit} remains, {revised / floor:.0f} times the noise floor"]
+    return []
+
+
+def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
+    """The scene of a recording with what was found added; it runs as it is."""
+    fit = diagnosis.revised
+    scene, camera = fit.hypothesis.scene(case, fit.values)
+    t0 = float(case.t[0]) + float(camera["time_offset"])
+    if case.name in fit.starts:
+        scene = scene.with_initial(states(fit.described[case.name], fit.starts[case.name], scene, t0))
+    else:
+        from .start import describe_starts, first_numbers
+
+        described = describe_starts(case, case.start, scene)
+        scene = scene.with_initial(states(described, first_numbers(described), scene, t0))
+    duration = float(case.t[-1] - case.t[0])
+    spacing = duration / max(len(case.t) - 1, 1)
+    shown = {k: v for k, v in camera.items() if v != NO_CAMERA[k]}
+    shown = {k: list(v) if isinstance(v, tuple) else v for k, v in shown.items()}
+    return replace(
+        scene,
+        time=Time(dt=diagnosis.dt[case.name], start=t0, duration=duration, output=spacing),
+        camera=shown,
+        adjustable=(),
+        title=f"{case.recording.title or case.name}, revised",
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write beside, then rename: a reader never sees half a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)
+
+
+def write_verdict(diagnosis: Diagnosis, out: Path) -> None:
+    """Write verdict.json, revised.toml and, with several recordings, revised/NAME.toml."""
+    scenes = {case.name: revised_scene(diagnosis, case) for case in diagnosis.cases}
+    first = next(c.name for c in diagnosis.cases)
+    write_text(out / "revised.toml", tomli_w.dumps(scenes[first].to_dict()))
+    if len(scenes) > 1:
+        for name, scene in scenes.items():
+            write_text(out / "revised" / f"{name}.toml", tomli_w.dumps(scene.to_dict()))
+    write_text(out / "verdict.json", json.dumps(verdict_dict(diagnosis), indent=1, allow_nan=False) + "\n")
