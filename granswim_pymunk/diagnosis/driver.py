@@ -25,6 +25,7 @@ from .start import describe_starts, first_numbers, states
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
+POOR = 0.1  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
 REPLICATES = 299
 
 Progress = Callable[[str, float], None]
@@ -195,8 +196,12 @@ def diagnose_bodies(
         found, arms_alive, alive, inner_scores, white_naive, white_recalibrated, naive, recalibrated, spread,
         bool(adjustables), null, notes,
     )  # fmt: skip
-    if verdict == "unmodelled" and flexible is not None and flexible.fit is not None:
-        found, revised = [flexible], flexible.fit
+    if verdict == "unmodelled":
+        best_named = found[0] if found else None
+        if flexible is not None and flexible.fit is not None and (
+            best_named is None or flexible.inner < best_named.inner
+        ):
+            found, revised = [flexible], flexible.fit
     rivals = _rivals(found, alive, spread, verdict)
 
     # 2. locate: innovations of short windows under the recalibrated scene
@@ -451,6 +456,11 @@ def _verdict(
         if ahead > 25 and arm.inner < base and arm.inner - 1.0 < 0.6 * (named_inner - 1.0) and arm.inner < 0.9 * named_inner:
             return "unmodelled", arm
     if found:
+        # a law that is the best of a poor lot is not an explanation
+        left = (named_inner - 1.0) / max(base - 1.0, 1e-12)
+        if spread > 1.0 and left > POOR:
+            notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
+            return "unmodelled", arm
         if all(is_apparatus(t) for t in found):
             return "measurement", None
         return "missing_physics", None

@@ -103,7 +103,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         values = np.concatenate([base.values, neutral + share * (first - neutral)])
         found = fitter.fit(
             hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,),
-            evaluations=12 if len(signature.term.free) > 4 else 20,
+            evaluations=8 if len(signature.term.free) > 12 else 20,
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found

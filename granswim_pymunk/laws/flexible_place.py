@@ -4,7 +4,7 @@ from .base import Parameter, law
 
 _NAMES = ("1", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
 _COEFFICIENTS = [
-    Parameter(f"{axis}{k}", "m/s^2", f"acceleration along {axis} times {name} (scaled coordinates)", default=0.0, typical=1.0)
+    Parameter(f"{axis}{k}", "N", f"force along {axis} times {name} (scaled coordinates)", default=0.0, typical=1.0)
     for axis in ("a", "b")
     for k, name in enumerate(_NAMES)
 ]
@@ -12,18 +12,19 @@ _COEFFICIENTS = [
 
 @law(
     kind="body",
-    expression="F_i = m_i sum_k a_k p_k(x_i, y_i), p_k the monomials to the third degree",
+    expression="F_i = (m_i/m_0)^q sum_k a_k p_k(x_i, y_i), p_k the monomials to the third degree, m_0 = 1 kg for q = 1",
     reference="Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, ch. 5 (basis expansions)",
     parameters=[
         Parameter("centre", "m", "where the scaled coordinates are zero", size=2, default=(0.0, 0.0)),
         Parameter("size", "m", "length that scales the coordinates", low=0.0, default=1.0),
+        Parameter("q", "1", "power of the mass: 0 a force, 1 an acceleration", default=0.0, choices=(0, 1)),
         *_COEFFICIENTS,
     ],
     strength=tuple(p.name for p in _COEFFICIENTS),
     candidate="flexible",
 )
 def flexible_place(
-    x, y, mass, centre_x, centre_y, size,
+    x, y, mass, centre_x, centre_y, size, q,
     a0, a1, a2, a3, a4, a5, a6, a7, a8, a9, b0, b1, b2, b3, b4, b5, b6, b7, b8, b9,
 ):  # fmt: skip
     u = (x - centre_x) / size
@@ -33,4 +34,5 @@ def flexible_place(
     vv = v * v
     along_x = a0 + a1 * u + a2 * v + a3 * uu + a4 * uv + a5 * vv + a6 * uu * u + a7 * uu * v + a8 * u * vv + a9 * vv * v
     along_y = b0 + b1 * u + b2 * v + b3 * uu + b4 * uv + b5 * vv + b6 * uu * u + b7 * uu * v + b8 * u * vv + b9 * vv * v
-    return mass * along_x, mass * along_y
+    weight = mass if q == 1 else 1.0
+    return weight * along_x, weight * along_y
