@@ -11,7 +11,7 @@ import json
 import math
 import tomllib
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -273,26 +273,18 @@ class Scene:
         values = dict(item.values)
         for name, value in values.items():
             if value is AUTOMATIC:
-                values[name] = self._automatic(item.name, name)
+                values[name] = self._automatic(item, name)
         if item.name == "drive" and item.bodies:
             for rail in self.laws_named("rail"):
                 if rail.bodies is None or item.bodies[0] in rail.bodies:
                     values["direction"] = rail.values["direction"]
         return values
 
-    def _automatic(self, law: str, parameter: str) -> float:
-        if parameter == "mean_mass":
-            grains = [b.mass for b in self.bodies if b.role == "grain"]
-            if not grains and self.bed is not None:
-                low, high = self.bed.grain_diameter
-                # mean of a sphere's mass over a uniform diameter: <d^3> = (a^4 - b^4)/(4 (a - b))
-                cube = (high**4 - low**4) / (4 * (high - low)) if high > low else low**3
-                return self.bed.density * math.pi / 6 * cube
-            mobile = grains or [b.mass for b in self.bodies if b.mobile]
-            return float(np.mean(mobile))
-        if law == "union" and parameter == "length":
-            return 2 * self.bodies[self.swimmer[0]].radius if self.swimmer else 0.0
-        raise InputError("has no automatic value", where=f"law {law}, parameter {parameter}")
+    def _automatic(self, item: LawUse, parameter: str) -> Any:
+        work_out = _AUTOMATIC.get(f"{item.name}.{parameter}") or _AUTOMATIC.get(parameter)
+        if work_out is None:
+            raise InputError("has no automatic value", where=f"law {item.name}, parameter {parameter}")
+        return work_out(self, item)
 
     # ---- changing -----------------------------------------------------------------------------
 
@@ -393,6 +385,35 @@ class Scene:
             hashlib.sha256(item.law.function.__code__.co_code).hexdigest() for item in self.laws
         ]
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+# ---- automatic values -------------------------------------------------------------------------
+
+
+def _mean_grain_mass(scene: Scene, item: LawUse) -> float:
+    grains = [b.mass for b in scene.bodies if b.role == "grain"]
+    if not grains and scene.bed is not None:
+        low, high = scene.bed.grain_diameter
+        # mean of a sphere's mass over a uniform diameter: <d^3> = (a^4 - b^4)/(4 (a - b))
+        cube = (high**4 - low**4) / (4 * (high - low)) if high > low else low**3
+        return scene.bed.density * math.pi / 6 * cube
+    return float(np.mean(grains or [b.mass for b in scene.bodies if b.mobile]))
+
+
+def _disk_distance(scene: Scene, item: LawUse) -> float:
+    """The length of the union, else twice the radius of the first disk."""
+    for union in scene.laws_named("union"):
+        if union.values["length"] is not AUTOMATIC:
+            return float(union.values["length"])
+    return 2 * scene.bodies[scene.swimmer[0]].radius if scene.swimmer else 0.0
+
+
+# LAW.PARAMETER, or PARAMETER in any law: what stands for an AUTOMATIC value
+_AUTOMATIC: dict[str, Callable[[Scene, LawUse], Any]] = {
+    "mean_mass": _mean_grain_mass,
+    "union.length": _disk_distance,
+    "bending.length": _disk_distance,
+}
 
 
 def _body_to_dict(body: Body) -> dict[str, Any]:

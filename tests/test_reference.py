@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from granswim_pymunk.errors import InputError, SimulationError
+from granswim_pymunk.scene import Body, Scene, Time, swimmer, use
 from granswim_pymunk.validation import cases_bed, cases_bodies, cases_contact, reference, reference_forces
 from granswim_pymunk.validation.analytic import pendulum_period
 from granswim_pymunk.validation.cases_bodies import MASS, one_body
 from granswim_pymunk.validation.crosscheck import crosscheck
 from granswim_pymunk.validation.reference import Reference, exact
 from granswim_pymunk.validation.reference_forces import bending, bending_energy
-
-from granswim_pymunk.errors import InputError, SimulationError
-from granswim_pymunk.scene import Body, Scene, Time, swimmer, use
 
 G = (0.0, -9.81)
 

@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 import tomli_w
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
 from granswim_pymunk.validation import analytic, cases_bed, report
 from granswim_pymunk.validation.crosscheck import SHIPPED, crosscheck, read_bed
 from granswim_pymunk.validation.reference import Reference
 from granswim_pymunk.validation.results import Case, Figure, Line, Panel, crossings, runner
-
-from granswim_pymunk.cli import main
-from granswim_pymunk.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_contacts_and_forces_of_the_engine(mode):
     run.advance(100)
     other.advance(100)
     item = scene.laws_named("contact_linear")[0]
-    xy, v = other.state().xy, other.v_half
+    xy, v = other.state().xy, other.state().v
     other.laws.pairs.update(xy)
     i, j, normal, gap, force = other.laws.contact_forces(item, scene.resolved(item), xy, v)
     found = run.contacts()

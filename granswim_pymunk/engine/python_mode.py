@@ -49,7 +49,7 @@ class PythonCallbacks:
         if a is None or b is None or (a < 0 and b < 0):
             return
         i, j = sorted((a if a >= 0 else -a - 2, b if b >= 0 else -b - 2))
-        self._pairs[i, j] = self._pair_force(i, j)
+        self._pairs[i, j] = self.pair_force(i, j, self._time())
 
     def _velocity_function(self, k: int) -> Any:
         def update(body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
@@ -73,12 +73,23 @@ class PythonCallbacks:
             x * length + s._images[k] * (s.scene.periodic_x or 0.0), y * length, vx * velocity, vy * velocity
         )  # fmt: skip
 
-    def _pair_force(self, i: int, j: int) -> tuple[float, float, float, float]:
-        """Force on j [N], torques on i and j [N m]."""
+    def _row_state(self, k: int) -> tuple[float, ...]:
+        """x, y [m] (unwrapped), vx, vy [m/s], spin [rad/s] of a row."""
+        s = self.simulation
+        return *self._vector(k), s._bodies[k].angular_velocity / s.units.time
+
+    def pair_force(
+        self, i: int, j: int, t: float, raw: dict[str, np.ndarray] | None = None
+    ) -> tuple[float, float, float, float]:
+        """Force on j [N], torques on i and j [N m] at time t [s]; ``raw``: a state other than the Space's."""
         s = self.simulation
         a = s._a
-        xi, yi, ui, vi = self._vector(i)
-        xj, yj, uj, vj = self._vector(j)
+        if raw is None:
+            first, second = self._row_state(i), self._row_state(j)
+        else:
+            first, second = (tuple(float(raw[name][k]) for name in ("x", "y", "vx", "vy", "spin")) for k in (i, j))
+        xi, yi, ui, vi, wi = first
+        xj, yj, uj, vj, wj = second
         dx, dy = xj - xi, yj - yi
         length = s.scene.periodic_x
         if length:
@@ -89,10 +100,8 @@ class PythonCallbacks:
             return 0.0, 0.0, 0.0, 0.0
         nx, ny = dx / distance, dy / distance
         gap = distance - (ri + rj)
-        spin = 1.0 / s.units.time
-        wi, wj = s._bodies[i].angular_velocity * spin, s._bodies[j].angular_velocity * spin
         available = {
-            "t": s.scene.time.start + (s.step + 1) * s.dt,
+            "t": t,
             "gap": gap,
             "distance": distance,
             "vn": (uj - ui) * nx + (vj - vi) * ny,
@@ -126,14 +135,14 @@ class PythonCallbacks:
             return
         self._summed_step = s.step + 1 if constrained else -1
         a = s._a
-        t = s.scene.time.start + self._time_step() * s.dt
+        t = self._time()
         fx, fy, torque = self._fx, self._fy, self._torque
         fx[:], fy[:], torque[:] = 0.0, 0.0, 0.0
         if self._far:
             for i in range(s._n):
                 for j in range(i + 1, s._n):
                     if (a["mobile"][i] or a["mobile"][j]) and (a["group"][i] == 0 or a["group"][i] != a["group"][j]):
-                        self._pairs[i, j] = self._pair_force(i, j)
+                        self._pairs[i, j] = self.pair_force(i, j, t)
         for i, j in sorted(self._pairs):  # Chipmunk's order differs between processes
             px, py, ti, tj = self._pairs[i, j]
             fx[j] += px
@@ -160,8 +169,10 @@ class PythonCallbacks:
                     fx[k] += ax
                     fy[k] += ay
 
-    def _time_step(self) -> int:
-        return self.simulation.step + (1 if self._stepping else 0)
+    def _time(self) -> float:
+        """Time of the positions [s], which the drift has led one step on."""
+        s = self.simulation
+        return s.scene.time.start + (s.step + (1 if self._stepping else 0)) * s.dt
 
     _stepping = False
 
@@ -183,25 +194,34 @@ class PythonCallbacks:
     # ---- time -------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """The first kick: half of one, and the whole one from half a step back where there are constraints."""
+        """The first kick, as in the compiled modes: half of one; where a constraint holds a body, a whole one."""
         s = self.simulation
-        half, unit = 0.5 * s.dt, s.units.velocity
-        a = s._a
+        n, half, unit = s._n_mobile, 0.5 * s.dt, s.units.velocity
+        weight = s._a["inverse_mass"][:n, None]
         touching = self._touching()
+        start = np.array([body.velocity for body in s._bodies[:n]]).reshape(n, 2) * unit
+        held = s._held_rows()[:n, None]
 
-        def kick(size: float, constrained: bool) -> None:
-            self._pairs = {pair: self._pair_force(*pair) for pair in touching}
+        def accelerations(v: np.ndarray, constrained: bool) -> np.ndarray:
+            for body, (vx, vy) in zip(s._bodies, v / unit, strict=False):
+                body.velocity = (vx, vy)
+            self._pairs = {(i, j): self.pair_force(i, j, s.t) for i, j in touching}
             self._summed_step = -1
             self._sum(constrained)
-            for k, body in enumerate(s._bodies[: s._n_mobile]):
-                w = float(a["inverse_mass"][k])
-                body.velocity += pymunk.Vec2d(size * w * self._fx[k] / unit, size * w * self._fy[k] / unit)
+            return weight * self.forces()[:n]
 
-        if any(item.law.kind == "constraint" for item in s._uses):
-            kick(-half, False)
-            kick(s.dt, True)
-        else:
-            kick(half, False)
+        a = accelerations(start, True)
+        torque = self._torque.copy()
+        v = start + half * a
+        if held.any():
+            a = accelerations(start, False)
+            for _ in range(2):
+                behind = np.where(held, start - half * a, start)
+                a = accelerations(behind, True)
+            v = np.where(held, behind + s.dt * a, v)
+        for k, body in enumerate(s._bodies[:n]):
+            body.velocity = (v[k, 0] / unit, v[k, 1] / unit)
+            body.angular_velocity = half * torque[k] * s._inverse_moment[k] * s.units.time
         self._summed_step = -1
 
     def _touching(self) -> list[tuple[int, int]]:
@@ -222,7 +242,8 @@ class PythonCallbacks:
             self._stepping = False
             s.step += 1
             m = slice(0, s._n_mobile)
-            s._a["fx"][m], s._a["fy"][m] = self._fx[m], self._fy[m]
+            for name, own in (("fx", self._fx), ("fy", self._fy), ("torque", self._torque)):
+                s._a[name][m] = own[m]
             positions = np.array([body.position for body in s._bodies[: s._n_mobile]])
             if not np.isfinite(positions).all():
                 who = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
@@ -249,7 +270,9 @@ class PythonCallbacks:
 
     def forces(self) -> np.ndarray:
         """(n, 2) forces of the last step [N], inner order."""
-        return np.column_stack([self._fx, self._fy])
+        result = np.column_stack([self._fx, self._fy])
+        result[self.simulation._n_mobile :] = 0.0
+        return result
 
 
 def _follow(original: pymunk.Body, period: float) -> Any:

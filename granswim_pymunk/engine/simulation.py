@@ -37,7 +37,8 @@ class State:
     t : float, time [s]
     xy : (n, 2) float, positions [m], unwrapped along a periodic x
     v : (n, 2) float, velocities [m/s] at t
-    angle, spin : (n,) float, angle [rad] and angular velocity [rad/s]
+    angle, spin : (n,) float, angle [rad] and angular velocity [rad/s]; of a pinned body those of its rod,
+        0 when it hangs along -y, in (-pi, pi]
     """
 
     t: float
@@ -271,6 +272,7 @@ class Simulation:
         }.items():
             floats[_FLOAT_SLOT[name]] = value
         self._floats = floats
+        self._inverse_moment = np.array([1.0 / b.moment if b.mobile else 0.0 for b in bodies])
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
 
     def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
@@ -538,23 +540,35 @@ class Simulation:
         a = self._a
         half = 0.5 * self.dt
         weight = a["inverse_mass"]
-        self._array_forces(False, self.t)
-        if any(item.law.kind == "constraint" for item in self._uses):
-            # a constraint sees the velocity half a step behind, here as in every later step
-            a["vx"] -= half * a["fx"] * weight
-            a["vy"] -= half * a["fy"] * weight
-            self._array_forces(True, self.t)
-            kick = self.dt
-        else:
-            kick = half
+        start_x, start_y = a["vx"].copy(), a["vy"].copy()
+        held = self._held_rows()
+        self._array_forces(True, self.t)
+        # bodies that no constraint holds: half a kick
+        a_x, a_y, torque = a["fx"] * weight, a["fy"] * weight, a["torque"].copy()
+        vx, vy = start_x + half * a_x, start_y + half * a_y
+        if held.any():
+            # a constraint sees the velocity half a step behind, here as in every later step: that velocity
+            # is what the force of the constraint itself leads to, found in two rounds
+            self._array_forces(False, self.t)
+            for _ in range(2):
+                a["vx"][:] = np.where(held, start_x - half * a["fx"] * weight, start_x)
+                a["vy"][:] = np.where(held, start_y - half * a["fy"] * weight, start_y)
+                self._array_forces(True, self.t)
+            vx = np.where(held, a["vx"] + self.dt * a["fx"] * weight, vx)
+            vy = np.where(held, a["vy"] + self.dt * a["fy"] * weight, vy)
         u = self.units
-        moments = [self.scene.bodies[row].moment for row in self._rows_of]
         for k in range(self._n_mobile):
-            vx = a["vx"][k] + kick * a["fx"][k] * weight[k]
-            vy = a["vy"][k] + kick * a["fy"][k] * weight[k]
-            self._bodies[k].velocity = (vx / u.velocity, vy / u.velocity)
-            if a["torque"][k]:
-                self._bodies[k].angular_velocity = half * a["torque"][k] / moments[k] * u.time
+            self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
+            if torque[k]:
+                self._bodies[k].angular_velocity = half * torque[k] * self._inverse_moment[k] * u.time
+
+    def _held_rows(self) -> np.ndarray:
+        """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
+        held = np.zeros(self._n, dtype=bool)
+        for u, item in enumerate(self._uses):
+            if item.law.kind == "constraint" and {"vx", "vy"} & set(item.law.arguments):
+                held |= self._a["mask"][u].astype(bool)
+        return held
 
     def advance(self, steps: int) -> None:
         """Do that many steps. Raises SimulationError when a number is no longer finite."""
@@ -602,7 +616,7 @@ class Simulation:
 
     def _save(self) -> tuple[Any, ...]:
         # what a neighbour list that overflowed in the middle of a block goes back to
-        if not self._room or self._n < 200:
+        if self._room >= self._n * self._n:
             return ()
         return (self._raw_inner(), float(self._floats[_FLOAT_SLOT["step"]]))
 
@@ -745,19 +759,27 @@ class Simulation:
         inner = self._raw_inner()
         return {name: values[self._inner] for name, values in inner.items()}
 
-    def state(self) -> State:
-        """The state at the present time, velocities taken back by the half kick [m, m/s, rad, rad/s]."""
+    def _synchronised(self) -> dict[str, np.ndarray]:
+        """What Chipmunk has, velocities and spins taken back by the half kick."""
         raw = self._raw_inner()
-        if self._started and self.step > 0 or (self._started and self._start_kind == "synchronised"):
-            half = 0.5 * (self._last_step if self._event_time is not None else self.dt)
+        if self._started and (self.step > 0 or self._start_kind == "synchronised"):
+            half = 0.5 * self.dt
             m = slice(0, self._n_mobile)
             a = self._a
             if self.step > 0:
                 raw["vx"][m] -= half * a["fx"][m] * a["inverse_mass"][m]
                 raw["vy"][m] -= half * a["fy"][m] * a["inverse_mass"][m]
+                raw["spin"][m] -= half * a["torque"][m] * self._inverse_moment[m]
             else:
                 initial = np.array([b.initial for b in self.scene.bodies], dtype=float)[self._rows_of]
                 raw["vx"], raw["vy"] = initial[:, 2].copy(), initial[:, 3].copy()
+                raw["spin"][:] = 0.0
+        return raw
+
+    def state(self) -> State:
+        """The state at the present time, velocities taken back by the half kick [m, m/s, rad, rad/s]."""
+        raw = self._synchronised()
+        self._turn_rods(raw)
         s = self._inner
         return State(
             t=self.t,
@@ -766,6 +788,15 @@ class Simulation:
             angle=raw["angle"][s],
             spin=raw["spin"][s],
         )
+
+    def _turn_rods(self, raw: dict[str, np.ndarray]) -> None:
+        """Angle and spin of a pinned body are those of its rod."""
+        for item in self.scene.laws_named("pin"):
+            k = self._inner[self.scene.rows(item)]
+            dx = raw["x"][k] - item.values["anchor"][0]
+            dy = raw["y"][k] - item.values["anchor"][1]
+            raw["angle"][k] = np.arctan2(dx, -dy)
+            raw["spin"][k] = (dx * raw["vy"][k] - dy * raw["vx"][k]) / (dx * dx + dy * dy)
 
     def forces(self) -> np.ndarray:
         """(n, 2) sum of all forces on each body at the last force call [N]."""
@@ -779,14 +810,14 @@ class Simulation:
         return result[self._inner]
 
     def contacts(self) -> Contacts:
-        """Touching pairs with the normal force of the contact laws at the present state."""
-        raw = self._raw_inner()
+        """Touching pairs with the normal force of all pair laws, velocities at the time of the positions."""
+        raw = self._synchronised()
         a = self._a
-        if not self._room or self._kernel is None:
+        if not self._room:
             empty = np.zeros(0, dtype=np.int64)
             return Contacts(empty, empty, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
         count = self._fresh_list(raw["x"], raw["y"], 0.0)
-        i, j = a["pair_i"][:count].copy(), a["pair_j"][:count].copy()
+        i, j = a["pair_i"][:count].astype(np.int64), a["pair_j"][:count].astype(np.int64)
         self._forget_lists()  # the running list is gone; a new one has the same pairs within reach
         dx = raw["x"][j] - raw["x"][i]
         if self.scene.periodic_x:
@@ -796,10 +827,13 @@ class Simulation:
         normal = np.column_stack([dx, dy]) / np.where(distance > 0, distance, 1.0)[:, None]
         force = np.empty(count)
         for k in range(count):
-            px, py, _, _ = self._kernel.pair_force(
-                int(i[k]), int(j[k]), self.t, raw["x"], raw["y"], raw["vx"], raw["vy"], raw["spin"],
-                a["inverse_mass"], a["radius"], a["parameters"], a["uses"], a["mask"], a["scalars"],
-            )  # fmt: skip
+            if self._kernel is None:
+                px, py, _, _ = self._python.pair_force(int(i[k]), int(j[k]), self.t, raw)
+            else:
+                px, py, _, _ = self._kernel.pair_force(
+                    int(i[k]), int(j[k]), self.t, raw["x"], raw["y"], raw["vx"], raw["vy"], raw["spin"],
+                    a["inverse_mass"], a["radius"], a["parameters"], a["uses"], a["mask"], a["scalars"],
+                )  # fmt: skip
             force[k] = px * normal[k, 0] + py * normal[k, 1]
         rows = self._rows_of
         oi, oj = rows[i], rows[j]

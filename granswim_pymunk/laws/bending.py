@@ -2,7 +2,7 @@
 
 import math
 
-from .base import Parameter, law
+from .base import AUTOMATIC, Parameter, law
 
 
 @law(
@@ -27,10 +27,10 @@ from .base import Parameter, law
         Parameter(
             "length",
             "m",
-            "resting distance d of consecutive disks, used by form = elastic only; "
-            "that of the paper's swimmer where not given",
+            "resting distance d of consecutive disks, used by form = elastic only; that of the scene's "
+            "union, else twice the radius, where not given",
             low=0.0,
-            default=3.0e-3,
+            default=AUTOMATIC,
         ),
     ],
 )
