@@ -14,6 +14,7 @@ import hashlib
 import importlib.util
 import inspect
 import linecache
+import math
 import os
 import sys
 import tempfile
@@ -24,15 +25,13 @@ from types import ModuleType
 from typing import Any
 
 import numba
-import numpy as np
 import platformdirs
-import pymunk
-from pymunk._chipmunk_cffi import ffi, lib
 
 from ..errors import InputError
 from ..laws import Law, all_laws
 from . import native, neighbours
-from .native import Offsets, offsets, write_slot
+from .motion import MOTION, STATE
+from .native import Offsets
 
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
@@ -43,21 +42,22 @@ USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "first_run", "last
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_near", "own_drift", "own_kick",
-    "bodies", "x", "y", "vx", "vy", "spin", "mass", "inverse_mass", "radius", "given_inertia", "fx", "fy",
-    "torque", "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
-    "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_x", "near_y",
+    "bodies", "state", "motion", "place_x", "place_y", "spin", "mass", "inverse_mass", "radius", "given_inertia", "torque",
+    "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
+    "near_i", "near_j", "near_shift", "near_touch", "near_mass",
+    "allowance", "far", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
     "order", "listing",
 )  # fmt: skip
 # ... and floats
 FLOATS = (
-    "t_start", "dt", "step", "length_unit", "velocity_unit", "spin_unit", "force_scale", "torque_scale",
-    "skin", "reach", "margin", "near_skin", "pruned",
+    "t_start", "dt", "step", "skin", "reach", "margin", "near_skin", "pruned",
 )  # fmt: skip
 # steps that a list of near pairs should last: cutting it costs as much as two or three steps
-SHORT_PRUNE = 8
-LONG_PRUNE = 16
+SHORT_PRUNE = 16
+LONG_PRUNE = 32
+AHEAD = 40  # steps for which a body's own speed is allowed for
 # numbers that laws may ask for
 SCALARS = ("length", "gx", "gy", "g", "mean_mass")
 
@@ -89,13 +89,14 @@ def _law_source(law: Law) -> str | None:
     definition = next((node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)), None)
     if definition is None or function.__closure__:
         return None
-    constants = []
+    constants: list[ast.stmt] = []
     for name in function.__code__.co_names:
         if name in function.__globals__ and name not in _PLAIN_GLOBALS:
             value = function.__globals__[name]
-            if not isinstance(value, int | float):
+            if not isinstance(value, int | float) or not math.isfinite(value):
                 return None
-            constants.append(f"{name} = {value!r}\n")
+            number = int(value) if isinstance(value, int) else float(value)
+            constants.append(ast.parse(f"{name} = {number!r}").body[0])
     definition.decorator_list = []
     definition.name = f"law_{law.name}"
     definition.returns = None
@@ -103,7 +104,9 @@ def _law_source(law: Law) -> str | None:
         argument.annotation = None
     if definition.body and isinstance(definition.body[0], ast.Expr) and isinstance(definition.body[0].value, ast.Constant):
         definition.body = definition.body[1:]  # the docstring
-    return "".join(constants) + "@njit(**INLINE)\n" + ast.unparse(definition) + "\n"
+    # inside the function: two laws may give one name to different numbers
+    definition.body = constants + definition.body
+    return "@njit(**INLINE)\n" + ast.unparse(ast.fix_missing_locations(definition)) + "\n"
 
 
 def _parameter_locals(law: Law) -> tuple[list[str], dict[str, str]]:
@@ -138,7 +141,7 @@ def _pair_block(law: Law, code: int) -> str:
     }  # fmt: skip
     reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
     lines = [
-        "dy = y[j] - y[i]",
+        "dy = state[j, Y] - state[i, Y]",
         "square = dx * dx + dy * dy",
         f"limit = touch{reach}",
         "if square < limit * limit and square > 0.0:",
@@ -146,8 +149,8 @@ def _pair_block(law: Law, code: int) -> str:
         "    nx = dx / d",
         "    ny = dy / d",
         "    gap = d - touch",
-        "    ux = vx[j] - vx[i]",
-        "    uy = vy[j] - vy[i]",
+        "    ux = state[j, VX] - state[i, VX]",
+        "    uy = state[j, VY] - state[i, VY]",
         "    vn = ux * nx + uy * ny",
     ]
     if spin:
@@ -156,14 +159,14 @@ def _pair_block(law: Law, code: int) -> str:
     force = ["px = fn * nx", "py = fn * ny"]
     if spin:
         force = ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx", "ti = -radius[i] * ft", "tj = -radius[j] * ft"]
-    add = ["fx[j] += px", "fy[j] += py", "fx[i] -= px", "fy[i] -= py"]
+    add = ["state[j, FX] += px", "state[j, FY] += py", "state[i, FX] -= px", "state[i, FY] -= py"]
     if spin:
         add += ["torque[i] += ti", "torque[j] += tj"]
     inner = ["    " + line for line in force]
     # the same lines twice: a call for each pair with all its arrays costs more than the force
     return f"""
 @njit(**PLAIN)
-def pair_{law.name}(i, j, o, t, x, y, vx, vy, spin, inverse_mass, radius, parameters, scalars):
+def pair_{law.name}(i, j, o, t, state, spin, inverse_mass, radius, parameters, scalars):
     length = scalars[0]
     px = 0.0
     py = 0.0
@@ -171,15 +174,15 @@ def pair_{law.name}(i, j, o, t, x, y, vx, vy, spin, inverse_mass, radius, parame
     tj = 0.0
 {_indent(read, 1)}    touch = radius[i] + radius[j]
     reduced_mass = 1.0 / (inverse_mass[i] + inverse_mass[j])
-    dx = x[j] - x[i]
+    dx = state[j, X] - state[i, X]
     if length > 0.0:
         dx -= length * math.floor(dx / length + 0.5)
 {_indent(lines + inner, 1)}    return px, py, ti, tj
 
 
 @njit(**PLAIN)
-def sum_{law.name}(u, t, x, y, vx, vy, spin, radius, fx, fy, torque, parameters, uses, mask, near_i, near_j,
-                   near_shift, near_touch, near_mass, n_near):
+def sum_{law.name}(u, t, state, spin, radius, torque, parameters, uses, mask, near_i, near_j, near_shift,
+                   near_touch, near_mass, n_near):
     o = uses[u, 1]
     masked = uses[u, 4]
 {_indent(read, 1)}    for k in range(n_near):
@@ -187,7 +190,7 @@ def sum_{law.name}(u, t, x, y, vx, vy, spin, radius, fx, fy, torque, parameters,
         j = near_j[k]
         touch = near_touch[k]
         reduced_mass = near_mass[k]
-        dx = x[j] - x[i] + near_shift[k]
+        dx = state[j, X] - state[i, X] + near_shift[k]
         if masked and not (mask[u, i] and mask[u, j]):
             continue
 {_indent([*lines, *inner, *("    " + line for line in add)], 2)}"""
@@ -200,8 +203,9 @@ def _slot(law: Law, name: str) -> int:
 def _body_block(law: Law, code: int) -> list[str]:
     read, names = _parameter_locals(law)
     available = {
-        "t": "t", "dt": "dt", "x": "x[i]", "y": "y[i]", "vx": "vx[i]", "vy": "vy[i]", "mass": "mass[i]",
-        "radius": "radius[i]", "r0": "r0", "given_inertia": "given_inertia[i]", "fx": "fx[i]", "fy": "fy[i]",
+        "t": "t", "dt": "dt", "x": "state[i, X]", "y": "state[i, Y]", "vx": "state[i, VX]", "vy": "state[i, VY]", "mass": "mass[i]",
+        "radius": "radius[i]", "r0": "r0", "given_inertia": "given_inertia[i]", "fx": "state[i, FX]",
+        "fy": "state[i, FY]",
         "command": "command", **_SCENE, **names,
     }  # fmt: skip
     lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
@@ -212,13 +216,14 @@ def _body_block(law: Law, code: int) -> list[str]:
     ]
     if "command" in law.arguments:
         lines.append("            command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
-    lines += [f"            ax, ay = {_call(law, available)}", "            fx[i] += ax", "            fy[i] += ay"]
+    lines += [f"            ax, ay = {_call(law, available)}", "            state[i, FX] += ax", "            state[i, FY] += ay"]
     return lines
 
 
 def _chain_block(law: Law, code: int) -> list[str]:
     read, names = _parameter_locals(law)
-    available = {"t": "t"} | {a: f"{a}[a:b]" for a in ("x", "y", "vx", "vy", "mass", "fx", "fy")} | names
+    available = {"t": "t"} | {a: f"state[a:b, {a.upper()}]" for a in ("x", "y", "vx", "vy", "fx", "fy")}
+    available |= {"mass": "mass[a:b]", **names}
     return [
         f"elif code == {code}:  # {law.name}",
         *("    " + line for line in read),
@@ -233,12 +238,13 @@ def _context_arrays() -> str:
     """Lines that turn the context behind a pointer into arrays."""
     n = "n"
     shapes = {
+        "state": (f"(n, {len(STATE)})", "f8"), "motion": (str(len(MOTION)), "f8"),
         "bodies": (n, "i8"), "mobile": (n, "u1"), "group": (n, "i8"), "old_x": (n, "f8"), "old_y": (n, "f8"),
         "parameters": ("I[N_PARAMETERS]", "f8"), "uses": (f"(I[N_USES], {len(USE_COLUMNS)})", "i8"),
         "runs": ("(I[N_RUNS], 2)", "i8"), "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "u4"),
         "pair_j": ("I[ROOM]", "u4"), "pair_shift": ("I[ROOM]", "f8"), "near_i": ("I[ROOM]", "u4"),
         "near_j": ("I[ROOM]", "u4"), "near_shift": ("I[ROOM]", "f8"), "near_touch": ("I[ROOM]", "f8"),
-        "near_mass": ("I[ROOM]", "f8"),
+        "near_mass": ("I[ROOM]", "f8"), "starts": ("n + 1", "i8"),
         "heads": ("I[N_CELLS]", "i8"), "nexts": (n, "i8"), "chains": ("(I[N_CHAINS], 2)", "i8"),
         "input_t": ("I[N_INPUT]", "f8"), "input_v": ("I[N_INPUT]", "f8"), "input_at": ("(n, 2)", "i8"),
         "scalars": (str(len(SCALARS)), "f8"), "table_keys": ("I[N_TABLE]", "i8"),
@@ -274,6 +280,10 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
         parts.append(f"{name.upper()} = {slot}\n")
     for slot, name in enumerate(FLOATS):
         parts.append(f"F_{name.upper()} = {slot}\n")
+    for slot, name in enumerate(MOTION):
+        parts.append(f"M_{name.upper()} = {slot}\n")
+    for slot, name in enumerate(STATE[:6]):
+        parts.append(f"{name.upper()} = {slot}  # column of the state\n")
     parts.append("numpy = np\n\n")
     for law in laws:
         text = _law_source(law)
@@ -308,7 +318,7 @@ def interpolate(t, times, values, first, last):
     pairs = [law for law in laws if law.kind == "pair"]
     parts += [_pair_block(law, codes[law.name]) for law in pairs]
     arguments = (
-        "t, dt, x, y, vx, vy, spin, mass, inverse_mass, radius, given_inertia, fx, fy, torque, parameters, uses,\n"
+        "t, dt, state, spin, mass, inverse_mass, radius, given_inertia, torque, parameters, uses,\n"
         "    runs, mask, near_i, near_j, near_shift, near_touch, near_mass, n_near, scalars, chains, input_t, input_v, input_at"
     )
     pair_sums = []
@@ -316,7 +326,7 @@ def interpolate(t, times, values, first, last):
         pair_sums += [
             f"elif code == {codes[law.name]}:",
             "    if from_list:",
-            f"        sum_{law.name}(u, t, x, y, vx, vy, spin, radius, fx, fy, torque, parameters, uses, mask,",
+            f"        sum_{law.name}(u, t, state, spin, radius, torque, parameters, uses, mask,",
             "            near_i, near_j, near_shift, near_touch, near_mass, n_near)",
         ]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
@@ -326,7 +336,7 @@ def interpolate(t, times, values, first, last):
 
 @njit(**PLAIN)
 def add_forces(from_list, constrained, {arguments}):
-    """Add all forces [N] to fx, fy, torque. Uses are sorted: pairs, chains, bodies, constraints.
+    """Add all forces [N] to the columns FX, FY of the state, and torques [N m]. Uses are sorted: pairs, chains, bodies, constraints.
 
     ``from_list``: sum the pairs of the list of near ones (else the contacts are there already).
     """
@@ -345,13 +355,12 @@ def add_forces(from_list, constrained, {arguments}):
     for law in pairs:
         pair_calls += [
             f"elif code == {codes[law.name]}:",
-            f"    px, py, ti, tj = pair_{law.name}(i, j, uses[u, 1], t, x, y, vx, vy, spin, inverse_mass, radius,",
-            "        parameters, scalars)",
+            f"    px, py, ti, tj = pair_{law.name}(i, j, uses[u, 1], t, state, spin, inverse_mass, radius, parameters, scalars)",
         ]
     parts.append(f'''
 
 @njit(**PLAIN)
-def pair_force(i, j, t, x, y, vx, vy, spin, inverse_mass, radius, parameters, uses, mask, scalars):
+def pair_force(i, j, t, state, spin, inverse_mass, radius, parameters, uses, mask, scalars):
     """Force on j [N] and torques on i and j [N m] by all pair laws; i gets the opposite force."""
     sx = 0.0
     sy = 0.0
@@ -397,36 +406,56 @@ def find(key, keys, values):
 
 
 @njit(**PLAIN)
-def gather(I, F, bodies, x, y, vx, vy, spin):
-    """Read the state of the mobile bodies [SI], where the drift did not write it."""
-    for i in range(I[N_MOBILE]):
+def gather(n_mobile, bodies, state, motion, spin, torque, far):
+    """What the drift does besides moving: read the mobile bodies [SI]; True where one left its surroundings."""
+    left = False
+    for i in range(n_mobile):
         at = bodies[i]
-        x[i] = load_float(at + {o.position}) * F[F_LENGTH_UNIT]
-        y[i] = load_float(at + {o.position + 8}) * F[F_LENGTH_UNIT]
-        vx[i] = load_float(at + {o.velocity}) * F[F_VELOCITY_UNIT]
-        vy[i] = load_float(at + {o.velocity + 8}) * F[F_VELOCITY_UNIT]
-        spin[i] = load_float(at + {o.spin}) * F[F_SPIN_UNIT]
+        state[i, X] = load_float(at + {o.position}) * motion[M_LENGTH_UNIT]
+        state[i, Y] = load_float(at + {o.position + 8}) * motion[M_LENGTH_UNIT]
+        state[i, VX] = load_float(at + {o.velocity}) * motion[M_VELOCITY_UNIT]
+        state[i, VY] = load_float(at + {o.velocity + 8}) * motion[M_VELOCITY_UNIT]
+        state[i, FX] = 0.0
+        state[i, FY] = 0.0
+        spin[i] = load_float(at + {o.spin}) * motion[M_SPIN_UNIT]
+        torque[i] = 0.0
+        way_x = state[i, X] - state[i, {STATE.index("near_x")}]
+        way_y = state[i, Y] - state[i, {STATE.index("near_y")}]
+        if not way_x * way_x + way_y * way_y <= far[i]:
+            left = True
+    return left
 
 
 @njit(**PLAIN)
-def finite(x, y):
-    for i in range(x.shape[0]):
-        if not (math.isfinite(x[i]) and math.isfinite(y[i])):
+def hand_over(n_mobile, bodies, state, motion, torque):
+    """What the kick does first: add the forces to what the user put on the bodies."""
+    for i in range(n_mobile):
+        at = bodies[i]
+        store_float(at + {o.force}, load_float(at + {o.force}) + state[i, FX] * motion[M_FORCE_SCALE])
+        store_float(at + {o.force + 8}, load_float(at + {o.force + 8}) + state[i, FY] * motion[M_FORCE_SCALE])
+        if torque[i] != 0.0:
+            store_float(at + {o.torque}, load_float(at + {o.torque}) + torque[i] * motion[M_TORQUE_SCALE])
+
+
+@njit(**PLAIN)
+def finite(state):
+    for i in range(state.shape[0]):
+        if not (math.isfinite(state[i, X]) and math.isfinite(state[i, Y])):
             return False
     return True
 
 
 @njit(**PLAIN)
-def hand_over(I, F, bodies, fx, fy, torque):
-    """Add the forces to what the user put on the bodies."""
-    force_scale = F[F_FORCE_SCALE]
-    torque_scale = F[F_TORQUE_SCALE]
-    for i in range(I[N_MOBILE]):
-        at = bodies[i]
-        store_float(at + {o.force}, load_float(at + {o.force}) + fx[i] * force_scale)
-        store_float(at + {o.force + 8}, load_float(at + {o.force + 8}) + fy[i] * force_scale)
-        if torque[i] != 0.0:
-            store_float(at + {o.torque}, load_float(at + {o.torque}) + torque[i] * torque_scale)
+def surround(n_mobile, state, radius, allowance, far, reaching, floor, ahead, most, reach):
+    """Give each body an allowance [m] that lasts some steps: the drift says when one has used it up."""
+    for i in range(n_mobile):
+        state[i, {STATE.index("near_x")}] = state[i, X]
+        state[i, {STATE.index("near_y")}] = state[i, Y]
+        speed = math.sqrt(state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY])
+        way = min(floor + ahead * speed, most)
+        allowance[i] = way
+        far[i] = way * way
+        reaching[i] = radius[i] + 0.5 * reach + way
 
 
 @cfunc(types.void(types.int64, types.int64), cache=True, error_model='numpy')
@@ -434,45 +463,51 @@ def verlet_step(constraint, space):
     """A constraint's preSolve: after the drift, before any kick. One force call over the near pairs."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
 {unpack}
-    if I[OWN_DRIFT] == 0:
-        gather(I, F, bodies, x, y, vx, vy, spin)
+    whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
-    if I[ROOM] == 0:
-        if not finite(x, y):
+    if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
+        whole[M_LEFT] = 1
+    if whole[M_LEFT] != 0:
+        whole[M_LEFT] = 0
+        if not finite(state):
             I[STATUS] = -2
             return
-    elif moved(x, y, near_x, near_y, n_mobile, 0.5 * F[F_NEAR_SKIN]):
-        # the near list is cut from the long one every few steps, the long one built every few hundred
-        lasted = F[F_STEP] - F[F_PRUNED]
-        F[F_PRUNED] = F[F_STEP]
-        if lasted < {SHORT_PRUNE}:
-            F[F_NEAR_SKIN] = min(1.2 * F[F_NEAR_SKIN], 0.5 * F[F_SKIN])
-        elif lasted > {LONG_PRUNE}:
-            F[F_NEAR_SKIN] *= 0.8
-        if moved(x, y, old_x, old_y, n_mobile, 0.5 * (F[F_SKIN] - F[F_NEAR_SKIN])):
-            count = build_list(x, y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i, pair_j,
-                               pair_shift, heads, nexts)
-            if count < 0:
-                I[STATUS] = count
-                return
-            I[N_PAIRS] = count
-            I[REBUILDS] += 1
-            old_x[:] = x
-            old_y[:] = y
-        I[N_NEAR] = prune(x, y, radius, inverse_mass, F[F_REACH] + F[F_NEAR_SKIN], pair_i, pair_j, pair_shift,
-                          I[N_PAIRS], near_i, near_j, near_shift, near_touch, near_mass)
-        near_x[:] = x
-        near_y[:] = y
+        if I[ROOM] > 0:
+            # the near list is cut from the long one every few steps, the long one built every few hundred
+            lasted = F[F_STEP] - F[F_PRUNED]
+            F[F_PRUNED] = F[F_STEP]
+            if lasted < {SHORT_PRUNE}:
+                F[F_NEAR_SKIN] = min(1.2 * F[F_NEAR_SKIN], 0.5 * F[F_SKIN])
+            elif lasted > {LONG_PRUNE}:
+                F[F_NEAR_SKIN] *= 0.8
+            surround(n_mobile, state, radius, allowance, far, reaching, 0.5 * F[F_NEAR_SKIN], {AHEAD} * F[F_DT],
+                     0.25 * F[F_SKIN], F[F_REACH])
+            place_x[:] = state[:, X]
+            place_y[:] = state[:, Y]
+            if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
+                count = build_list(place_x, place_y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
+                                   pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
+                                   starts)
+                if count < 0:
+                    I[STATUS] = count
+                    return
+                I[N_PAIRS] = count
+                I[REBUILDS] += 1
+                old_x[:] = place_x
+                old_y[:] = place_y
+            I[N_NEAR] = prune(place_x, place_y, reaching, inverse_mass, radius, pair_i, pair_j, pair_shift, I[N_PAIRS],
+                              near_i, near_j, near_shift, near_touch, near_mass)
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
     n_near = I[N_NEAR]
-    fx[:] = 0.0
-    fy[:] = 0.0
-    torque[:] = 0.0
+    for i in range(n_mobile, n):
+        state[i, FX] = 0.0  # of the mobile ones, the drift did it
+        state[i, FY] = 0.0
+        torque[i] = 0.0
     add_forces(True, True, {arguments})
     if I[OWN_KICK] == 0:
-        hand_over(I, F, bodies, fx, fy, torque)
+        hand_over(n_mobile, bodies, state, motion, torque)
 
 
 @cfunc(types.void(types.int64, types.int64, types.int64), cache=True, error_model='numpy')
@@ -492,7 +527,7 @@ def contact_presolve(arbiter, space, data):
     if not (mobile[i] or mobile[j]) or (group[i] != 0 and group[i] == group[j]):
         return
     t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
-    px, py, ti, tj = pair_force(i, j, t, x, y, vx, vy, spin, inverse_mass, radius, parameters, uses, mask, scalars)
+    px, py, ti, tj = pair_force(i, j, t, state, spin, inverse_mass, radius, parameters, uses, mask, scalars)
     c = I[N_CONTACTS]
     if c >= I[ROOM]:
         I[STATUS] = -1
@@ -511,19 +546,22 @@ def chipmunk_step(constraint, space):
     """A constraint's preSolve: sums the contacts in a fixed order (Chipmunk's differs between processes)."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
 {unpack}
-    if I[OWN_DRIFT] == 0:
-        gather(I, F, bodies, x, y, vx, vy, spin)
-    if moved(x, y, old_x, old_y, I[N_MOBILE], F[F_MARGIN]):
-        if not finite(x, y):
+    whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
+    n_mobile = I[N_MOBILE]
+    if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
+        whole[M_LEFT] = 1
+    if whole[M_LEFT] != 0:
+        whole[M_LEFT] = 0
+        if not finite(state):
             I[STATUS] = -2
             return
         I[MARGIN_CROSSED] = 1  # the ghosts at the seam must be laid out anew
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
-    for i in range(n):
-        fx[i] = 0.0
-        fy[i] = 0.0
+    for i in range(n_mobile, n):
+        state[i, FX] = 0.0
+        state[i, FY] = 0.0
         torque[i] = 0.0
     count = I[N_CONTACTS]
     for i in range(n + 1):
@@ -550,10 +588,10 @@ def chipmunk_step(constraint, space):
             c = order[k]
             j = contact_j[c]
             if contact_fx[c] != 0.0 or contact_fy[c] != 0.0:
-                fx[j] += contact_fx[c]
-                fy[j] += contact_fy[c]
-                fx[i] -= contact_fx[c]
-                fy[i] -= contact_fy[c]
+                state[j, FX] += contact_fx[c]
+                state[j, FY] += contact_fy[c]
+                state[i, FX] -= contact_fx[c]
+                state[i, FY] -= contact_fy[c]
                 torque[i] += contact_ti[c]
                 torque[j] += contact_tj[c]
         first = last
@@ -561,75 +599,7 @@ def chipmunk_step(constraint, space):
     n_near = 0
     add_forces(False, True, {arguments})
     if I[OWN_KICK] == 0:
-        hand_over(I, F, bodies, fx, fy, torque)
-
-
-@cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')
-def position_function(body, dt):
-    """Drift, and a copy of the state [SI] into the arrays of the force call.
-
-    Chipmunk's own computes sine and cosine of an angle that a disk does not need. Where the arrays are,
-    and the body's row, stand in the place of its centre of gravity: as floats they are smaller than any
-    length that matters (1e-309), and a disk's is zero.
-    """
-    vx = load_float(body + {o.velocity})
-    vy = load_float(body + {o.velocity + 8})
-    spin = load_float(body + {o.spin})
-    px = load_float(body + {o.position}) + vx * dt
-    py = load_float(body + {o.position + 8}) + vy * dt
-    angle = load_float(body + {o.angle}) + spin * dt
-    context = load_int(body + {o.center})
-    row = 8 * load_int(body + {o.center + 8})
-    floats = load_int(context + {8 * INTS.index("floats")})
-    length_unit = load_float(floats + {8 * FLOATS.index("length_unit")})
-    velocity_unit = load_float(floats + {8 * FLOATS.index("velocity_unit")})
-    spin_unit = load_float(floats + {8 * FLOATS.index("spin_unit")})
-    at_x = load_int(context + {8 * INTS.index("x")}) + row
-    at_y = load_int(context + {8 * INTS.index("y")}) + row
-    at_vx = load_int(context + {8 * INTS.index("vx")}) + row
-    at_vy = load_int(context + {8 * INTS.index("vy")}) + row
-    at_spin = load_int(context + {8 * INTS.index("spin")}) + row
-    store_float(body + {o.position}, px)
-    store_float(body + {o.position + 8}, py)
-    store_float(body + {o.transform}, px)
-    store_float(body + {o.transform + 8}, py)
-    store_float(body + {o.angle}, angle)
-    store_float(at_x, px * length_unit)
-    store_float(at_y, py * length_unit)
-    store_float(at_vx, vx * velocity_unit)
-    store_float(at_vy, vy * velocity_unit)
-    store_float(at_spin, spin * spin_unit)
-
-
-@cfunc(types.void(types.int64, types.float64, types.float64, types.float64, types.float64), cache=True,
-       error_model='numpy')
-def velocity_function(body, gravity_x, gravity_y, damping, dt):
-    """Kick: Chipmunk's own, with the force taken from the arrays (and what the user put on the body).
-
-    Its gravity is a cpVect by value, which arrives as two doubles only where such pairs pass in
-    registers; that is tried out before the function is installed.
-    """
-    vx = load_float(body + {o.velocity})
-    vy = load_float(body + {o.velocity + 8})
-    spin = load_float(body + {o.spin})
-    inverse_mass = load_float(body + {o.inverse_mass})
-    context = load_int(body + {o.center})
-    row = 8 * load_int(body + {o.center + 8})
-    floats = load_int(context + {8 * INTS.index("floats")})
-    force_scale = load_float(floats + {8 * FLOATS.index("force_scale")})
-    torque = load_float(load_int(context + {8 * INTS.index("torque")}) + row)
-    fx = load_float(body + {o.force})
-    fy = load_float(body + {o.force + 8})
-    fx += load_float(load_int(context + {8 * INTS.index("fx")}) + row) * force_scale
-    fy += load_float(load_int(context + {8 * INTS.index("fy")}) + row) * force_scale
-    store_float(body + {o.velocity}, vx * damping + (gravity_x + fx * inverse_mass) * dt)
-    store_float(body + {o.velocity + 8}, vy * damping + (gravity_y + fy * inverse_mass) * dt)
-    store_float(body + {o.force}, 0.0)
-    store_float(body + {o.force + 8}, 0.0)
-    torque *= load_float(floats + {8 * FLOATS.index("torque_scale")})
-    torque += load_float(body + {o.torque})
-    store_float(body + {o.spin}, spin * damping + torque * load_float(body + {o.inverse_moment}) * dt)
-    store_float(body + {o.torque}, 0.0)
+        hand_over(n_mobile, bodies, state, motion, torque)
 
 
 @cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')
@@ -658,32 +628,6 @@ class Kernel:
         self.module = module
         self.codes = codes
         self.file = file
-
-    @functools.cached_property
-    def kicks(self) -> bool:
-        """Whether Chipmunk can call the velocity function: its gravity has to arrive in registers."""
-        o = offsets()
-        size = 1
-        arrays = {name: np.zeros(size) for name in ("fx", "fy", "torque")}
-        floats = np.zeros(len(FLOATS))
-        ints = np.zeros(len(INTS), dtype=np.int64)
-        arrays["fx"][0], arrays["fy"][0], arrays["torque"][0] = 0.375, -0.625, 1.5
-        floats[FLOATS.index("force_scale")] = 2.0
-        floats[FLOATS.index("torque_scale")] = 4.0
-        ints[INTS.index("floats")] = floats.ctypes.data
-        for name, array in arrays.items():
-            ints[INTS.index(name)] = array.ctypes.data
-        space = pymunk.Space()
-        space.gravity = (1.25, -2.5)
-        body = pymunk.Body(0.5, 2.0)
-        body.velocity = (10.0, 20.0)
-        space.add(body)
-        write_slot(body, o, ints.ctypes.data, 0)
-        lib.cpBodySetVelocityUpdateFunc(
-            body._body, ffi.cast("cpBodyVelocityFunc", self.module.velocity_function.address)
-        )
-        space.step(0.5)
-        return tuple(body.velocity) == (11.375, 17.5) and body.angular_velocity == 1.5
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.module, name)

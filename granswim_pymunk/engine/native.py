@@ -123,10 +123,10 @@ def address(pointer: Any) -> int:
     return int(ffi.cast("intptr_t", pointer))
 
 
-def write_slot(body: pymunk.Body, o: Offsets, context: int, row: int) -> None:
-    """Put the address of the context and the body's row where its centre of gravity stands."""
+def write_slot(body: pymunk.Body, o: Offsets, first: int, second: int) -> None:
+    """Put two addresses where the body's centre of gravity stands (see ``motion``)."""
     slot = ffi.cast("int64_t *", address(body._body) + o.center)
-    slot[0], slot[1] = context, row
+    slot[0], slot[1] = first, second
 
 
 # ---- what compiled code uses --------------------------------------------------------------------

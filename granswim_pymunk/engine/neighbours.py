@@ -1,4 +1,4 @@
-"""Compiled neighbour list: cells, periodic along x, rows sorted, so that sums have a fixed order."""
+"""Compiled neighbour lists: cells, periodic along x, rows sorted, so that sums have a fixed order."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ OVERFLOW = -1
 NOT_FINITE = -2
 
 
-@njit(cache=True)
-def build_list(x, y, reach, mobile, group, cutoff_extra, length, pair_i, pair_j, pair_shift, heads, nexts):
-    """Fill ``pair_i < pair_j`` with all pairs closer than reach_i + reach_j + cutoff_extra [m].
+@njit(cache=True, error_model="numpy")
+def build_list(
+    x, y, reach, mobile, group, extra, length, pair_i, pair_j, pair_shift, cells, order, sorted_x, sorted_y,
+    sorted_reach, found_i, found_j, starts,
+):  # fmt: skip
+    """Fill ``pair_i < pair_j`` with all pairs closer than reach_i + reach_j + extra [m], sorted.
 
-    ``pair_shift`` [m] is what brings x_j - x_i to the nearest image while the list lasts.
-    ``length`` is the period along x, 0 for none; ``reach`` (n,) the radii. Pairs of two immobile
-    bodies, or of one non-zero ``group``, are left out. ``heads`` and ``nexts`` are work arrays; the number of cells
-    is bounded by the size of ``heads``. Returns the number of pairs, OVERFLOW or NOT_FINITE.
+    ``pair_shift`` [m] is what brings x_j - x_i to the nearest image while the list lasts. ``length`` is
+    the period along x, 0 for none; ``reach`` (n,) the radii. Pairs of two immobile bodies, or of one
+    non-zero ``group``, are left out. The rest are work arrays: ``order``, ``sorted_...`` (n,), ``starts``
+    (n + 1,), ``found_...`` as long as the list; the number of cells is bounded by the size of ``cells``.
+    Returns the number of pairs, OVERFLOW or NOT_FINITE.
     """
     n = x.shape[0]
     largest = 0.0
@@ -34,7 +38,7 @@ def build_list(x, y, reach, mobile, group, cutoff_extra, length, pair_i, pair_j,
         high_x = max(high_x, x[i])
         low_y = min(low_y, y[i])
         high_y = max(high_y, y[i])
-    size = 2.0 * largest + cutoff_extra
+    size = 2.0 * largest + extra
     if length > 0.0:
         low_x = 0.0
         span_x = length
@@ -42,92 +46,125 @@ def build_list(x, y, reach, mobile, group, cutoff_extra, length, pair_i, pair_j,
         span_x = high_x - low_x
     span_y = high_y - low_y
     # cells no smaller than the cutoff, and no more of them than there is room for
-    most = heads.shape[0]
-    while (math.floor(span_x / size) + 1.0) * (math.floor(span_y / size) + 1.0) > most:
+    while (math.floor(span_x / size) + 1.0) * (math.floor(span_y / size) + 1.0) >= cells.shape[0]:
         size *= 1.5
-    nx = max(int(span_x / size), 1) if length > 0.0 else int(span_x / size) + 1
-    ny = int(span_y / size) + 1
-    scale_x = nx / length if length > 0.0 else 1.0 / size
+    columns = int(span_x / size)
+    if length <= 0.0:
+        columns += 1
+    elif columns < 3:
+        columns = 1  # else a pair would be met on both sides
+    rows = int(span_y / size) + 1
+    scale_x = columns / length if length > 0.0 else 1.0 / size
     scale_y = 1.0 / size
-    plain = length > 0.0 and nx < 3  # every cell would be met twice
-    for c in range(nx * ny):
-        heads[c] = -1
-    for i in range(n - 1, -1, -1):
+
+    # bodies sorted by cell, columns one behind the other
+    for c in range(columns * rows):
+        cells[c] = 0
+    for i in range(n):
         position = x[i] - low_x
         if length > 0.0:
             # floor, not truncation: a grain at a small negative x belongs to the last cell
             position -= length * math.floor(position / length)
-        cx = min(int(position * scale_x), nx - 1)
-        cy = min(int((y[i] - low_y) * scale_y), ny - 1)
-        c = cy * nx + cx
-        nexts[i] = heads[c]
-        heads[c] = i
-    count = 0
-    room = pair_i.shape[0]
+        cell = min(int(position * scale_x), columns - 1) * rows + min(int((y[i] - low_y) * scale_y), rows - 1)
+        starts[i] = cell
+        cells[cell] += 1
+    total = 0
+    for c in range(columns * rows):
+        total += cells[c]
+        cells[c] = total - cells[c]
     for i in range(n):
-        first = count
-        position = x[i] - low_x
+        k = cells[starts[i]]
+        cells[starts[i]] = k + 1  # in the end that of the next cell's first body
+        order[k] = i
+        position = x[i]
         if length > 0.0:
             position -= length * math.floor(position / length)
-        cx = min(int(position * scale_x), nx - 1)
-        cy = min(int((y[i] - low_y) * scale_y), ny - 1)
-        for oy in range(-1, 2):
-            gy = cy + oy
-            if gy < 0 or gy >= ny:
-                continue
-            for ox in range(-1, 2):
-                gx = cx + ox
-                if plain:
-                    if ox < 0 or ox >= nx:
-                        continue
-                    gx = ox
-                elif length > 0.0:
-                    gx %= nx
-                elif gx < 0 or gx >= nx:
-                    continue
-                j = heads[gy * nx + gx]
-                while j >= 0:
-                    if j > i and (mobile[i] or mobile[j]) and (group[i] == 0 or group[i] != group[j]):
-                        dx = x[j] - x[i]
-                        shift = 0.0
-                        if length > 0.0:
-                            shift = -length * math.floor(dx / length + 0.5)
-                            dx += shift
-                        dy = y[j] - y[i]
-                        cutoff = reach[i] + reach[j] + cutoff_extra
+        sorted_x[k] = position
+        sorted_y[k] = y[i]
+        sorted_reach[k] = reach[i] + extra
+
+    # each body with those behind it in its cell and the next, and with three cells of the next column
+    room = pair_i.shape[0]
+    count = 0
+    for column in range(columns):
+        other = column + 1
+        across = 0.0
+        if other == columns and length > 0.0:
+            other = 0
+            across = length
+        for row in range(rows):
+            cell = column * rows + row
+            begin = cells[cell - 1] if cell > 0 else 0
+            behind = cells[cell + 1] if row + 1 < rows else cells[cell]
+            first = 0
+            last = 0
+            if columns > 1 and other < columns:
+                low = other * rows + max(row - 1, 0)
+                first = cells[low - 1] if low > 0 else 0
+                last = cells[other * rows + min(row + 1, rows - 1)]
+            for k in range(begin, cells[cell]):
+                i = order[k]
+                for part in range(2):
+                    shifted = sorted_x[k] - (across if part == 1 else 0.0)
+                    for q in range(k + 1 if part == 0 else first, behind if part == 0 else last):
+                        dx = sorted_x[q] - shifted
+                        if columns == 1 and length > 0.0:
+                            dx -= length * math.floor(dx / length + 0.5)
+                        dy = sorted_y[q] - sorted_y[k]
+                        cutoff = sorted_reach[k] + sorted_reach[q] - extra
                         if dx * dx + dy * dy < cutoff * cutoff:
-                            if count >= room:
-                                return OVERFLOW
-                            # insertion keeps the row sorted by j
-                            k = count
-                            while k > first and pair_j[k - 1] > j:
-                                pair_j[k] = pair_j[k - 1]
-                                pair_shift[k] = pair_shift[k - 1]
-                                k -= 1
-                            pair_j[k] = j
-                            pair_shift[k] = shift
-                            pair_i[count] = i
-                            count += 1
-                    j = nexts[j]
+                            j = order[q]
+                            if (mobile[i] or mobile[j]) and (group[i] == 0 or group[i] != group[j]):
+                                if count == room:
+                                    return OVERFLOW
+                                found_i[count] = min(i, j)
+                                found_j[count] = max(i, j)
+                                count += 1
+
+    # sorted by i, then by j
+    for i in range(n + 1):
+        starts[i] = 0
+    for k in range(count):
+        starts[found_i[k] + 1] += 1
+    for i in range(n):
+        starts[i + 1] += starts[i]
+    for k in range(count):
+        i = found_i[k]
+        pair_j[starts[i]] = found_j[k]
+        starts[i] += 1  # in the end where the row ends
+    first = 0
+    for i in range(n):
+        for k in range(first, starts[i]):
+            j = pair_j[k]
+            at = k
+            while at > first and pair_j[at - 1] > j:
+                pair_j[at] = pair_j[at - 1]
+                at -= 1
+            pair_j[at] = j
+        for k in range(first, starts[i]):
+            dx = x[pair_j[k]] - x[i]
+            pair_i[k] = i
+            pair_shift[k] = -length * math.floor(dx / length + 0.5) if length > 0.0 else 0.0
+        first = starts[i]
     return count
 
 
 @njit(cache=True, error_model="numpy")
 def prune(
-    x, y, radius, inverse_mass, extra, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift, near_touch, near_mass
+    x, y, room, inverse_mass, radius, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift, near_touch, near_mass
 ):
-    """Keep the pairs of a list that are closer than touch + extra [m]; their number.
+    """Keep the pairs of a list that are closer than the sum of their ``room`` (n,) [m]; their number.
 
     ``near_touch`` [m] is the sum of radii, ``near_mass`` [kg] the reduced mass. The order stays.
     """
     near = np.uint64(0)
     one = np.uint64(1)
-    for k in range(count):
+    for k in range(np.uint64(count)):
         i = pair_i[k]
         j = pair_j[k]
         dx = x[j] - x[i] + pair_shift[k]
         dy = y[j] - y[i]
-        cutoff = radius[i] + radius[j] + extra
+        cutoff = room[i] + room[j]
         # written in any case, kept if near: no branch that cannot be foreseen
         near_i[near] = i
         near_j[near] = j
@@ -142,12 +179,12 @@ def prune(
 
 
 @njit(cache=True, error_model="numpy")
-def moved(x, y, old_x, old_y, n, way):
-    """Whether one of the first ``n`` bodies is farther than ``way`` [m] from its old position, or not finite."""
+def moved(x, y, old_x, old_y, n, way, less):
+    """Whether one of the first ``n`` bodies is farther than ``way - less[i]`` [m] from its old position."""
     far = 0
-    limit = way * way
     for i in range(n):
         dx = x[i] - old_x[i]
         dy = y[i] - old_y[i]
-        far += 0 if dx * dx + dy * dy <= limit else 1
+        limit = way - less[i]
+        far += 0 if dx * dx + dy * dy <= limit * limit else 1
     return far > 0

@@ -19,6 +19,7 @@ from ..scene import Scene
 from . import events, neighbours, stepping
 from .advice import advise_dt
 from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, USE_COLUMNS, Kernel, compile_laws
+from .motion import STATE, make_state, motion_functions, motion_numbers
 from .native import Offsets, ProbeError, address, offsets, step_address, write_slot
 from .units import Units
 
@@ -164,19 +165,20 @@ class Simulation:
 
         initial = np.array([b.initial for b in bodies], dtype=float).reshape(n, 4)
         a: dict[str, np.ndarray] = {}
-        a["x"], a["y"], a["vx"], a["vy"] = (np.ascontiguousarray(initial[:, k]) for k in range(4))
+        a["state"] = make_state(n)
+        a["state"][:, :4] = initial
+        for k, name in enumerate(STATE):
+            a[name] = a["state"][:, k]
+        a["place_x"], a["place_y"] = np.zeros(n), np.zeros(n)  # for building a list
         a["spin"] = np.zeros(n)
         a["mass"] = np.array([b.mass for b in bodies])
         a["mobile"] = np.array([b.mobile for b in bodies], dtype=np.uint8)
         a["inverse_mass"] = np.where(a["mobile"] == 1, 1.0 / a["mass"], 0.0)
         a["radius"] = np.array([b.radius for b in bodies])
         a["given_inertia"] = np.array([b.inertia or 0.0 for b in bodies])
-        for name in ("fx", "fy", "torque"):
-            a[name] = np.zeros(n)
+        a["torque"] = np.zeros(n)
         a["old_x"] = np.full(n, np.inf)  # forces the first list
         a["old_y"] = np.full(n, np.inf)
-        a["near_x"] = np.full(n, np.inf)
-        a["near_y"] = np.full(n, np.inf)
         a["group"] = np.zeros(n, dtype=np.int64)
         at = 0
         spans = []
@@ -246,6 +248,12 @@ class Simulation:
         self._allocate_lists(a)
         a["heads"] = np.zeros(4 * n + 256, dtype=np.int64)
         a["nexts"] = np.zeros(n, dtype=np.int64)
+        a["starts"] = np.zeros(n + 1, dtype=np.int64)
+        a["far"] = np.full(n, np.inf)
+        a["allowance"] = np.zeros(n)
+        a["reaching"] = a["radius"] + 0.5 * reach
+        for name in ("sorted_x", "sorted_y", "sorted_reach"):
+            a[name] = np.zeros(n)
         a["listing"] = np.zeros(n + 1, dtype=np.int64)
         a["table_keys"] = np.zeros(64, dtype=np.int64)
         a["table_values"] = np.zeros(64, dtype=np.int64)
@@ -257,21 +265,23 @@ class Simulation:
         a["bodies"] = np.zeros(n, dtype=np.int64)
         self._a = a
         floats = np.zeros(len(FLOATS))
-        u = self.units
         for name, value in {
             "t_start": scene.time.start,
             "dt": self.dt,
-            "length_unit": u.length,
-            "velocity_unit": u.velocity,
-            "spin_unit": 1.0 / u.time,
-            "force_scale": 1.0 / u.force,
-            "torque_scale": 1.0 / u.torque,
             "skin": self._skin,
             "reach": reach,
             "near_skin": 0.1 * self._skin,
         }.items():
             floats[_FLOAT_SLOT[name]] = value
         self._floats = floats
+        u = self.units
+        units = {
+            "length_unit": u.length, "velocity_unit": u.velocity, "spin_unit": 1.0 / u.time,
+            "force_scale": 1.0 / u.force, "torque_scale": 1.0 / u.torque,
+        }  # fmt: skip
+        turning = any("vt" in item.law.arguments for item in uses if item.law.kind == "pair")
+        a["motion"] = motion_numbers(units, a["state"], a["spin"], a["torque"], a["far"], turning)
+        self._forget_lists()
         self._inverse_moment = np.array([1.0 / b.moment if b.mobile else 0.0 for b in bodies])
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
 
@@ -367,17 +377,16 @@ class Simulation:
         lib.cpConstraintSetPreSolveFunc(hook, ffi.cast("cpConstraintPreSolveFunc", which.address))
         lib.cpConstraintSetUserData(hook, ffi.cast("void *", self._ints.ctypes.data))
         lib.cpSpaceAddConstraint(self._space._space, hook)
-        drift = ffi.cast("cpBodyPositionFunc", kernel.position_function.address)
         if not self.impulse:  # Chipmunk's own position function knows about its overlap correction
-            kick = ffi.cast("cpBodyVelocityFunc", kernel.velocity_function.address)
-            own_kick = kernel.kicks
+            drift, kick, _ = motion_functions()
             self._ints[_SLOT["own_drift"]] = 1
-            self._ints[_SLOT["own_kick"]] = int(own_kick)
+            self._ints[_SLOT["own_kick"]] = int(kick is not None)
+            state = self._a["state"].ctypes.data
             for row, body in enumerate(self._bodies[: self._n_mobile]):
-                write_slot(body, self._offsets, self._ints.ctypes.data, row)
-                lib.cpBodySetPositionUpdateFunc(body._body, drift)
-                if own_kick:
-                    lib.cpBodySetVelocityUpdateFunc(body._body, kick)
+                write_slot(body, self._offsets, state + 8 * len(STATE) * row, self._a["motion"].ctypes.data)
+                lib.cpBodySetPositionUpdateFunc(body._body, ffi.cast("cpBodyPositionFunc", drift))
+                if kick is not None:
+                    lib.cpBodySetVelocityUpdateFunc(body._body, ffi.cast("cpBodyVelocityFunc", kick))
         handler = before = None
         if self.mode == "chipmunk" and not self.impulse:
             handler = lib.cpSpaceAddGlobalCollisionHandler(self._space._space)
@@ -441,8 +450,9 @@ class Simulation:
                 values[address(ghost._body)] = -k - 2
         self._fill_table(values)
         x, y = self._positions_inner()
-        a["old_x"][:] = x - self._images * length
-        a["old_y"][:] = y
+        a["near_x"][:] = x - self._images * length
+        a["near_y"][:] = y
+        a["far"][:] = self._floats_margin() ** 2
 
     def _floats_margin(self) -> float:
         return float(self._floats[_FLOAT_SLOT["margin"]])
@@ -486,15 +496,16 @@ class Simulation:
         for name in ("fx", "fy", "torque"):
             a[name][:] = 0.0
         reach = float(self._floats[_FLOAT_SLOT["reach"]])
-        count = self._fresh_list(a["x"], a["y"], reach) if self._room else 0
+        x, y = a["x"].copy(), a["y"].copy()
+        count = self._fresh_list(x, y, reach) if self._room else 0
         near = neighbours.prune(
-            a["x"], a["y"], a["radius"], a["inverse_mass"], reach, a["pair_i"], a["pair_j"], a["pair_shift"], count,
+            x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["pair_i"], a["pair_j"], a["pair_shift"], count,
             a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"],
         )  # fmt: skip
         self._forget_lists()
         self._kernel.add_forces(
-            True, constrained, t, self.dt, a["x"], a["y"], a["vx"], a["vy"], a["spin"], a["mass"], a["inverse_mass"],
-            a["radius"], a["given_inertia"], a["fx"], a["fy"], a["torque"], a["parameters"], a["uses"], a["runs"],
+            True, constrained, t, self.dt, a["state"], a["spin"], a["mass"], a["inverse_mass"],
+            a["radius"], a["given_inertia"], a["torque"], a["parameters"], a["uses"], a["runs"],
             a["mask"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"], int(near),
             a["scalars"], a["chains"], a["input_t"], a["input_v"], a["input_at"],
         )  # fmt: skip
@@ -504,7 +515,8 @@ class Simulation:
         while True:
             count = neighbours.build_list(
                 x, y, a["radius"], a["mobile"], a["group"], extra, self.scene.periodic_x or 0.0, a["pair_i"],
-                a["pair_j"], a["pair_shift"], a["heads"], a["nexts"],
+                a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"], a["sorted_reach"],
+                a["near_i"], a["near_j"], a["starts"],
             )  # fmt: skip
             if count == neighbours.NOT_FINITE:
                 raise self._not_finite()
@@ -525,7 +537,9 @@ class Simulation:
     def _forget_lists(self) -> None:
         """The next step builds the neighbour lists anew."""
         self._a["old_x"][:] = np.inf
-        self._a["near_x"][:] = np.inf
+        if self._room and self.mode != "chipmunk":
+            self._a["near_x"][:] = np.inf
+            self._a["far"][:] = 0.0
 
     def _begin(self) -> None:
         """The first kick: velocities half a step ahead of the positions."""
@@ -825,13 +839,16 @@ class Simulation:
         dy = raw["y"][j] - raw["y"][i]
         distance = np.hypot(dx, dy)
         normal = np.column_stack([dx, dy]) / np.where(distance > 0, distance, 1.0)[:, None]
+        state = np.zeros((self._n, len(STATE)))
+        for column, name in enumerate(STATE[:4]):
+            state[:, column] = raw[name]
         force = np.empty(count)
         for k in range(count):
             if self._kernel is None:
                 px, py, _, _ = self._python.pair_force(int(i[k]), int(j[k]), self.t, raw)
             else:
                 px, py, _, _ = self._kernel.pair_force(
-                    int(i[k]), int(j[k]), self.t, raw["x"], raw["y"], raw["vx"], raw["vy"], raw["spin"],
+                    int(i[k]), int(j[k]), self.t, state, raw["spin"],
                     a["inverse_mass"], a["radius"], a["parameters"], a["uses"], a["mask"], a["scalars"],
                 )  # fmt: skip
             force[k] = px * normal[k, 0] + py * normal[k, 1]
