@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numba as nb
 import numpy as np
-import platformdirs
 
+from .engine.callbacks import cache_folder
 from .errors import InputError, SimulationError
 from .scene import Body, Scene
 
@@ -191,8 +191,7 @@ def cache_file(scene: Scene) -> Path:
         "held": [[*b.initial[:2], b.radius] for b in scene.bodies if b.initial is not None],
     }
     name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
-    folder = Path(os.environ.get("GRANSWIM_CACHE") or platformdirs.user_cache_dir("granswim_pymunk"))
-    return folder / "beds" / f"{name}.npz"
+    return cache_folder() / "beds" / f"{name}.npz"
 
 
 def _load(file: Path) -> tuple[np.ndarray, np.ndarray] | None:

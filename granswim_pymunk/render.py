@@ -30,6 +30,8 @@ from .errors import InputError
 from .scene import LawUse, Scene
 
 COLORS = ("speed", "force")
+TRAIL = 300  # states
+GIF_WIDTH = 720  # pixels; a wide GIF of a whole bed is too large to put on a page
 BACKGROUND = "#fdfcfa"
 INK = "#22303c"
 FAINT = "#8b98a3"
@@ -50,9 +52,9 @@ View = tuple[float, float, float, float]  # x low, x high, y low, y high [m]
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which a number of this size reads well: (1000.0, "mm/s") for 0.02 "m/s"."""
+    """Factor and unit in which a number of this size reads well: (1000.0, "mm/s") for 0.02 and "m/s"."""
     for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")):
-        if abs(value) * factor >= 0.5:
+        if abs(value) * factor >= 1.0:
             return factor, prefix + unit
     return 1.0, unit
 
@@ -156,7 +158,8 @@ class Painter:
     view : (x low, x high, y low, y high) [m]; left out, the box of a bed, else what the states need
     width : of the picture [pixels]
     ax : axes to draw into, instead of a figure of the painter's own
-    trails : draw the paths of mobile bodies; left out, in scenes of at most 12 bodies without a bed
+    trails : draw the paths of mobile bodies (see ``remember``); left out, in scenes of at most 12 bodies
+        without a bed
     """
 
     def __init__(
@@ -176,7 +179,7 @@ class Painter:
         self.color = color
         self.bed = is_bed(scene)
         self._fixed_top, self._fixed_view = top, view
-        self.scale = Scale(top, view or view_of(scene))
+        self.scale = Scale(top if top is not None else self._expected(), view or view_of(scene))
         self.radius = np.array([b.radius for b in scene.bodies])
         role = np.array([b.role for b in scene.bodies])
         self.wall = role == "wall"
@@ -184,11 +187,24 @@ class Painter:
         self.chain = np.isin(role, ("head", "tail"))
         mobile = int((~self.wall).sum())
         self.trails = trails if trails is not None else (mobile <= 12 and not self.bed)
+        # the view of a bed is known before it moves; elsewhere it is only when the run is over
+        self.live = self.bed or view is not None
         self._path: list[np.ndarray] = []
         self._own = ax is None
         self._width = width
         self._ax = ax
         self._built: View | None = None
+
+    def _expected(self) -> float | None:
+        """A swimmer stirs its bed about as fast as its head swings the next disk: A 2 pi f 2 r [m/s]."""
+        swings = [
+            item.values["amplitude"] * 2 * math.pi * item.values["frequency"]
+            for item in self.scene.laws_named("bending")
+        ]
+        if self.color != "speed" or not swings or not self.scene.swimmer:
+            return None
+        fastest = max(swings) * 2 * self.scene.bodies[self.scene.swimmer[0]].radius
+        return round_up(fastest) if fastest > 0 else None
 
     # ---- scales -------------------------------------------------------------------------------
 
@@ -204,7 +220,7 @@ class Painter:
         if self._fixed_top is None:
             among = value[self.grain] if self.grain.any() else value[~self.wall]
             # a handful of grains knocked by the tail may be off the scale
-            high = float(np.quantile(among, 0.995)) if len(among) else 0.0
+            high = float(np.quantile(among, 0.99)) if len(among) else 0.0
             if high > 0 and (self.scale.top is None or high > self.scale.top):
                 self.scale.top = round_up(high)
         if self._fixed_view is None and not self.bed:
@@ -214,6 +230,11 @@ class Painter:
             if _inside(_shrunk(need, 0.06), now):
                 return
             self.scale.view = view_of(self.scene, _corners(now, need, len(self.radius)))
+
+    def settle(self, positions: np.ndarray) -> None:
+        """The view that these positions (T, n, 2) [m] need, and no more."""
+        if self._fixed_view is None and not self.bed and len(positions):
+            self.scale.view = view_of(self.scene, positions)
 
     # ---- drawing ------------------------------------------------------------------------------
 
@@ -243,7 +264,7 @@ class Painter:
         else:
             assert self._ax is not None
             ax = self._ax
-            figure = ax.get_figure(root=True)
+            figure = ax.figure
             assert isinstance(figure, Figure)
             self.figure = figure
         self.ax = ax
@@ -374,18 +395,20 @@ class Painter:
             ha="center",
             va="center",
         )
-        self._legend(bar, inner, middle)
+        self._legend(bar, inner, middle, pixels)
         self._bar_ax = None
         coloured = self.grain.any() or not self.chain.any()
         if coloured:
             self._bar_ax = self.figure.add_axes(
-                (1 - side - 310 / self._width, 0.55 * bottom, 300 / self._width, 0.17 * bottom)
+                (1 - side - 0.25 - 10 / self._width, 0.55 * bottom, 0.25, 0.17 * bottom)
             )
 
-    def _legend(self, bar: Axes, inner: float, middle: float) -> None:
-        if not self.chain.any():
+    def _legend(self, bar: Axes, inner: float, middle: float, taken: float) -> None:
+        """Between scale bar and colour bar, where there is room."""
+        free = inner - 0.25 * self._width - 130 - taken
+        if not self.chain.any() or free < 240:
             return
-        x = 0.5 * inner - 150
+        x = taken + 0.5 * free - 90
         bar.plot([x], [middle], "o", ms=12, color=HEAD, mec="#5e0a16")
         bar.plot([x - 15, x - 6], [middle, middle], color=HEAD, lw=2.4, solid_capstyle="round")
         bar.text(x + 14, middle, "head and its axis", color=INK, fontsize=11, va="center")
@@ -475,7 +498,7 @@ class Painter:
         self._draw_links(xy)
         self._draw_chains(contacts, xy, top)
         if self.trails:
-            self._draw_trail(xy)
+            self._draw_trail()
         if self._own:
             self._time.set_text(_clock(state.t, self.scene))
             if self._bar_top != top:
@@ -525,9 +548,13 @@ class Painter:
         self._chains.set_color("#1b0b3b")
         self._chains.set_alpha(0.75)
 
-    def _draw_trail(self, xy: np.ndarray) -> None:
-        self._path.append(xy[~self.wall].copy())
-        path = np.array(self._path[-400:])  # (T, k, 2)
+    def remember(self, state: State) -> None:
+        """Lengthen the paths by this state, which need not be painted."""
+        if self.trails:
+            self._path.append(state.xy[~self.wall].copy())
+
+    def _draw_trail(self) -> None:
+        path = np.array(self._path[-TRAIL:])  # (T, k, 2)
         if len(path) < 2:
             return
         if self.scene.periodic_x:
@@ -572,8 +599,8 @@ def draw_frame(
     """Draw one state; the figure is returned, and written as PNG where ``path`` is given.
 
     ``state`` has t [s], xy (n, 2) [m], v (n, 2) [m/s], rows as in ``scene.bodies``; ``contacts`` are
-    needed for ``color="force"``. With ``ax`` it is drawn into those axes (equal aspect, SI coordinates, so that tracks
-    can be laid over it), without labels.
+    needed for ``color="force"``. With ``ax`` it is drawn into those axes, without labels
+    (equal aspect, SI coordinates, so that tracks can be laid over it).
     """
     painter = Painter(scene, color, top=top, view=view, width=width, ax=ax, trails=False)
     figure = painter.paint(state, contacts)
@@ -631,8 +658,10 @@ def _write_gif(
     for k, name in enumerate(frames):
         with Image.open(name) as picture:
             small = picture.convert("RGB")
-        if small.width > 800:
-            small = small.resize((800, round(small.height * 800 / small.width)), Image.Resampling.LANCZOS)
+        if small.width > GIF_WIDTH:
+            small = small.resize(
+                (GIF_WIDTH, round(small.height * GIF_WIDTH / small.width)), Image.Resampling.LANCZOS
+            )
         if palette is None:
             # one palette for all, from first, middle and last: colours must not flicker
             palette = _palette([frames[0], frames[len(frames) // 2], frames[-1]])
@@ -649,7 +678,7 @@ def _palette(names: Sequence[str | Path]) -> Image.Image:
     for name in names:
         with Image.open(name) as picture:
             strips.append(np.asarray(picture.convert("RGB").resize((400, 300))))
-    return Image.fromarray(np.vstack(strips)).quantize(255, method=Image.Quantize.MAXCOVERAGE)
+    return Image.fromarray(np.vstack(strips)).quantize(128, method=Image.Quantize.MAXCOVERAGE)
 
 
 def _write_mp4(

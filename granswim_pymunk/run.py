@@ -1,0 +1,497 @@
+"""Run a scene: pack its bed, simulate, keep the trajectory, draw frames and a video."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+import math
+import os
+import platform
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import h5py
+import matplotlib
+import numba
+import numpy as np
+import pymunk
+import scipy
+from tqdm import tqdm
+
+from . import __version__
+from .engine import Contacts, Simulation, State, contact_duration
+from .errors import InputError, SimulationError
+from .packing import pack, quality
+from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
+from .scene import Scene, Time, read_scene
+from .trajectory import TrajectoryWriter, read_trajectory
+
+VIDEOS = ("gif", "mp4", "none")
+FRAMES = 60  # pictures of a run that does not say how many
+VIDEO_FPS = 25.0
+# steps times bodies between two looks at the keyboard: about a quarter of a second. A fixed number, not a
+# measured one: where a run is cut into blocks must not depend on how busy the machine is
+BLOCK = {"verlet": 1.2e7, "chipmunk": 2e6, "batch": 4e5, "python": 3e4}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run left behind.
+
+    out : folder;  scene : as it was run, packed;  state : the last one
+    trajectory : HDF5 file;  frames : PNG files;  video : GIF or MP4, if any
+    reason : "finished", or why it stopped;  diagnostics : what stands in run.json
+    """
+
+    out: Path
+    scene: Scene
+    state: State
+    trajectory: Path
+    frames: tuple[Path, ...]
+    video: Path | None
+    reason: str
+    diagnostics: dict[str, Any]
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Scenes that come with the package, by name."""
+    scenarios = importlib.import_module(".scenarios", __package__)
+    return {path.stem: path for folder in scenarios.__path__ for path in sorted(Path(folder).glob("*.toml"))}
+
+
+def find_scene(name: str | Path) -> Path:
+    """A path to a scene, or the name of one that comes with the package. Raises InputError."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = shipped_scenarios()
+    if path.name == str(name) and path.stem in shipped and path.suffix in ("", ".toml"):
+        return shipped[path.stem]
+    raise InputError(
+        f"no such file; scenes that come with the package: {', '.join(sorted(shipped))}", file=path
+    )
+
+
+def run_scene(
+    scene: Scene | str | Path,
+    out: str | Path,
+    *,
+    duration: float | None = None,
+    dt: float | None = None,
+    mode: str = "verlet",
+    frames: int | None = None,
+    fps: float | None = None,
+    color: str | None = None,
+    video: str | None = None,
+    seed: int | None = None,
+    cache: bool = True,
+    quiet: bool = False,
+) -> RunResult:
+    """Pack if needed, simulate, and write what came of it into the folder ``out``.
+
+    Written are trajectory.h5 (float64, H5MD layout), frames/frame_NNNNN.png, video.gif or video.mp4,
+    scene.toml (the scene as it was run) and run.json (versions, seed, scene hash, time spent in each part,
+    why it stopped).
+
+    Parameters
+    ----------
+    scene : a Scene, a TOML file, or the name of a scene that comes with the package
+    duration, dt : [s]; left out, those of the scene, and a time step that resolves its fastest law
+    mode : "verlet", "chipmunk", "python" or "batch"
+    frames : number of pictures, start and end included; 0: none. ``fps``: pictures per simulated second
+    color : "speed" or "force";  video : "gif", "mp4" or "none"
+    seed : instead of the scene's; it decides how the bed is packed
+
+    What is left out is looked up in the scene's [frames] table. Ctrl-C stops between blocks of steps: what
+    was written stays and can be read, and KeyboardInterrupt is raised. Raises InputError before anything
+    is written, SimulationError when the run could not go on.
+    """
+    file = None
+    if not isinstance(scene, Scene):
+        file = find_scene(scene)
+        scene = read_scene(file)
+    options = frame_options(scene.frames, file)
+    color = color or options.get("color", "speed")
+    video = video or options.get("video", "gif")
+    if color not in COLORS:
+        raise InputError(f"color should be one of {', '.join(COLORS)}, got {color!r}")
+    if video not in VIDEOS:
+        raise InputError(f"video should be one of {', '.join(VIDEOS)}, got {video!r}")
+    if seed is not None:
+        if seed < 0:
+            raise InputError(f"should be zero or more, got {seed}", where="seed")
+        scene = dataclasses.replace(scene, seed=seed)
+    duration = _above_zero(duration if duration is not None else scene.time.duration, "duration", file)
+    if dt is not None:
+        dt = _above_zero(dt, "dt", file)
+    if frames is not None and fps is not None:
+        raise InputError("give frames or fps, not both")
+    if frames is None and fps is None:
+        frames, fps = options.get("count"), options.get("per_second")
+    if fps is not None and frames is None:
+        frames = round(_above_zero(fps, "fps", file) * duration) + 1
+    frames = FRAMES if frames is None else frames
+    if frames < 0 or frames == 1:
+        raise InputError(f"should be 0 or at least 2, got {frames}", where="frames")
+
+    run = _Run(quiet)
+    with run.timed("packing"):
+        packed = run.pack(scene, cache)
+    with run.timed("setting up"):
+        time_of = dataclasses.replace(packed.time, duration=duration)
+        if dt is not None:
+            time_of = dataclasses.replace(time_of, dt=dt)
+        sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+        if time_of.dt is None and duration > sim.dt:
+            # a little less than the automatic step, so that the run ends when it should
+            time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
+            sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+        scene = dataclasses.replace(packed, time=dataclasses.replace(time_of, dt=sim.dt))
+        total = round(duration / sim.dt)
+        if total < 1:
+            raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
+        painter = Painter(
+            scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
+        )
+        plan = _Plan.make(total, frames, scene.time, sim.dt)
+    run.describe(scene, sim, total, requested=mode)
+    folder = _prepare(Path(out))
+    return run.go(scene, sim, plan, painter, folder, video)
+
+
+def _above_zero(value: float | None, name: str, file: Path | None) -> float:
+    if value is None:
+        raise InputError(
+            f"needs {name} [s]: in the scene's [time], or as --{name}", file=file, where=f"time.{name}"
+        )
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"should be above zero, got {value!r}", file=file, where=name)
+    return float(value)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """After which steps a state is stored, and which of those are drawn."""
+
+    stored: tuple[int, ...]
+    drawn: frozenset[int]
+
+    @classmethod
+    def make(cls, total: int, frames: int, times: Time, dt: float) -> _Plan:
+        pictures = np.round(np.linspace(0, total, max(frames, 2))).astype(int).tolist()
+        if times.output is None:
+            stored = pictures if frames else np.round(np.linspace(0, total, 101)).astype(int).tolist()
+        else:
+            stride = max(round(times.output / dt), 1)
+            stored = [*range(0, total, stride), total]
+            # a picture shows a stored state, so that it can be drawn again from the trajectory
+            places = np.clip(np.searchsorted(stored, pictures), 0, len(stored) - 1)
+            pictures = [stored[k] for k in places]
+        return cls(tuple(sorted(set(stored))), frozenset(pictures) if frames else frozenset())
+
+
+def _prepare(folder: Path) -> Path:
+    """The output folder, without the frames of an earlier run."""
+    try:
+        (folder / "frames").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make this folder: {error.strerror}", file=folder) from None
+    for old in (
+        *(folder / "frames").glob("frame_[0-9]*.png"),
+        *folder.glob("video.[gm][ip][f4]"),
+        folder / "run.json",
+    ):
+        old.unlink(missing_ok=True)
+    return folder
+
+
+class _Run:
+    """One run: its clock, its progress bars, its interruption."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet = quiet
+        self.spent: dict[str, float] = {}
+        self.stopped = False
+        self.began = time.time()
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.spent[part] = self.spent.get(part, 0.0) + time.perf_counter() - start
+
+    def bar(self, text: str, total: float, **more: Any) -> tqdm:  # type: ignore[type-arg]
+        return tqdm(total=total, desc=text, disable=self.quiet, dynamic_ncols=True, mininterval=0.2, **more)
+
+    def say(self, text: str) -> None:
+        if not self.quiet:
+            print(text, flush=True)
+
+    def pack(self, scene: Scene, cache: bool) -> Scene:
+        if scene.bed is None or any(b.role == "grain" for b in scene.bodies):
+            return scene
+        form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+        with self.bar("packing the bed", 1.0, bar_format=form) as bar:
+
+            def show(part: float) -> None:
+                bar.update(part - bar.n)
+
+            packed = pack(scene, cache=cache, progress=show)
+        found = quality(packed)
+        self.say(
+            f"bed: {found.grains} grains, packing fraction {found.packing_fraction:.4f}, "
+            f"largest overlap {100 * found.overlap:.2g} % of a radius, seed {scene.seed}"
+        )
+        return packed
+
+    def describe(self, scene: Scene, sim: Simulation, total: int, requested: str) -> None:
+        self.say(str(scene))
+        note = "" if sim.mode == requested else f" ({requested} was asked for)"
+        line = f"  {total} steps of {sim.dt:.3g} s = {total * sim.dt:g} s, mode {sim.mode}{note}"
+        contact = contact_duration(scene)
+        if contact is not None:
+            line += f"; a contact lasts {contact:.2g} s: {contact / sim.dt:.1f} steps"
+        self.say(line)
+
+    # ---- the run ------------------------------------------------------------------------------
+
+    @contextmanager
+    def gentle_interrupt(self) -> Iterator[None]:
+        """The first Ctrl-C asks the run to stop after this block; a second one stops at once."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.getsignal(signal.SIGINT)
+
+        def ask(number: int, frame: FrameType | None) -> None:
+            self.stopped = True
+            signal.signal(signal.SIGINT, before)
+
+        signal.signal(signal.SIGINT, ask)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def go(
+        self, scene: Scene, sim: Simulation, plan: _Plan, painter: Painter, folder: Path, video: str
+    ) -> RunResult:
+        total = plan.stored[-1]
+        block = max(round(BLOCK[sim.mode] / max(len(scene.bodies), 20)), 1)
+        path = folder / "trajectory.h5"
+        pictures: list[tuple[Path, int, Scale | None]] = []
+        reason = "finished"
+        failure: SimulationError | None = None
+        made: Path | None = None
+        _write_text(folder / "scene.toml", scene.to_toml())
+        with self.gentle_interrupt():
+            form = (
+                "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} steps [{elapsed}<{remaining}{postfix}]"
+            )
+            bar = self.bar("simulating", total, unit_scale=True, bar_format=form)
+            with bar, TrajectoryWriter(path, scene) as writer:
+                try:
+                    for step in plan.stored:
+                        with self.timed("simulation"):
+                            while sim.step < step and not self.stopped:
+                                size = min(block, step - sim.step)
+                                sim.advance(size)
+                                bar.update(size)
+                        if sim.step < step:
+                            break
+                        bar.set_postfix_str(f"t = {sim.t:.4g} s", refresh=False)
+                        with self.timed("trajectory"):
+                            state, contacts = _store(writer, sim, scene)
+                        painter.remember(state)
+                        if step in plan.drawn:
+                            with self.timed("frames"):
+                                name = folder / "frames" / f"frame_{len(pictures):05d}.png"
+                                scale = None
+                                if painter.live:
+                                    painter.paint(state, contacts)
+                                    painter.save(name)
+                                    scale = painter.scale.copy()
+                                else:
+                                    painter.fit(state, contacts)
+                                pictures.append((name, writer.frames - 1, scale))
+                except SimulationError as error:
+                    failure, reason = error, f"failed: {error}"
+            if self.stopped:
+                reason = "interrupted"
+            if reason == "finished":
+                with self.timed("frames"):
+                    self.redraw(scene, path, painter, pictures)
+                if video != "none" and pictures and not self.stopped:
+                    with self.timed("video"):
+                        made = self.video(folder / f"video.{video}", [name for name, _, _ in pictures])
+        names = tuple(name for name, _, _ in pictures if name.exists())
+        diagnostics = self.diagnose(scene, sim, reason, path, names, made)
+        _write_text(folder / "run.json", json.dumps(diagnostics, indent=1) + "\n")
+        if failure is not None:
+            raise failure
+        if self.stopped:
+            self.say(f"stopped at t = {sim.t:.4g} s; {len(names)} frames and the trajectory are in {folder}")
+            raise KeyboardInterrupt
+        self.say(_summary(scene, path, folder, names, made, self.spent))
+        return RunResult(folder, scene, sim.state(), path, names, made, reason, diagnostics)
+
+    def redraw(
+        self, scene: Scene, path: Path, painter: Painter, pictures: list[tuple[Path, int, Scale | None]]
+    ) -> None:
+        """Draw what was not drawn yet, or before the scale was known: all frames show the same."""
+        if not pictures:
+            return
+        trajectory = read_trajectory(path)
+        painter.settle(trajectory.xy)
+        last = painter.scale
+        if all(scale == last for _, _, scale in pictures):
+            return
+        painter.restart()
+        shown = {frame: (name, scale) for name, frame, scale in pictures}
+        with self.bar("drawing", len(pictures)) as bar:
+            for frame in range(len(trajectory)):
+                if self.stopped:
+                    return
+                state = trajectory.state(frame)
+                painter.remember(state)
+                if frame in shown:
+                    name, scale = shown[frame]
+                    if scale != last:
+                        contacts = contacts_of(scene, state) if painter.color == "force" else None
+                        painter.paint(state, contacts, grow=False)
+                        painter.save(name)
+                    bar.update(1)
+
+    def video(self, path: Path, names: list[Path]) -> Path:
+        with self.bar(f"writing {path.name}", len(names)) as bar:
+
+            def show(done: int, count: int) -> None:
+                bar.update(done - bar.n)
+
+            return write_video(names, path, VIDEO_FPS, show)
+
+    def diagnose(
+        self,
+        scene: Scene,
+        sim: Simulation,
+        reason: str,
+        path: Path,
+        names: tuple[Path, ...],
+        made: Path | None,
+    ) -> dict[str, Any]:
+        return {
+            "title": scene.title,
+            "scene_hash": scene.hash,
+            "seed": scene.seed,
+            "stopped": reason,
+            "started_at": time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(self.began)),
+            "wall_time_s": round(time.time() - self.began, 3),
+            "wall_time_of_parts_s": {name: round(value, 3) for name, value in self.spent.items()},
+            "mode": sim.mode,
+            "dt_s": sim.dt,
+            "steps": sim.step,
+            "start_s": scene.time.start,
+            "end_s": sim.t,
+            "contact_duration_s": contact_duration(scene),
+            "bodies": len(scene.bodies),
+            "engine": sim.diagnostics,
+            "files": {
+                "trajectory": path.name,
+                "frames": len(names),
+                "video": made.name if made else None,
+                "scene": "scene.toml",
+            },
+            "versions": {
+                "granswim_pymunk": __version__,
+                "python": platform.python_version(),
+                "pymunk": pymunk.version,
+                "chipmunk": pymunk.chipmunk_version,
+                "numpy": np.__version__,
+                "scipy": scipy.__version__,
+                "numba": numba.__version__,
+                "h5py": h5py.__version__,
+                "matplotlib": matplotlib.__version__,
+                "platform": platform.platform(),
+            },
+        }
+
+
+def contacts_of(scene: Scene, state: State) -> Contacts:
+    """The contacts of a stored state, with their forces."""
+    initial = {
+        b.id: (*state.xy[k].tolist(), *state.v[k].tolist()) for k, b in enumerate(scene.bodies) if b.mobile
+    }
+    return Simulation(scene.with_initial(initial)).contacts()
+
+
+def _store(writer: TrajectoryWriter, sim: Simulation, scene: Scene) -> tuple[State, Contacts]:
+    state, contacts = sim.state(), sim.contacts()
+    mass = np.array([b.mass if b.mobile else 0.0 for b in scene.bodies])
+    kinetic = 0.5 * mass * (state.v**2).sum(axis=1)
+    more = {"angle": state.angle, "spin": state.spin, "contact_force": body_force(contacts, len(mass))}
+    observables: dict[str, Any] = {"kinetic_energy": kinetic.sum()}
+    swimmer = list(scene.swimmer)
+    if swimmer:
+        observables["swimmer_kinetic_energy"] = kinetic[swimmer].sum()
+        observables["swimmer_center"] = (mass[swimmer, None] * state.xy[swimmer]).sum(axis=0) / mass[
+            swimmer
+        ].sum()
+    writer.add(sim.step, state.t, state.xy, state.v, more, observables)
+    return state, contacts
+
+
+def _summary(
+    scene: Scene,
+    path: Path,
+    folder: Path,
+    names: tuple[Path, ...],
+    made: Path | None,
+    spent: dict[str, float],
+) -> str:
+    lines = []
+    trajectory = read_trajectory(path)
+    for chain in scene.chains:
+        mass = trajectory.mass[list(chain)]
+        center = (mass[:, None] * trajectory.xy[:, list(chain)]).sum(axis=1) / mass.sum()
+        ahead = trajectory.xy[0, chain[0]] - trajectory.xy[0, chain[-1]]
+        ahead = ahead / np.hypot(*ahead)
+        # the first half second is the swimmer settling in (contract); a short run has nothing else
+        t = trajectory.t - trajectory.t[0]
+        since = 0.5 if t[-1] > 0.75 else 0.0
+        k = int(np.searchsorted(t, since))
+        speed = float((center[-1] - center[k]) @ ahead) / (t[-1] - t[k])
+        lines.append(
+            f"swimmer: {1e3 * speed:+.2f} mm/s head first, from {t[k]:.2g} s to {t[-1]:.2g} s after the start"
+        )
+    parts = ", ".join(f"{name} {value:.1f} s" for name, value in spent.items() if value >= 0.05)
+    lines.append(f"wall time: {parts}")
+    what = [path.name, f"{len(names)} frames", made.name if made else "", "scene.toml", "run.json"]
+    lines.append(f"written to {folder}: " + ", ".join(w for w in what if w))
+    return "\n".join(lines)
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Beside first, then in place: a reader never sees half of it."""
+    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        os.chmod(beside, 0o644)
+        os.replace(beside, path)
+    except BaseException:
+        Path(beside).unlink(missing_ok=True)
+        raise
+
+
+__all__ = ["RunResult", "contacts_of", "find_scene", "run_scene", "shipped_scenarios"]
