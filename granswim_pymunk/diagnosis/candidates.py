@@ -47,6 +47,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     ``each``: a strength for every distinct body instead of one for all, scaled by radius.
     """
     bodies = {b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)}
+    if not bodies:
+        return []  # every motion is commanded: no force shows
     radii = np.array([radius for radius, _ in bodies.values()])
     choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
     combinations = [

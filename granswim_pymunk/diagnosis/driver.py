@@ -193,8 +193,8 @@ def diagnose_bodies(
     white_revised = whiteness(revised, training, numbers(revised))
 
     verdict, flexible = _verdict(
-        found, arms_alive, alive, inner_scores, white_naive, white_recalibrated, naive, recalibrated, spread,
-        bool(adjustables), null, notes,
+        found, arms_alive, inner_scores, white_recalibrated, naive, recalibrated, revised, spread,
+        bool(adjustables), notes,
     )  # fmt: skip
     if verdict == "unmodelled":
         best_named = found[0] if found else None
@@ -443,13 +443,13 @@ def _second(
 
 
 def _verdict(
-    found, arms, alive, inner_scores, white_naive, white_recalibrated, naive, recalibrated, spread, adjustable, null, notes
+    found, arms, inner_scores, white_recalibrated, naive, recalibrated, revised, spread, adjustable, notes
 ) -> tuple[str, Trial | None]:
     """Which of the five verdicts, and the flexible arm where it wins."""
     base = inner_scores["recalibrated"]
     arm = min(arms, key=lambda t: t.inner, default=None)
-    named_inner = min([t.inner for t in found] + [inner_scores[k] for k in inner_scores if " + " in k], default=base)
-    named_gain = max((t.gain for t in found), default=0.0)
+    named_inner = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else base
+    named_gain = recalibrated.chi2 - revised.chi2
     if arm is not None and arm.fit is not None:
         ahead = (arm.gain - named_gain) / spread - 2 * arm.numbers
         # a margin in prediction and in fit, so that a spline of the same law does not win by chance

@@ -1,0 +1,212 @@
+"""Blind diagnoses: recordings made by the reference integrator, the effect unknown to the diagnosis."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict, write_verdict
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.recording import Recording, see, write_recording
+from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
+from granswim_pymunk.validation.reference import Reference
+
+NOISE = 2e-5  # m
+
+
+def filmed(truth: Scene, naive: Scene, t: np.ndarray, rng: np.random.Generator, *, noise=NOISE, name="r", **camera):
+    """What the camera gives of the true scene, with the naive scene as the experimenter's belief."""
+    xy = Reference(truth, dt=1e-4).sample(t)
+    rows = [k for k, b in enumerate(truth.bodies) if b.mobile]
+    seen = see(xy[:, rows], **camera) + rng.normal(size=(len(t), len(rows), 2)) * noise
+    bodies = tuple(replace(b, initial=None) if b.mobile else b for b in naive.bodies)
+    return Recording(
+        name=name, scene=replace(naive, bodies=bodies), t=t, ids=tuple(truth.bodies[k].id for k in rows), xy=seen,
+        sampling=1 / (t[1] - t[0]), position_noise=noise,
+    )  # fmt: skip
+
+
+def table(*laws, seed=1) -> Scene:
+    """Three disks that slide over a table and do not meet."""
+    rng = np.random.default_rng(seed)
+    bodies = [
+        Body(str(k), "free", 0.01 * (1 + 0.5 * k), 0.02 * (1 + k), initial=(0.1 * k, 0.15 * k, *rng.normal(size=2) * 0.25))
+        for k in range(3)
+    ]
+    return Scene(tuple(bodies), tuple(laws))
+
+
+def collision(restitution: float, adjustable=()) -> Scene:
+    a = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.5, 0.01))
+    b = Body("b", "free", 0.015, 0.05, initial=(0.1, 0.008, -0.1, 0.0))
+    return Scene((a, b), (use("contact_elastic", restitution=restitution),), adjustable=adjustable)
+
+
+def pendulum(*laws, length=0.2, adjustable=()) -> Scene:
+    body = Body("p", "free", 0.01, 0.1, initial=(length * math.sin(0.8), -length * math.cos(0.8), 0.0, 0.0))
+    rod = use("pin", anchor=(0.0, 0.0), length=length, bodies=["p"])
+    return Scene((body,), (use("gravity"), rod, *laws), gravity=(0.0, -9.81), adjustable=adjustable)
+
+
+def cart(*laws) -> Scene:
+    body = Body("c", "free", 0.02, 0.3, initial=(0.08, 0.0, 0.0, 0.0))
+    spring = use("spring", anchor=(0.0, 0.0), stiffness=8.0, bodies=["c"])
+    return Scene((body,), (use("rail", direction=(1.0, 0.0)), spring, *laws))
+
+
+SHORT = np.arange(0.0, 0.8, 0.01)
+SWING = np.arange(0.0, 4.0, 0.01)
+
+
+def close(diagnosis, name: str, parameter: str, value: float) -> None:
+    """The first mechanism has this name, and its interval holds the value or misses it by less than its width."""
+    entry = verdict_dict(diagnosis)["mechanisms"][0]
+    assert entry["name"] == name
+    found = entry["parameters"][parameter]
+    width = found["high"] - found["low"]
+    assert 0 < width < 0.2 * value
+    assert found["low"] - width / 2 < value < found["high"] + width / 2
+
+
+def heldout(diagnosis) -> dict:
+    return verdict_dict(diagnosis)["fit"]["heldout"]
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "parameter"),
+    [
+        ("linear_drag", {"c": 0.004}, "c"),
+        ("quadratic_drag", {"c": 0.02, "p": 2}, "c"),
+        ("coulomb_substrate", {"mu": 0.01}, "mu"),
+    ],
+)
+def test_drag_and_friction_of_sliding_disks_are_named(law, values, parameter):
+    truth = table(use(law, **values))
+    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(3))])
+    assert found.verdict == "missing_physics"
+    close(found, law, parameter, values[parameter])
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert set(entry["bodies"]) == {"0", "1", "2"}
+    if "p" in values:
+        assert entry["parameters"]["p"]["value"] == values["p"]
+    errors = heldout(found)
+    assert errors["naive"] > 20 * errors["noise_floor"]
+    assert errors["revised"] < 1.5 * errors["noise_floor"]
+
+
+def test_tilted_table_is_a_uniform_force_with_both_components():
+    truth = table(use("uniform_force", a=(0.02, -0.01)))
+    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(4))])
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert (found.verdict, entry["name"]) == ("missing_physics", "uniform_force")
+    np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.02, -0.01), atol=1e-3)
+
+
+def test_nothing_missing_gives_no_mismatch():
+    found = diagnose_bodies([filmed(table(), table(), SHORT, np.random.default_rng(5))])
+    verdict = verdict_dict(found)
+    assert verdict["verdict"] == "no_mismatch"
+    assert verdict["mechanisms"] == []
+    assert verdict["null"]["p_false_alarm"] >= 1 / (verdict["null"]["replicates"] + 1)
+
+
+def test_lossy_collision_is_restitution():
+    found = diagnose_bodies([filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))])
+    assert found.verdict == "missing_physics"
+    close(found, "restitution", "restitution", 0.75)
+
+
+def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():
+    belief = collision(0.95, adjustable=(Adjustable("contact_elastic", "restitution", 0.5, 1.0),))
+    found = diagnose_bodies([filmed(collision(0.8), belief, SHORT, np.random.default_rng(7))])
+    verdict = verdict_dict(found)
+    assert verdict["verdict"] == "recalibrate"
+    assert verdict["mechanisms"] == []
+    assert verdict["recalibrated"]["contact_elastic.restitution"]["value"] == pytest.approx(0.8, abs=0.005)
+
+
+def test_pendulum_with_viscous_drag():
+    truth = pendulum(use("linear_drag", c=0.01))
+    found = diagnose_bodies([filmed(truth, pendulum(), SWING, np.random.default_rng(8), noise=1e-4)])
+    assert found.verdict == "missing_physics"
+    close(found, "linear_drag", "c", 0.01)
+
+
+@pytest.mark.parametrize(("camera", "name"), [({"scale": 1.01}, "camera_scale"), ({"tilt": 0.02}, "camera_tilt")])
+def test_the_apparatus_is_suspected_before_physics(camera, name):
+    found = diagnose_bodies([filmed(pendulum(), pendulum(), SWING, np.random.default_rng(9), noise=1e-4, **camera)])
+    assert found.verdict == "measurement"
+    assert verdict_dict(found)["mechanisms"][0]["name"] == name
+    if name == "camera_tilt":  # a turned picture of a pendulum is a turned gravity
+        rivals = {r["name"]: r["indistinguishable"] for r in verdict_dict(found)["rivals"]}
+        assert rivals["uniform_force"] is True
+
+
+def test_two_laws_that_are_needed_together():
+    truth = cart(use("linear_drag", c=0.05), use("coulomb_substrate", mu=0.003))
+    found = diagnose_bodies([filmed(truth, cart(), SWING, np.random.default_rng(10), noise=1e-4)])
+    assert {e["name"] for e in verdict_dict(found)["mechanisms"]} == {"linear_drag", "coulomb_substrate"}
+    assert heldout(found)["revised"] < 1.5 * heldout(found)["noise_floor"]
+
+
+def test_held_out_recordings_are_not_looked_at_before_the_verdict():
+    """Changing the held-out recording changes the held-out error and nothing else."""
+    rng = np.random.default_rng(11)
+    truth = table(use("linear_drag", c=0.004))
+    training = filmed(truth, table(), SHORT, rng, name="training")
+    held = filmed(table(use("linear_drag", c=0.004), seed=2), table(seed=2), SHORT, rng, name="held")
+    spoiled = replace(held, xy=held.xy + 0.05 * held.t[:, None, None] ** 2)
+    a, b = (verdict_dict(diagnose_bodies([training], [other])) for other in (held, spoiled))
+    assert a["mechanisms"][0]["parameters"] == b["mechanisms"][0]["parameters"]
+    assert a["verdict"] == b["verdict"] and a["null"] == b["null"]
+    assert b["fit"]["heldout"]["revised"] > 10 * a["fit"]["heldout"]["revised"]
+
+
+def test_late_camera_of_a_driven_body_is_a_time_offset():
+    t = np.arange(0.0, 2.0, 0.01)
+    command = tuple(0.1 * np.sin(7.0 * t) + 0.05 * np.sin(17.0 * t))
+    body = Body("m", "free", 0.02, 0.3, initial=(0.0, 0.0, 0.0, 0.0))
+    laws = (use("rail", direction=(1.0, 0.0)), use("drive", bodies=["m"]))
+    scene = Scene((body,), laws, inputs={"m": (tuple(t), command)})
+    record = filmed(scene, scene, t[:-5], np.random.default_rng(14))
+    # a frame stamped t shows the state at t + 10 ms
+    late = replace(record, t=record.t - 0.01, xy=record.xy)
+    late = replace(late, t=late.t[1:], xy=late.xy[1:])
+    found = diagnose_bodies([late])
+    assert found.verdict == "measurement"
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert entry["name"] == "time_offset"
+    assert entry["parameters"]["offset"]["value"] == pytest.approx(0.01, abs=2e-4)
+
+
+def test_the_same_seed_gives_the_same_verdict_file(tmp_path):
+    record = filmed(cart(use("linear_drag", c=0.02)), cart(), SHORT, np.random.default_rng(12), noise=1e-4)
+    texts = []
+    for name in ("one", "two"):
+        write_verdict(diagnose_bodies([record], seed=5), tmp_path / name)
+        texts.append((tmp_path / name / "verdict.json").read_text())
+    assert texts[0] == texts[1]
+
+
+def test_command_writes_the_contract_and_the_revised_scene_runs(tmp_path, capsys):
+    truth = cart(use("linear_drag", c=0.05))
+    record = filmed(truth, cart(), SHORT, np.random.default_rng(13), noise=1e-4)
+    folder = tmp_path / "cart"
+    write_recording(record, folder)
+    out = tmp_path / "out"
+    assert main(["diagnose", str(folder), "--out", str(out), "--seed", "1"]) == 0
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert verdict["format"] == "granswim-verdict/1"
+    assert {"verdict", "mismatch", "mechanisms", "rivals", "fit", "null", "next_experiment", "recalibrated"} <= set(verdict)
+    assert verdict["mechanisms"][0]["name"] == "linear_drag"
+    assert verdict["mismatch"] and verdict["mismatch"][0]["bodies"] == ["c"]
+    assert (out / "report.html").stat().st_size > 10_000
+    assert list((out / "figures").glob("*.png"))
+    scene = read_scene(out / "revised.toml")
+    simulated = Simulation(scene).sample(record.t)
+    error = simulated[:, 0, 0] - record.xy[:, 0, 0]
+    assert np.sqrt(np.mean(error**2)) < 2e-4
+    assert "linear_drag" in capsys.readouterr().out
