@@ -120,12 +120,10 @@ def diagnose_bodies(
 
     # 4. recalibration first
     progress("fitting the starts of the naive scene", 0.02)
-    naive = fitter.fit(Hypothesis(), stages=stages)
+    naive = fitter.fit_widely(Hypothesis(), None, stages=stages)
     adjustables = adjustable_terms(cases)
     progress("recalibrating", 0.06)
-    recalibrated = fitter.fit(Hypothesis(adjustables), None, naive.starts, stages=stages) if adjustables else naive
-    if recalibrated.chi2 > naive.chi2:
-        recalibrated = fitter.fit(Hypothesis(adjustables), None, naive.starts)
+    recalibrated = fitter.fit_widely(Hypothesis(adjustables), naive, stages=stages) if adjustables else naive
 
     def numbers(fit: Fit) -> int:
         return len(fit.values) + sum(len(s) for s in fit.starts.values())
@@ -246,7 +244,7 @@ def diagnose_bodies(
         if len(found) == 1:
             proposal = propose(winner, loser, (found[0].mechanism, close[0].mechanism), cases, predictor, stop)
     progress("done", 1.0)
-    if predictor.failures:
+    if len(predictor.failures) > 0.05 * predictor.runs:
         notes.append(f"{len(predictor.failures)} runs could not be finished, the first: {predictor.failures[0]}")
     return Diagnosis(
         cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,

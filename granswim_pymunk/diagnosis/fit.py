@@ -108,6 +108,42 @@ class Fitter:
             x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations)
         return self._finish(hypothesis, x, numbers, fixed)
 
+    def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
+        """Fit from several beginnings and keep the best: an oscillation has a local minimum in every period.
+
+        Beginnings: gradually from the tracks, from ``base``, from every adjustable on a grid, and from swings
+        of other amplitudes (an undamped pendulum follows a decaying one best with an amplitude in between).
+        """
+        found = [self.fit(hypothesis, None, base.starts if base else None, stages=stages)]
+        values = np.array([f.first for f in hypothesis.free], dtype=float)
+        beginnings: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        starts = {c.name: first_numbers(self.described[c.name]) for c in self.cases}
+        swinging = any(s.form == "pin" for described in self.described.values() for s in described)
+        shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
+        grid = [values]
+        for k, f in enumerate(hypothesis.free):
+            for share in np.linspace(0.05, 0.95, 13):
+                other = values.copy()
+                other[k] = f.low + share * (f.high - f.low)
+                if np.isfinite(other[k]):
+                    grid.append(other)
+        for share in shares:
+            beginnings += [(v, {name: n * share for name, n in starts.items()}) for v in grid]
+        if base is not None:
+            beginnings += [(v, dict(base.starts)) for v in grid]
+        if len(beginnings) > 1:
+            chi2 = list(_POOL.map(lambda b: self._chi2(hypothesis, *b), beginnings))
+            for k in np.argsort(chi2)[:3]:
+                found.append(self.fit(hypothesis, beginnings[k][0], beginnings[k][1]))
+        return min(found, key=lambda fit: fit.chi2)
+
+    def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
+        total = 0.0
+        for c in self.cases:
+            r = self._innovations(c, hypothesis, values, starts[c.name], self.frames[c.name])
+            total += float(np.nansum(r**2))
+        return total
+
     def _part(self, case: Case, share: float) -> np.ndarray:
         frames = self.frames[case.name]
         if share >= 1.0:

@@ -62,7 +62,7 @@ def advise_dt(scene: Scene) -> float:
         elif item.name == "spring" and values["stiffness"] > 0:
             steps.append(2 * math.pi * math.sqrt(lightest / values["stiffness"]) / 1000)
         elif item.name == "pin":
-            steps.append(2 * math.pi * math.sqrt(values["length"] / scene.gravity_size) / 2000)
+            steps.append(2 * math.pi * math.sqrt(values["length"] / scene.gravity_size) / 1000)
             if speed > 0:
                 steps.append(values["length"] / speed / 500)
         elif item.name == "linear_drag" and values["c"] > 0:
