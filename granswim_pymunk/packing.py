@@ -197,7 +197,7 @@ def cache_file(scene: Scene) -> Path:
 def _load(file: Path) -> tuple[np.ndarray, np.ndarray] | None:
     """Radii and places from the cache; None where there are none, or none that can be read."""
     try:
-        with np.load(file, allow_pickle=False) as data:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             radius, xy = data["radius"], data["xy"]
     except FileNotFoundError:
         return None
