@@ -458,6 +458,9 @@ def _verdict(
         left = (named_inner - 1.0) / max(base - 1.0, 1e-12)
         if spread > 1.0 and left > POOR:
             notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
+            if all(is_apparatus(t) for t in found):
+                notes.append("until the apparatus is put right these data say nothing about the physics")
+                return "measurement", None
             return "unmodelled", arm
         if all(is_apparatus(t) for t in found):
             return "measurement", None

@@ -154,6 +154,9 @@ class Predictor:
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
+        if not np.isfinite(xy).all():
+            self.failures.append(f"{case.name}: a prediction is not finite")
+            raise Failed("a prediction is not finite")
         seen = see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
@@ -167,9 +170,6 @@ class Predictor:
                 out[:, c] = angle + 2 * np.pi * round((asked - angle[0]) / (2 * np.pi))
             else:
                 out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
-        if not np.isfinite(out).all():
-            self.failures.append(f"{case.name}: a prediction is not finite")
-            raise Failed("a prediction is not finite")
         return out
 
 

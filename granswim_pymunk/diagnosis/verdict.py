@@ -115,6 +115,8 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     if d.verdict == "unmodelled" and d.found:
         trial = d.found[0]
         entry = _entries(d, trial, gain)[0]
+        if not trial.mechanism.startswith("flexible"):
+            entry["expression"] = f"not explained; of the named laws {trial.mechanism} comes closest: {entry['expression']}"
         entry["name"] = "unknown"
         mechanisms.append(entry)
     else:

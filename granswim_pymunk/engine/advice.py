@@ -50,13 +50,14 @@ def advise_dt(scene: Scene) -> float:
     for item in scene.laws:
         values = scene.resolved(item)
         if item.name in ("union", "bending"):
+            link = min((scene.bodies[k].mass for k in scene.swimmer), default=lightest)
             k = values["stiffness"]
             if item.name == "bending":
                 k /= 2 * min((b.radius for b in scene.bodies if b.role != "wall"), default=1.0)
                 if values["frequency"] > 0:
                     steps.append(1 / (2000 * values["frequency"]))
             if k > 0:
-                steps.append(2 * math.pi * math.sqrt(lightest / 2 / k) / 100)
+                steps.append(2 * math.pi * math.sqrt(link / 2 / k) / 100)
             if values["damping"] > 0:
                 steps.append(0.05 / values["damping"])
         elif item.name == "spring" and values["stiffness"] > 0:
