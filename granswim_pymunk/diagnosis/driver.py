@@ -509,7 +509,8 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     from scipy import stats
 
     bodies = tuple(dict.fromkeys(b for t in found for b in (t.term.bodies or ())))
-    seen = {b for c in cases for b in c.bodies}
+    seen = tuple(dict.fromkeys(b for c in cases for b in c.bodies))
+    bodies = bodies or seen
     gain = recalibrated.chi2 - revised.chi2
     numbers = sum(t.numbers for t in found)
     p = float(stats.chi2.sf(gain, numbers))
