@@ -1,0 +1,321 @@
+"""The report, for every verdict: whole, readable alone, and true to the numbers of the diagnosis."""
+
+import base64
+import io
+import re
+import warnings
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granswim_pymunk.diagnosis.driver import Diagnosis, diagnose_bodies
+from granswim_pymunk.diagnosis.held_out import Errors
+from granswim_pymunk.diagnosis.nulls import Null
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import Recording, film
+from granswim_pymunk.report import figures as draw
+from granswim_pymunk.report import write_report
+from granswim_pymunk.report.page import fitted_numbers, headline, remainder, summary
+from granswim_pymunk.report.style import prefixed
+from granswim_pymunk.report.words import equation, interval, length, listed, number
+from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
+
+DRAG = 2.0e-3  # kg/s
+
+
+def filmed(
+    laws: list[LawUse], believed: list[LawUse], name: str = "one", adjustable=(), **camera
+) -> Recording:
+    """A disk filmed at 100 Hz with 20 micrometres of noise, and the scene as an experimenter believes it."""
+    body = Body("a", "free", 5e-3, 2e-3, True, (0.05, 0.01, 0.05, 0.2))
+    seen = film(
+        Scene((body,), tuple(laws)),
+        np.arange(50) * 0.01,
+        rng=np.random.default_rng(5),
+        noise=2e-5,
+        name=name,
+        **camera,
+    )
+    return replace(seen, scene=Scene((replace(body, initial=None),), tuple(believed), adjustable=adjustable))
+
+
+def spring(stiffness: float) -> LawUse:
+    return use("spring", anchor=(0.0, 0.0), stiffness=stiffness, length=0.03)
+
+
+def diagnosed(recording: Recording) -> Diagnosis:
+    with warnings.catch_warnings():
+        # hopeless steps of the solver overflow and are taken back
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return diagnose_bodies([recording])
+
+
+@pytest.fixture(scope="module")
+def cases() -> dict[str, Diagnosis]:
+    """One small diagnosis for each verdict; ``unmodelled`` is the first with its flexible arm put first."""
+    drag = diagnosed(filmed([use("linear_drag", c=DRAG)], []))
+    assert drag.flexible is not None and drag.flexible.fit is not None
+    found = {
+        "missing_physics": drag,
+        "no_mismatch": diagnosed(filmed([], [])),
+        "recalibrate": diagnosed(
+            filmed([spring(0.9)], [spring(0.7)], adjustable=(Adjustable("spring", "stiffness", 0.3, 2.0),))
+        ),
+        "measurement": diagnosed(filmed([spring(0.7)], [spring(0.7)], scale=1.03)),
+        "unmodelled": replace(
+            drag,
+            verdict="unmodelled",
+            found=[drag.flexible],
+            revised=drag.flexible.fit,
+            rivals=[],
+            proposal=None,
+        ),
+    }
+    assert {name: d.verdict for name, d in found.items()} == {name: name for name in found}
+    return found
+
+
+class _Page(HTMLParser):
+    """Tags, what they would load, and the text of a page; fails on tags that are not closed."""
+
+    VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+        self.images: list[bytes] = []
+        self.links: list[str] = []
+        self.ids: set[str] = set()
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if "id" in given:
+            self.ids.add(given["id"])
+        if tag == "a":
+            self.links.append(given["href"])
+        if tag in ("script", "link", "iframe", "object"):
+            self.loads.append(tag)
+        if tag == "img":
+            assert given["alt"]
+            head, _, data = given["src"].partition(",")
+            assert head == "data:image/png;base64"
+            self.images.append(base64.b64decode(data, validate=True))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] != ["style"]:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+
+VERDICTS = ["missing_physics", "no_mismatch", "recalibrate", "measurement", "unmodelled"]
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_page_is_whole_and_needs_nothing_beside_it(cases, verdict, tmp_path):
+    path = write_report(cases[verdict], tmp_path / "out")
+    assert path == tmp_path / "out" / "report.html"
+    text = path.read_text(encoding="utf-8")
+    page = _Page(text)
+    assert page.loads == []
+    assert "http" not in text and "url(" not in text and "@import" not in text
+    # every figure is embedded, and lies beside as a file with the same content
+    files = {p.stem: p.read_bytes() for p in (tmp_path / "out" / "figures").glob("*.png")}
+    assert set(files) == set(draw.figures(cases[verdict])) and sorted(files.values()) == sorted(page.images)
+    for data in page.images:
+        picture = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
+        assert picture.shape[1] > 1000 and picture.std() > 5  # something was drawn
+    # links lead somewhere on the page
+    assert {link for link in page.links} <= {f"#{name}" for name in page.ids}
+    assert "nan" not in page.text.lower().split() and "None" not in page.text
+    assert not [p for p in tmp_path.rglob(".*")]  # no temporary file is left
+
+
+@pytest.mark.parametrize(
+    ("verdict", "sentence"),
+    [
+        ("missing_physics", "The scene leaves out linear drag."),
+        ("no_mismatch", "Nothing is missing: what the scene leaves over is noise."),
+        ("recalibrate", "Nothing is missing from the scene; spring.stiffness needs another value."),
+        ("measurement", "The measurement is off, not the physics: the scale of the camera."),
+        ("unmodelled", "Something is missing from the scene, and no law known here describes it."),
+    ],
+)
+def test_headline(cases, verdict, sentence):
+    assert headline(cases[verdict]) == sentence
+
+
+def test_figures_of_each_verdict(cases):
+    names = {verdict: set(draw.figures(d)) for verdict, d in cases.items()}
+    assert "flexible" in names["unmodelled"] and "windows" not in names["no_mismatch"]
+    for verdict in VERDICTS[:4]:
+        assert "flexible" not in names[verdict]
+        assert {"overlay", "errors_over_time", "innovations", "held_out"} <= names[verdict]
+
+
+def test_law_is_given_with_its_number_unit_and_interval(cases):
+    (c,) = fitted_numbers(cases["missing_physics"].revised, cases["missing_physics"].spread, adjustable=False)
+    assert (c.law, c.name, c.unit, c.body) == ("linear_drag", "c", "kg/s", None)
+    # the interval is 95 %: allow the 1 in 1000 that lies beyond twice its half-width
+    assert abs(c.value - DRAG) < 2 * (c.high - c.low) / 2 and c.low < c.value < c.high
+    assert not fitted_numbers(cases["missing_physics"].revised, 1.0, adjustable=True)
+    (k,) = fitted_numbers(cases["recalibrate"].recalibrated, 1.0, adjustable=True)
+    assert k.name == "spring.stiffness" and abs(k.value - 0.9) < 0.01
+    (s,) = fitted_numbers(cases["measurement"].revised, 1.0, adjustable=False)
+    assert (s.law, s.name) == ("camera_scale", "s") and abs(s.value - 1.03) < 1e-3
+
+
+def test_page_shows_the_numbers(cases, tmp_path):
+    d = cases["missing_physics"]
+    page = _Page(write_report(d, tmp_path).read_text(encoding="utf-8"))
+    value, between = interval(d.revised.values[0], *d.revised.interval(0, d.spread)[1:], "kg/s")
+    plain = re.sub(r"\s+", " ", re.sub("<[^>]*>", "", value))
+    assert plain in page.text and re.sub(r"\s+", " ", re.sub("<[^>]*>", "", between)) in page.text
+    for errors in (*d.train.values(), *d.held.values()):
+        assert length(errors.rms, "m").replace("\u00a0", " ") in page.text
+    assert d.cases[0].recording.scene.hash[:12] in page.text and f"seed {d.seed}" in page.text
+
+
+def test_remainder_is_said_plainly():
+    assert "nothing is left to explain" in remainder(1.1, 10.0, 1.0, "held-out", True)
+    assert "nothing more is claimed" in remainder(1.6, 10.0, 1.0, "held-out", True)
+    # the same size, but what remains remembers
+    text = remainder(1.6, 10.0, 1.0, "held-out", False)
+    assert "98 %" in text and "the rest is not" in text
+    assert "unexplained" in remainder(10.0, 9.0, 1.0, "held-out", False)
+    assert "not known" in remainder(1.0, 9.0, None, "held-out", True)
+
+
+def test_summary_admits_what_held_out_data_say_against_it(cases):
+    d = cases["missing_physics"]
+    worse = {**d.held, "revised": replace(d.held["revised"], rms=2 * d.held["naive"].rms)}
+    assert "speak against it" in summary(replace(d, held=worse))
+    same = {**d.held, "revised": replace(d.held["revised"], rms=0.98 * d.held["naive"].rms)}
+    assert "do not confirm it" in summary(replace(d, held=same))
+
+
+def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):
+    d = cases["missing_physics"]
+    trial = d.rivals[0][0]
+    alike = replace(d, rivals=[(trial, True)])
+    assert f"cannot tell it apart from {trial.mechanism.replace('_', ' ')}" in summary(alike)
+    labels = [t.get_text() for t in draw.candidates(alike).axes[0].get_yticklabels()]
+    assert [name for name in labels if "≈" in name] == [f"{trial.term.label} ≈"]
+
+
+def test_page_without_anything_that_may_be_absent(cases, tmp_path):
+    nothing = Errors(None, {})
+    bare = replace(
+        cases["no_mismatch"], null=None, windows=None, places=(), trials=[], flexible=None, rivals=[],
+        held={k: nothing for k in ("naive", "recalibrated", "revised")}, floor=(None, None), inner={},
+        notes=[], dt={},
+    )  # fmt: skip
+    page = _Page(write_report(bare, tmp_path).read_text(encoding="utf-8"))
+    assert len(page.images) == 3 and "None" not in page.text
+    failed = replace(bare, train={k: nothing for k in bare.train})
+    assert "could be finished" in summary(failed)
+
+
+def test_names_cannot_break_the_page(cases, tmp_path):
+    d = cases["no_mismatch"]
+    case = d.cases[0]
+    name = '<b>$x_1$ & "it"</b>'
+    odd = replace(case, recording=replace(case.recording, name=name))
+    moved = {
+        key: replace(
+            fit, innovations={name: fit.innovations[case.name]}, starts={name: fit.starts[case.name]}
+        )
+        for key, fit in (("naive", d.naive), ("recalibrated", d.recalibrated), ("revised", d.revised))
+    }
+    page = _Page(
+        write_report(
+            replace(
+                d,
+                cases=[odd],
+                dropped_bodies={"<i>": "no <reason>"},
+                notes=["<script>alert(1)</script>"],
+                **moved,
+            ),
+            tmp_path,
+        ).read_text(encoding="utf-8")
+    )
+    assert name in page.text and "no <reason>" in page.text and "<script>" in page.text
+
+
+def test_pictures_of_an_earlier_report_do_not_stay(cases, tmp_path):
+    write_report(cases["missing_physics"], tmp_path)
+    own = tmp_path / "figures" / "my_own.png"
+    own.write_bytes(b"mine")
+    assert (tmp_path / "figures" / "windows.png").exists()
+    write_report(replace(cases["missing_physics"], windows=None, places=()), tmp_path)
+    assert not (tmp_path / "figures" / "windows.png").exists() and own.exists()
+
+
+def test_folder_that_cannot_be_written_is_one_clear_line(cases, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_report(cases["no_mismatch"], tmp_path / "file")
+
+
+def test_null_marks_the_case_where_it_lies():
+    gains = np.linspace(1.0, 20.0, 99)
+    far, near = Null(gains, 5e4), Null(gains, 15.0)
+    assert draw.p_text(far) == "p ≤ 0.01" and draw.p_text(near) == "p = 0.27"
+    for null, scale in ((far, "log"), (near, "linear")):
+        axis = draw.null_histogram(null).axes[0]
+        assert axis.get_xscale() == scale
+        assert [line for line in axis.lines if set(line.get_xdata()) == {null.case}]
+        assert sum(patch.get_height() for patch in axis.patches) == 99
+
+
+def test_turning_points_are_counted():
+    t = np.linspace(0, 10, 1001)
+    rng = np.random.default_rng(0)
+    assert draw._turns(np.cos(2 * np.pi * t) + rng.normal(0, 1e-3, t.size), 1e-3) in (19, 20)
+    assert draw._turns(t + rng.normal(0, 1e-3, t.size), 1e-3) == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "shown", "between"),
+    [
+        (2.0004e-3, 1.996e-3, 2.005e-3, "2.0004 × 10^−3 kg/s", "1.9960 to 2.0050 × 10^−3"),
+        (0.9012, 0.88, 0.92, "0.901 kg/s", "0.880 to 0.920"),
+        (-0.224, -0.273, -0.175, "−0.224 kg/s", "−0.273 to −0.175"),
+        (12034.0, 11500.0, 12500.0, "1.203 × 10^4 kg/s", "1.150 to 1.250 × 10^4"),
+        (1.0, 1.0, 1.0, "1.00 kg/s", ""),
+    ],
+)
+def test_interval_shows_the_digits_it_deserves(value, low, high, shown, between):
+    def flat(text):
+        return re.sub(r"\s", " ", text.replace("<sup>", "^").replace("</sup>", ""))
+
+    got = interval(value, low, high, "kg/s")
+    assert (flat(got[0]), flat(got[1])) == (shown, between)
+
+
+def test_words():
+    assert equation("F_i = -mu m_i g") == "F<sub>i</sub> = −μ m<sub>i</sub> g"
+    assert equation("-k_H delta^(3/2)") == "−k<sub>H</sub> δ<sup>3/2</sup>"
+    assert (
+        number(0) == "0" and number(None) == "–" and number(0.099999) == "0.100" and number(1234.5) == "1230"
+    )
+    assert length(2.04e-5, "m") == "20.4\u00a0µm" and length(None, "m") == "–"
+    assert listed(["a"]) == "a" and listed(["a", "b", "c"]) == "a, b and c"
+    assert listed(list("abcdefg"), 4) == "a, b, c and 4 others"
+    assert prefixed("m", 2e-3) == (1e3, "mm") and prefixed("kg/s", 1e-5) == (1.0, "kg/s")
+    assert prefixed("rad", 1.5) == (1.0, "rad") and prefixed("m", 47.0) == (1.0, "m")
