@@ -36,13 +36,14 @@ class BatchStepper:
             s._remove_shapes()
         n_mobile = s._n_mobile
         kinds = BodyFields.BODY_ID | BodyFields.POSITION | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
+        kinds |= BodyFields.FORCE | BodyFields.TORQUE
         rows_of_id = {body.id: k for k, body in enumerate(s._bodies)}
         for _ in range(steps):
             self._out.clear()
             pymunk.batch.get_space_bodies(space, kinds, self._out)
             # the order of rows is Chipmunk's own and changes when a body is removed
             ids = np.frombuffer(self._out.int_buf(), dtype=np.uintp)
-            values = np.frombuffer(self._out.float_buf(), dtype=float).reshape(len(ids), 5)
+            values = np.frombuffer(self._out.float_buf(), dtype=float).reshape(len(ids), 8)
             rows = np.array([rows_of_id.get(int(k), -1) for k in ids])
             # statics (walls) are among the rows; only mobile ones move
             ours = (rows >= 0) & (rows < n_mobile)
@@ -55,10 +56,10 @@ class BatchStepper:
             if not np.isfinite(a["x"]).all() or not np.isfinite(a["y"]).all():
                 raise SimulationError(f"a position is not finite after step {s.step} (t = {s.t:.6g} s)")
             s._array_forces(True, s.scene.time.start + (s.step + 1) * s.dt)
-            forces = np.zeros((len(ids), 3))
-            forces[ours, 0] = a["fx"][at] / u.force
-            forces[ours, 1] = a["fy"][at] / u.force
-            forces[ours, 2] = a["torque"][at] / u.torque
+            forces = values[:, 5:8].copy()  # what the user put on the bodies
+            forces[ours, 0] += a["fx"][at] / u.force
+            forces[ours, 1] += a["fy"][at] / u.force
+            forces[ours, 2] += a["torque"][at] / u.torque
             self._in.set_float_buf(np.ascontiguousarray(forces).reshape(-1))
             pymunk.batch.set_space_bodies(space, BodyFields.FORCE | BodyFields.TORQUE, self._in)
             space.step(s.dt / u.time)

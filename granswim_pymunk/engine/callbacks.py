@@ -48,7 +48,7 @@ INTS = (
     "allowance", "far", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
-    "order", "listing",
+    "order", "listing", "image_shift",
 )  # fmt: skip
 # ... and floats
 FLOATS = (
@@ -556,6 +556,8 @@ def chipmunk_step(constraint, space):
             I[STATUS] = -2
             return
         I[MARGIN_CROSSED] = 1  # the ghosts at the seam must be laid out anew
+    for i in range(n_mobile):
+        state[i, X] += image_shift[i]  # bodies in the Space are wrapped, one by one
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
@@ -686,14 +688,13 @@ def compile_laws(used: Sequence[Law], offsets: Offsets | None) -> Kernel:
     """The kernel for these laws.
 
     All laws that come with the package are compiled together, once, so that scenes which differ only
-    in their laws share one kernel; a user's own law gets a kernel of its own with them.
+    in their laws share one kernel. A user's own law gets a kernel with just the laws it is used with,
+    which is ready sooner.
     """
-    package = [law for law in all_laws().values() if law.function.__module__.startswith("granswim_pymunk.laws")]
-    names = {law.name for law in package}
-    own = [law for law in used if law not in package]
-    base = [law for law in package if law.name not in {o.name for o in own}]
+    package = [law for law in all_laws().values() if (law.function.__module__ or "").startswith("granswim_pymunk.laws")]
+    own = [law for law in dict.fromkeys(used) if law not in package]
     for law in own:
         if not law.compiled:
             raise InputError("is plain Python (compiled=False) and runs in python mode only", where=f"law {law.name}")
-    del names
+    base = [law for law in package if law in used] if own else package
     return _compile(tuple(base + own), offsets)

@@ -9,6 +9,7 @@ from numba import njit
 
 OVERFLOW = -1
 NOT_FINITE = -2
+ESCAPED = -3
 
 
 @njit(cache=True, error_model="numpy")
@@ -22,7 +23,8 @@ def build_list(
     the period along x, 0 for none; ``reach`` (n,) the radii. Pairs of two immobile bodies, or of one
     non-zero ``group``, are left out. The rest are work arrays: ``order``, ``sorted_...`` (n,), ``starts``
     (n + 1,), ``found_...`` as long as the list; the number of cells is bounded by the size of ``cells``.
-    Returns the number of pairs, OVERFLOW or NOT_FINITE.
+    Returns the number of pairs, OVERFLOW, NOT_FINITE, or ESCAPED where a body is so far away that floats
+    cannot resolve a contact there.
     """
     n = x.shape[0]
     largest = 0.0
@@ -39,6 +41,8 @@ def build_list(
         low_y = min(low_y, y[i])
         high_y = max(high_y, y[i])
     size = 2.0 * largest + extra
+    if max(high_x, -low_x, high_y, -low_y) > 1e10 * size:
+        return ESCAPED
     if length > 0.0:
         low_x = 0.0
         span_x = length
@@ -65,7 +69,8 @@ def build_list(
         if length > 0.0:
             # floor, not truncation: a grain at a small negative x belongs to the last cell
             position -= length * math.floor(position / length)
-        cell = min(int(position * scale_x), columns - 1) * rows + min(int((y[i] - low_y) * scale_y), rows - 1)
+        column = min(max(int(position * scale_x), 0), columns - 1)
+        cell = column * rows + min(int((y[i] - low_y) * scale_y), rows - 1)
         starts[i] = cell
         cells[cell] += 1
     total = 0

@@ -49,6 +49,11 @@ class PythonCallbacks:
         if a is None or b is None or (a < 0 and b < 0):
             return
         i, j = sorted((a if a >= 0 else -a - 2, b if b >= 0 else -b - 2))
+        arrays = self.simulation._a
+        if not (arrays["mobile"][i] or arrays["mobile"][j]):
+            return  # a wall and the ghost of another
+        if arrays["group"][i] != 0 and arrays["group"][i] == arrays["group"][j]:
+            return  # a swimmer across the seam
         self._pairs[i, j] = self.pair_force(i, j, self._time())
 
     def _velocity_function(self, k: int) -> Any:

@@ -254,6 +254,7 @@ class Simulation:
         a["reaching"] = a["radius"] + 0.5 * reach
         for name in ("sorted_x", "sorted_y", "sorted_reach"):
             a[name] = np.zeros(n)
+        a["image_shift"] = np.zeros(n)  # m, what was taken off the x of a body in the Space
         a["listing"] = np.zeros(n + 1, dtype=np.int64)
         a["table_keys"] = np.zeros(64, dtype=np.int64)
         a["table_values"] = np.zeros(64, dtype=np.int64)
@@ -420,7 +421,7 @@ class Simulation:
             position = body.position
             turns = math.floor(position.x / period)
             if turns:
-                body.position = (position.x - turns * period, position.y)
+                self._place(k, position.x - turns * period, position.y)
                 self._images[k] += turns
                 if self._shapes_in:
                     self._space.reindex_shapes_for_body(body)
@@ -453,6 +454,7 @@ class Simulation:
         a["near_x"][:] = x - self._images * length
         a["near_y"][:] = y
         a["far"][:] = self._floats_margin() ** 2
+        a["image_shift"][:] = self._images * length
 
     def _floats_margin(self) -> float:
         return float(self._floats[_FLOAT_SLOT["margin"]])
@@ -518,8 +520,8 @@ class Simulation:
                 a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"], a["sorted_reach"],
                 a["near_i"], a["near_j"], a["starts"],
             )  # fmt: skip
-            if count == neighbours.NOT_FINITE:
-                raise self._not_finite()
+            if count in (neighbours.NOT_FINITE, neighbours.ESCAPED):
+                raise self._lost()
             if count != neighbours.OVERFLOW:
                 return int(count)
             self._grow()
@@ -638,9 +640,9 @@ class Simulation:
         """Deal with what the callbacks reported; True: the block was taken back."""
         ints = self._ints
         status = int(ints[_SLOT["status"]])
-        if status == neighbours.NOT_FINITE:
+        if status in (neighbours.NOT_FINITE, neighbours.ESCAPED):
             self.step = int(self._floats[_FLOAT_SLOT["step"]])
-            raise self._not_finite()
+            raise self._lost()
         if status == neighbours.OVERFLOW:
             ints[_SLOT["status"]] = 0
             ints[_SLOT["n_contacts"]] = 0
@@ -655,13 +657,14 @@ class Simulation:
             self._lay_out_seam()
         return False
 
-    def _not_finite(self) -> SimulationError:
+    def _lost(self) -> SimulationError:
         x, y = self._positions_inner()
-        bad = np.flatnonzero(~(np.isfinite(x) & np.isfinite(y)))
-        who = self.scene.bodies[self._rows_of[bad[0]]].id if len(bad) else "?"
+        away = np.hypot(x, y)
+        lost = int(np.argmax(np.where(np.isfinite(away), away, np.inf)))
+        what = f"is {away[lost]:.3g} m away" if np.isfinite(away[lost]) else "is not finite"
         return SimulationError(
-            f"the position of body {who} is not finite after step {self.step + 1} (t = {self.t:.6g} s, "
-            f"dt = {self.dt:.3g} s); a smaller dt may help"
+            f"the position of body {self.scene.bodies[self._rows_of[lost]].id} {what} after step {self.step + 1} "
+            f"(t = {self.t:.6g} s, dt = {self.dt:.3g} s); a smaller dt may help"
         )
 
     def run(self, duration: float, progress: Callable[[int, int], None] | None = None) -> State:
@@ -758,7 +761,7 @@ class Simulation:
         u = self.units
         period = self.scene.periodic_x or 0.0
         for k, body in enumerate(self._bodies):
-            body.position = ((raw["x"][k] - self._images[k] * period) / u.length, raw["y"][k] / u.length)
+            self._place(k, (raw["x"][k] - self._images[k] * period) / u.length, raw["y"][k] / u.length)
             if k < self._n_mobile:
                 body.velocity = (raw["vx"][k] / u.velocity, raw["vy"][k] / u.velocity)
                 body.angle = raw["angle"][k]
@@ -766,6 +769,17 @@ class Simulation:
                 body.force = (0.0, 0.0)
                 body.torque = 0.0
         self._forget_lists()
+
+    def _place(self, k: int, x: float, y: float) -> None:
+        """Put a body there [engine units]. Chipmunk's own setter would add what stands for its centre of gravity."""
+        body = self._bodies[k]
+        if self._offsets is None or k >= self._n_mobile:
+            body.position = (x, y)
+            return
+        base = address(body._body)
+        for offset in (self._offsets.position, self._offsets.transform):
+            place = ffi.cast("double *", base + offset)
+            place[0], place[1] = x, y
 
     def raw(self) -> dict[str, np.ndarray]:
         """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
@@ -866,8 +880,10 @@ class Simulation:
         In verlet mode the circles are in the Space while you look, and out of it while it runs fast.
         """
         self._add_shapes()
-        for body in self._bodies[: self._n_mobile]:
+        for k, body in enumerate(self._bodies[: self._n_mobile]):
+            x, y = body.position
             body.angle = body.angle  # renews Chipmunk's rotation, which the lean drift leaves alone
+            self._place(k, x, y)
         self._space.reindex_shapes_for_body(self._space.static_body)
         for circle in self._circles[: self._n_mobile]:
             circle.cache_bb()
