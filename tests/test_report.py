@@ -6,6 +6,7 @@ import re
 import warnings
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,6 +79,13 @@ def cases() -> dict[str, Diagnosis]:
     return found
 
 
+@pytest.fixture(scope="module")
+def written(cases, tmp_path_factory) -> dict[str, Path]:
+    """The report of each verdict, in a folder of its own that did not exist."""
+    folder = tmp_path_factory.mktemp("reports")
+    return {name: write_report(diagnosis, folder / name) for name, diagnosis in cases.items()}
+
+
 class _Page(HTMLParser):
     """Tags, what they would load, and the text of a page; fails on tags that are not closed."""
 
@@ -127,15 +135,15 @@ VERDICTS = ["missing_physics", "no_mismatch", "recalibrate", "measurement", "unm
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
-def test_page_is_whole_and_needs_nothing_beside_it(cases, verdict, tmp_path):
-    path = write_report(cases[verdict], tmp_path / "out")
-    assert path == tmp_path / "out" / "report.html"
+def test_page_is_whole_and_needs_nothing_beside_it(cases, written, verdict):
+    path = written[verdict]
+    assert path.name == "report.html" and path.parent.name == verdict
     text = path.read_text(encoding="utf-8")
     page = _Page(text)
     assert page.loads == []
     assert "http" not in text and "url(" not in text and "@import" not in text
     # every figure is embedded, and lies beside as a file with the same content
-    files = {p.stem: p.read_bytes() for p in (tmp_path / "out" / "figures").glob("*.png")}
+    files = {p.stem: p.read_bytes() for p in (path.parent / "figures").glob("*.png")}
     assert set(files) == set(draw.figures(cases[verdict])) and sorted(files.values()) == sorted(page.images)
     for data in page.images:
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
@@ -143,7 +151,7 @@ def test_page_is_whole_and_needs_nothing_beside_it(cases, verdict, tmp_path):
     # links lead somewhere on the page
     assert {link for link in page.links} <= {f"#{name}" for name in page.ids}
     assert "nan" not in page.text.lower().split() and "None" not in page.text
-    assert not [p for p in tmp_path.rglob(".*")]  # no temporary file is left
+    assert not [p for p in path.parent.rglob(".*")]  # no temporary file is left
 
 
 @pytest.mark.parametrize(
@@ -180,9 +188,9 @@ def test_law_is_given_with_its_number_unit_and_interval(cases):
     assert (s.law, s.name) == ("camera_scale", "s") and abs(s.value - 1.03) < 1e-3
 
 
-def test_page_shows_the_numbers(cases, tmp_path):
+def test_page_shows_the_numbers(cases, written):
     d = cases["missing_physics"]
-    page = _Page(write_report(d, tmp_path).read_text(encoding="utf-8"))
+    page = _Page(written["missing_physics"].read_text(encoding="utf-8"))
     value, between = interval(d.revised.values[0], *d.revised.interval(0, d.spread)[1:], "kg/s")
     plain = re.sub(r"\s+", " ", re.sub("<[^>]*>", "", value))
     assert plain in page.text and re.sub(r"\s+", " ", re.sub("<[^>]*>", "", between)) in page.text
@@ -258,11 +266,11 @@ def test_names_cannot_break_the_page(cases, tmp_path):
 
 
 def test_pictures_of_an_earlier_report_do_not_stay(cases, tmp_path):
-    write_report(cases["missing_physics"], tmp_path)
+    (tmp_path / "figures").mkdir()
     own = tmp_path / "figures" / "my_own.png"
-    own.write_bytes(b"mine")
-    assert (tmp_path / "figures" / "windows.png").exists()
-    write_report(replace(cases["missing_physics"], windows=None, places=()), tmp_path)
+    for path in (own, tmp_path / "figures" / "windows.png"):
+        path.write_bytes(b"of an earlier day")
+    write_report(replace(cases["no_mismatch"], windows=None, places=()), tmp_path)
     assert not (tmp_path / "figures" / "windows.png").exists() and own.exists()
 
 

@@ -406,6 +406,10 @@ def _error_text(diagnosis: Diagnosis) -> str:
 def _places(diagnosis: Diagnosis) -> str:
     if not diagnosis.places:
         return ""
+    seen = {c.name: c.bodies for c in diagnosis.cases}
+    # a recording of one body is named by that body, or the other way round
+    single = all(len(seen.get(p.case, ())) == 1 for p in diagnosis.places)
+    several = len(seen) > 1
     rows = []
     for place in diagnosis.places[:12]:
         t = place.when.get("t")
@@ -414,17 +418,17 @@ def _places(diagnosis: Diagnosis) -> str:
             for axis in "xy"
             if (span := place.where.get(axis)) and span[1] > span[0]
         ]
+        row = [] if single and several else [listed(list(place.bodies), 6)]
+        row += [escaped(place.case)] if several else []
         rows.append([
-            listed(list(place.bodies), 6), escaped(place.case),
-            f"{number(t[0])} to {number(t[1])} s" if t else "–",
-            ", ".join(where) or "–",
-            f"{number(place.speed[0], 2)} to {number(place.speed[1], 2)} m/s" if place.speed else "–",
-            "over 37" if place.z > 37 else f"{place.z:.1f}",
+            *row, "over 37" if place.z > 37 else f"{place.z:.1f}",
             number(place.p, 2) if place.p > 1e-299 else "below 10<sup>−299</sup>",
+            f"{number(t[0])} to {number(t[1])} s" if t else "–", ", ".join(where) or "–",
+            f"{number(place.speed[0], 2)} to {number(place.speed[1], 2)} m/s" if place.speed else "–",
         ])  # fmt: skip
-    text = _table(
-        ["body", "recording", "time", "place", "speed", "z", "p"], rows, numeric=(5, 6), kind="tight"
-    )
+    head = ([] if single and several else ["body"]) + (["recording"] if several else [])
+    k = len(head)
+    text = _table([*head, "z", "p", "time", "place", "speed"], rows, numeric=(k, k + 1), kind="tight")
     more = len(diagnosis.places) - 12
     return text + (f'<p class="note">and {counted(more, "place")} more</p>' if more > 0 else "")
 
