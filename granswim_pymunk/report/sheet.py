@@ -53,7 +53,8 @@ ul { padding-left: 1.1rem; margin: .5rem 0; }
 @media print { main { max-width: none; padding: 0; } body { font-size: 10.5pt; } figure img { min-width:
   0; max-width: 16cm; }
   figure, tr, .law { break-inside: avoid; }
-  .scroll { overflow: visible; } table { font-size: 8.5pt; } h2, h3 { break-after: avoid; } a { color: inherit;
+  .scroll { overflow: visible; } table { font-size: 8.5pt; } h2, h3 { break-after: avoid; }
+  a { color: inherit;
   text-decoration: none; }
   .law { print-color-adjust: exact; -webkit-print-color-adjust: exact; } .dot { print-color-adjust:
   exact; -webkit-print-color-adjust: exact; } }
