@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from granswim_pymunk.validation.crosscheck import read_bed
 
 from granswim_pymunk.scene import Body, Scene
+from granswim_pymunk.validation.crosscheck import read_bed
 
 # bodies of the shipped bed as its size is quoted: 7 disks, 2189 grains, half of the 132 wall grains
 SHIPPED_SIZE = 2264

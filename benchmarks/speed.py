@@ -165,9 +165,7 @@ def benchmark(
         for a in apart:
             say(f"{LABELS[a.engine]:<26} within {a.max_position_error:.1e} m of verlet after {a.steps} steps")
     rows = []
-    say(
-        f"\n{'engine':<26} {'grains':>8} {'us/step':>10} {'ns/grain':>9} {'LAMMPS = 1':>11} {'memory MB':>10}"
-    )
+    say(f"\n{'engine':<26} {'grains':>8} {'us/step':>10} {'ns/grain':>9} {'LAMMPS = 1':>11} {'memory MB':>10}")
     for size, scene in scenes.items():
         chosen = usable(engines, size)
         if len(chosen) < len(engines):

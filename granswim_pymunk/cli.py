@@ -12,8 +12,8 @@ from collections.abc import Sequence
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from .commands import COMMANDS
-from .errors import InputError, SimulationError
+from .commands import COMMANDS  # noqa: E402
+from .errors import InputError, SimulationError  # noqa: E402
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:

@@ -13,6 +13,7 @@ import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ class SceneWarning(UserWarning):
 
 
 def _number(value: Any, name: str, unit: str, *, file: Any, where: str | None, positive: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != value or value in (math.inf, -math.inf):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or value != value
+        or value in (math.inf, -math.inf)
+    ):
         raise InputError(f"{name} should be a finite number [{unit}], got {value!r}", file=file, where=where)
     if abs(value) > 1e300:
         raise InputError(f"{name} [{unit}] is too large: {str(value)[:20]}", file=file, where=where)
@@ -381,9 +387,7 @@ class Scene:
         """SHA-256 of everything that makes the scene what it is; it goes into every output."""
         data = self.to_dict()
         data.pop("title"), data.pop("frames", None)
-        data["code"] = [
-            hashlib.sha256(item.law.function.__code__.co_code).hexdigest() for item in self.laws
-        ]
+        data["code"] = [hashlib.sha256(item.law.function.__code__.co_code).hexdigest() for item in self.laws]
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
@@ -651,7 +655,9 @@ def scene_from_dict(
     laws = [_read_law(item, reader) for item in reader.tables(data.get("law", []), "law")]
     if any(gravity) and not any(item.name == "gravity" for item in laws):
         laws.insert(0, use("gravity"))
-    adjustable = [_read_adjustable(item, reader, laws) for item in reader.tables(data.get("adjustable", []), "adjustable")]
+    adjustable = [
+        _read_adjustable(item, reader, laws) for item in reader.tables(data.get("adjustable", []), "adjustable")
+    ]
 
     time = reader.table(data.get("time", {}), "time", ("dt", "start", "duration", "output"))
     numbers = {
@@ -740,7 +746,9 @@ def read_inputs(path: str | Path) -> dict[str, tuple[tuple[float, ...], tuple[fl
                     t, value = float(row[at["t"]]), float(row[at["value"]])
                     name = row[at["name"]].strip()
                 except (ValueError, IndexError):
-                    raise InputError(f"expected a time, a name and a number, got {','.join(row)}", file=path, where=f"row {line}") from None
+                    raise InputError(
+                        f"expected a time, a name and a number, got {','.join(row)}", file=path, where=f"row {line}"
+                    ) from None
                 if not (math.isfinite(t) and math.isfinite(value)):
                     raise InputError("a number is not finite", file=path, where=f"row {line}")
                 series.setdefault(name, []).append((t, value))
@@ -751,10 +759,10 @@ def read_inputs(path: str | Path) -> dict[str, tuple[tuple[float, ...], tuple[fl
     result = {}
     for name, pairs in series.items():
         pairs.sort()
-        t = tuple(p[0] for p in pairs)
-        if any(b <= a for a, b in zip(t, t[1:], strict=False)):
+        times = tuple(p[0] for p in pairs)
+        if any(b <= a for a, b in pairwise(times)):
             raise InputError("two rows for one time", file=path, where=f"input {name}")
-        result[name] = (t, tuple(p[1] for p in pairs))
+        result[name] = (times, tuple(p[1] for p in pairs))
     return result
 
 

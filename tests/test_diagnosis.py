@@ -33,7 +33,13 @@ def table(*laws, seed=1) -> Scene:
     """Three disks that slide over a table and do not meet."""
     rng = np.random.default_rng(seed)
     bodies = [
-        Body(str(k), "free", 0.01 * (1 + 0.5 * k), 0.02 * (1 + k), initial=(0.1 * k, 0.15 * k, *rng.normal(size=2) * 0.25))
+        Body(
+            str(k),
+            "free",
+            0.01 * (1 + 0.5 * k),
+            0.02 * (1 + k),
+            initial=(0.1 * k, 0.15 * k, *rng.normal(size=2) * 0.25),
+        )
         for k in range(3)
     ]
     return Scene(tuple(bodies), tuple(laws))
@@ -200,7 +206,9 @@ def test_command_writes_the_contract_and_the_revised_scene_runs(tmp_path, capsys
     assert main(["diagnose", str(folder), "--out", str(out), "--seed", "1"]) == 0
     verdict = json.loads((out / "verdict.json").read_text())
     assert verdict["format"] == "granswim-verdict/1"
-    assert {"verdict", "mismatch", "mechanisms", "rivals", "fit", "null", "next_experiment", "recalibrated"} <= set(verdict)
+    assert {"verdict", "mismatch", "mechanisms", "rivals", "fit", "null", "next_experiment", "recalibrated"} <= set(
+        verdict
+    )
     assert verdict["mechanisms"][0]["name"] == "linear_drag"
     assert verdict["mismatch"] and verdict["mismatch"][0]["bodies"] == ["c"]
     assert (out / "report.html").stat().st_size > 10_000

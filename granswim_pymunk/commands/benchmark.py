@@ -21,12 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--engines", nargs="+", default=list(ENGINES), metavar="NAME", help=f"some of {', '.join(ENGINES)}"
     )
-    parser.add_argument(
-        "--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)"
-    )
-    parser.add_argument(
-        "--no-memory", action="store_true", help="do not measure memory (a process for each row)"
-    )
+    parser.add_argument("--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)")
+    parser.add_argument("--no-memory", action="store_true", help="do not measure memory (a process for each row)")
     parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
     parser.add_argument("--out", metavar="DIR", help="write benchmark.json and benchmark.png there")
 

@@ -12,9 +12,7 @@ HELP = "compare with a bed that another code has computed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "bed", metavar="NAME.npz", help="the bed, or bed_9Hz for the one that comes with the package"
-    )
+    parser.add_argument("bed", metavar="NAME.npz", help="the bed, or bed_9Hz for the one that comes with the package")
     parser.add_argument("--mode", choices=MODES, default="verlet", help="who computes it (default: verlet)")
     parser.add_argument("--json", metavar="FILE", help="write the deviations as JSON")
 

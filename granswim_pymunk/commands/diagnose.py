@@ -32,9 +32,12 @@ def main(args: argparse.Namespace) -> int:
     print(f"verdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
         print(f"  {entry['name']} on {', '.join(entry['bodies'])}: {entry['expression']}")
-    for rival in verdict["rivals"]:
-        if rival["indistinguishable"]:
-            print(f"  these data cannot tell it from {rival['name']}")
+    same = [rival["name"] for rival in verdict["rivals"] if rival["indistinguishable"]]
+    worse = [rival["name"] for rival in verdict["rivals"] if not rival["indistinguishable"]]
+    if same:
+        print(f"  these data cannot tell it from {', '.join(same)}")
+    if worse:
+        print(f"  rivals that do worse: {', '.join(worse)}")
     unit = verdict["fit"]["unit"]
     for part, title in (("train", "training"), ("heldout", "held out")):
         errors = verdict["fit"][part]

@@ -53,9 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sampling", type=float, help="nominal frame rate [Hz] (default: from the times)")
     parser.add_argument("--position-noise", type=float, help="one standard deviation [m]")
     parser.add_argument("--angle-noise", type=float, help="one standard deviation [rad]")
-    parser.add_argument(
-        "--bowling-ball", type=int, metavar="OZ", help="falling_balls: 81 or 208 (default) ounces"
-    )
+    parser.add_argument("--bowling-ball", type=int, metavar="OZ", help="falling_balls: 81 or 208 (default) ounces")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -17,18 +17,12 @@ HELP = "simulate a scene: trajectory, frames, video"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", help="a TOML file, or the name of a scene that comes with the package")
     parser.add_argument("--out", metavar="DIR", help="where to write (default: out/NAME)")
-    parser.add_argument(
-        "--duration", type=float, metavar="S", help="how long to run [s] (default: as the scene says)"
-    )
-    parser.add_argument(
-        "--dt", type=float, metavar="S", help="time step [s] (default: one that resolves the laws)"
-    )
+    parser.add_argument("--duration", type=float, metavar="S", help="how long to run [s] (default: as the scene says)")
+    parser.add_argument("--dt", type=float, metavar="S", help="time step [s] (default: one that resolves the laws)")
     parser.add_argument("--mode", choices=MODES, default="verlet", help="how forces enter (default: verlet)")
     count = parser.add_mutually_exclusive_group()
     count.add_argument("--frames", type=int, metavar="N", help="number of pictures, 0 for none (default: 60)")
-    count.add_argument(
-        "--fps", type=float, metavar="F", help="pictures per simulated second, instead of --frames"
-    )
+    count.add_argument("--fps", type=float, metavar="F", help="pictures per simulated second, instead of --frames")
     parser.add_argument("--color", choices=COLORS, help="what colours the grains (default: speed)")
     parser.add_argument("--video", choices=VIDEOS, help="of the frames, 25 a second (default: gif)")
     parser.add_argument("--seed", type=int, help="how the bed is packed (default: as the scene says)")

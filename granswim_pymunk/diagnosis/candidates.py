@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .data import Case
@@ -46,20 +47,27 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
     ``each``: a strength for every distinct body instead of one for all, scaled by radius.
     """
-    bodies = {b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)}
+    bodies = {
+        b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)
+    }
     if not bodies:
         return []  # every motion is commanded: no force shows
     radii = np.array([radius for radius, _ in bodies.values()])
     choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
     combinations = [
-        dict(zip([n for n, _ in choices], values, strict=True)) for values in itertools.product(*[c for _, c in choices])
+        dict(zip([n for n, _ in choices], values, strict=True))
+        for values in itertools.product(*[c for _, c in choices])
     ]
     if np.ptp(radii) == 0 or each:
         # the power of the radius changes nothing
-        combinations = [c for c in combinations if all(v == p.choices[0] for v, p in ((v, law.parameter(k)) for k, v in c.items()))]
+        combinations = [
+            c for c in combinations if all(v == p.choices[0] for v, p in ((v, law.parameter(k)) for k, v in c.items()))
+        ]
     terms = []
     fitted = [p for p in law.parameters if p.typical is not None]
-    for choice in combinations:
+    # a range or an exponent is looked for from several sides
+    stretches = (1.0, 0.3, 3.0) if any(p.name not in law.strength for p in fitted) else (1.0,)
+    for choice, stretch in itertools.product(combinations, stretches):
         r0 = float(radii.mean())
         free: list[Free] = []
         groups: list[tuple[str, tuple[int, ...]]] = []
@@ -68,10 +76,12 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
             where = None if owner is None else frozenset(c.name for c in cases if owner in c.recording.scene.ids)
             for p in fitted:
                 start = len(free)
-                typical = p.typical if p.name not in law.strength else 0.0
+                inner = p.name not in law.strength
+                typical = float(p.typical or 0.0) * stretch if inner else 0.0
+                scale = 0.1 * abs(typical) if inner else 1.0
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
-                    free.append(Free(name, p.unit, p.low, p.high, float(typical or 0.0), 1.0, where))
+                    free.append(Free(name, p.unit, p.low, p.high, typical, scale, where, typical, inner))
                 groups.append((p.name, tuple(range(start, len(free)))))
         label = law.name + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
@@ -124,7 +134,7 @@ class _LawAdder:
     def __init__(self, law, fitted, choice, owners, r0, fixed) -> None:
         self.law, self.fitted, self.choice, self.owners, self.r0, self.fixed = law, fitted, choice, owners, r0, fixed
 
-    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         driven = _driven(scene)
         width = sum(p.size for p in self.fitted)
         for k, owner in enumerate(self.owners):
@@ -188,20 +198,24 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
         return apply
 
-    rate = cases[0].recording.sampling
+    rate = cases[0].recording.sampling or 1.0 / float(np.median(np.diff(cases[0].t)))
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
     terms = []
     if positions:
-        terms.append(Term("camera_scale", "camera_scale", (Free("camera.scale", "1", 0.5, 2.0, 1.0, 1e-3, None, 1.0),), put("scale"),
+        terms.append(Term("camera_scale", "camera_scale",
+                          (Free("camera.scale", "1", 0.5, 2.0, 1.0, 1e-3, None, 1.0),), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
     if any(c.recording.scene.inputs or c.recording.scene.laws_named("bending") for c in cases):
         terms.append(
             Term("time_offset", "time_offset", (Free("camera.time_offset", "s", -0.2, 0.2, 0.0, 0.1 / rate),),
-                 put("time_offset"), expression="a frame stamped t shows the state at t + offset", groups=(("offset", (0,)),))
+                 put("time_offset"), expression="a frame stamped t shows the state at t + offset",
+                 groups=(("offset", (0,)),))
         )  # fmt: skip
-    if positions and any(item.law.kind == "constraint" or item.name == "spring" for c in cases for item in c.recording.scene.laws):
+    if positions and any(
+        item.law.kind == "constraint" or item.name == "spring" for c in cases for item in c.recording.scene.laws
+    ):
         terms.append(
             Term("tracking_bias", "tracking_bias",
                  (Free("camera.bias_x", "m", -1.0, 1.0, 0.0, 1e-4), Free("camera.bias_y", "m", -1.0, 1.0, 0.0, 1e-4)),
@@ -215,11 +229,33 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     terms = camera_terms(cases) + _contact_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
-        if law.candidate == "named":
+        if law.candidate == "named" and applies(law, cases):
             terms += law_terms(law, cases, each=False)
             if several and each:
                 terms += law_terms(law, cases, each=True)
     return terms
+
+
+def applies(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law has anything to act on: a swimmer, a second body, the pin or spring whose numbers it needs."""
+    for case in cases:
+        scene = case.recording.scene
+        if law.kind == "chain" and not scene.chains:
+            continue
+        if law.kind == "pair" and len(scene.bodies) < 2:
+            continue
+        values: dict[str, Any] = {}
+        for p in law.parameters:
+            if p.typical is not None:
+                values[p.name] = float(p.typical) if p.size == 1 else (float(p.typical),) * p.size
+            elif p.default is None:
+                values[p.name] = p.choices[0] if p.choices else (0.0 if p.size == 1 else (0.0,) * p.size)
+        try:
+            scene.resolved(use(law, **values))
+        except InputError:
+            continue
+        return True
+    return False
 
 
 def flexible_terms(cases: Sequence[Case]) -> list[Term]:
@@ -247,7 +283,7 @@ class _Partly:
         self.term = term
         self.kept = tuple(kept)
 
-    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         full = [f.neutral for f in self.term.free]
         for k, value in zip(self.kept, values, strict=True):
             full[k] = float(value)
@@ -257,7 +293,9 @@ class _Partly:
 def with_numbers(term: Term, kept: Sequence[int]) -> Term:
     """The term with only some of its numbers free."""
     new = {k: n for n, k in enumerate(kept)}
-    groups = tuple((name, tuple(new.get(k, -1) for k in rows)) for name, rows in term.groups if any(k in new for k in rows))
+    groups = tuple(
+        (name, tuple(new.get(k, -1) for k in rows)) for name, rows in term.groups if any(k in new for k in rows)
+    )
     return replace(term, free=tuple(term.free[k] for k in kept), apply=_Partly(term, kept), groups=groups)
 
 

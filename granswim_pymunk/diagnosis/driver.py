@@ -165,8 +165,10 @@ def diagnose_bodies(
     found: list[Trial] = []
     if bank.signatures:
         open_ = np.array([s.surviving > 1e-3 for s in bank.signatures])
-        case_gain = chosen.gain if chosen is not None else max(
-            (s.gain for s, counts in zip(bank.signatures, open_, strict=True) if counts), default=0.0
+        case_gain = (
+            chosen.gain
+            if chosen is not None
+            else max((s.gain for s, counts in zip(bank.signatures, open_, strict=True) if counts), default=0.0)
         )
         null = search_nulls(
             bank, _noise_of(floor_fit, fitter.cases, spread, numbers(floor_fit)), open_, case_gain, replicates, rng
@@ -196,15 +198,18 @@ def diagnose_bodies(
     )  # fmt: skip
     if verdict == "unmodelled":
         best_named = found[0] if found else None
-        if flexible is not None and flexible.fit is not None and (
-            best_named is None or flexible.inner < best_named.inner
+        if (
+            flexible is not None
+            and flexible.fit is not None
+            and (best_named is None or flexible.inner < best_named.inner)
         ):
             found, revised = [flexible], flexible.fit
     rivals = _rivals(found, alive, spread, verdict)
 
     # 2. locate: innovations of short windows under the recalibrated scene
     progress("locating", 0.76)
-    windows, places = None, ()
+    windows: WindowMap | None = None
+    places: tuple[Place, ...] = ()
     if verdict not in ("no_mismatch",):
         variance = _variance_by_case(revised, training)
         windows = window_map(fitter, recalibrated, variance)
@@ -248,7 +253,8 @@ def diagnose_bodies(
         notes.append(f"{len(predictor.failures)} runs could not be finished, the first: {predictor.failures[0]}")
     return Diagnosis(
         cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
-        rivals=rivals, trials=alive + [t for t in trials if t.fit is None], flexible=arms_alive[0] if arms_alive else None,
+        rivals=rivals, trials=alive + [t for t in trials if t.fit is None],
+        flexible=arms_alive[0] if arms_alive else None,
         null=null, white_naive=white_naive, white_recalibrated=white_recalibrated, white_revised=white_revised,
         windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=inner_scores,
         proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=predictor.runs, seed=seed,
@@ -398,22 +404,34 @@ def _second(
         scored = []
         for t in second_trials:
             if _worth(t, spread) > 8:
+                assert t.fit is not None
                 score, by_case = inner.score(t.fit.hypothesis, t.fit)
                 better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [0.0])
                 scored.append((replace(t, inner=score), float(better)))
-        good = [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8] if spread > 1.0 else [
-            t for t, _ in scored if t.inner < base_inner
-        ]
+        good = (
+            [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
+            if spread > 1.0
+            else [t for t, _ in scored if t.inner < base_inner]
+        )
         if not good:
             return found, revised
         best = _choose(good, spread, base_inner)
         if best is None or best.fit is None:
             return found, revised
         null = search_nulls(
-            beside, _noise_of(best.fit, fitter.cases, spread), np.array([s.surviving > 0.02 for s in beside.signatures]),
+            beside, _noise_of(best.fit, fitter.cases, spread),
+            np.array([s.surviving > 0.02 for s in beside.signatures]),
             best.gain, 99, rng,
         )  # fmt: skip
         if null.p > ALARM:
+            return found, revised
+        # the first may only have been stuck: refitted alone from where the two ended
+        alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
+        if alone.chi2 < revised.chi2:
+            first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
+            found, revised = [first], alone
+        gain = (alone.chi2 - best.fit.chi2) / spread
+        if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
             return found, revised
         inner_scores[f"{first.term.label} + {best.term.label}"] = best.inner
         return [first, best], best.fit
@@ -440,6 +458,16 @@ def _second(
     return found, revised
 
 
+def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
+    """Whether the interval of at least one strength of the last term leaves out where the law is absent."""
+    offset = len(fit.values) - trial.numbers
+    for k, free in enumerate(trial.term.free):
+        _, low, high = fit.interval(offset + k, spread)
+        if not free.inner and not low <= free.neutral <= high:
+            return True
+    return False
+
+
 def _verdict(
     found, arms, inner_scores, white_recalibrated, naive, recalibrated, revised, spread, adjustable, notes
 ) -> tuple[str, Trial | None]:
@@ -451,7 +479,12 @@ def _verdict(
     if arm is not None and arm.fit is not None:
         ahead = (arm.gain - named_gain) / spread - 2 * arm.numbers
         # a margin in prediction and in fit, so that a spline of the same law does not win by chance
-        if ahead > 25 and arm.inner < base and arm.inner - 1.0 < 0.6 * (named_inner - 1.0) and arm.inner < 0.9 * named_inner:
+        if (
+            ahead > 25
+            and arm.inner < base
+            and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
+            and arm.inner < 0.9 * named_inner
+        ):
             return "unmodelled", arm
     if found:
         # a law that is the best of a poor lot is not an explanation
@@ -468,6 +501,10 @@ def _verdict(
     improved = naive.chi2 - recalibrated.chi2
     if adjustable and improved / spread > 12 + 2 * len(recalibrated.values):
         return "recalibrate", None
+    if white_recalibrated.z > 6 and white_recalibrated.p < 1e-6:
+        # the size of the noise is given, and this is more than noise
+        notes.append("the innovations are far above the stated noise, and no named law predicts them better")
+        return "unmodelled", arm
     if white_recalibrated.p < 1e-4:
         notes.append("the innovations are not white noise, but nothing tried predicts them better")
     return "no_mismatch", None
@@ -516,7 +553,9 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     p = float(stats.chi2.sf(gain, numbers))
     z = float(stats.norm.isf(max(p, 1e-300)))
     t = [float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))]
-    return (Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, max(p, 1e-300), cases[0].name),)
+    return (
+        Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, max(p, 1e-300), cases[0].name),
+    )
 
 
 def check_kind(recordings: Sequence[Recording]) -> None:
@@ -524,7 +563,9 @@ def check_kind(recordings: Sequence[Recording]) -> None:
     for recording in recordings:
         if not len(recording.t):
             raise InputError(
-                "has no tracks; a speed curve alone cannot be diagnosed yet", file=recording.folder, where=recording.name
+                "has no tracks; a speed curve alone cannot be diagnosed yet",
+                file=recording.folder,
+                where=recording.name,
             )
         scene = recording.scene
         if scene.bed is not None and not any(b.role == "grain" for b in scene.bodies):

@@ -35,7 +35,9 @@ def _shortened(case: Case, most: int = 400) -> Case:
 def _stretched(case: Case, factor: float) -> Case:
     t = case.t[0] + (case.t - case.t[0]) * factor
     every = np.ones(len(t), dtype=bool)
-    return replace(case, t=t, values=np.zeros_like(case.values), training=every, start=every, scored=~every, held_out=False)
+    return replace(
+        case, t=t, values=np.zeros_like(case.values), training=every, start=every, scored=~every, held_out=False
+    )
 
 
 def propose(

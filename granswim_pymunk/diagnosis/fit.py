@@ -76,9 +76,7 @@ class Fitter:
     ) -> np.ndarray:
         t0 = float(case.t[self.frames[case.name]][0])
         try:
-            predicted = self.predictor(
-                hypothesis, case, values, self.described[case.name], numbers, t0, case.t[frames]
-            )
+            predicted = self.predictor(hypothesis, case, values, self.described[case.name], numbers, t0, case.t[frames])
         except Failed:
             return np.where(np.isfinite(case.values[frames]), HOPELESS, np.nan)
         return (case.values[frames] - predicted) / case.sigma
@@ -86,7 +84,7 @@ class Fitter:
     def fit(
         self,
         hypothesis: Hypothesis,
-        values: Sequence[float] | None = None,
+        values: Sequence[float] | np.ndarray | None = None,
         starts: Mapping[str, np.ndarray] | None = None,
         *,
         fixed: bool = False,
@@ -179,10 +177,7 @@ class Fitter:
                 raise KeyboardInterrupt
             values, starts = unpack(z)
             return np.concatenate(
-                [
-                    self._innovations(c, hypothesis, values, starts[c.name], parts[c.name])[use[c.name]]
-                    for c in cases
-                ]
+                [self._innovations(c, hypothesis, values, starts[c.name], parts[c.name])[use[c.name]] for c in cases]
             )
 
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
@@ -202,10 +197,12 @@ class Fitter:
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
         try:
-            solution = least_squares(
-                residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
-                max_nfev=evaluations, xtol=1e-6, ftol=1e-7, gtol=1e-9,
-            )  # fmt: skip
+            # a first-order amount can be far off: what overflows is a step that is taken back
+            with np.errstate(all="ignore"):
+                solution = least_squares(
+                    residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
+                    max_nfev=evaluations, xtol=1e-6, ftol=1e-7, gtol=1e-9,
+                )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
             return x, numbers

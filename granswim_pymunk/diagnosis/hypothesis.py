@@ -33,6 +33,7 @@ class Free:
     scale: float
     cases: frozenset[str] | None = None
     neutral: float = 0.0  # where the term is absent
+    inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Term:
     mechanism: str
     label: str
     free: tuple[Free, ...]
-    apply: Callable[[Scene, Mapping[str, Any], Sequence[float]], tuple[Scene, Mapping[str, Any]]]
+    apply: Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
     bodies: tuple[str, ...] | None = None
     expression: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
@@ -62,7 +63,7 @@ class Hypothesis:
     def with_term(self, *terms: Term) -> Hypothesis:
         return Hypothesis(self.terms + terms)
 
-    def scene(self, case: Case, values: Sequence[float]) -> tuple[Scene, Mapping[str, Any]]:
+    def scene(self, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Scene, Mapping[str, Any]]:
         """Scene and camera of a recording under these values."""
         scene: Scene = case.recording.scene
         camera: Mapping[str, Any] = NO_CAMERA
@@ -88,6 +89,7 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
             parameter = scene.laws_named(a.law)[0].law.parameter(a.parameter)
             if parameter.size != 1 or parameter.choices:
                 raise InputError("only a single number can be adjustable", where=f"adjustable {a.name}")
+            copies: list[tuple[str, tuple[str, ...] | None, frozenset[str]]]
             if a.per == "recording":
                 copies = [(f"{a.name}@{case.name}", None, frozenset([case.name]))]
             elif a.per == "body":
@@ -110,7 +112,7 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
 
 
 def _set_parameter(name: str, bodies: tuple[str, ...] | None):
-    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float]):
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         present = None if bodies is None else [b for b in bodies if b in scene.ids]
         return scene.with_parameter(name, float(values[0]), bodies=present), camera
 
@@ -133,7 +135,7 @@ class Predictor:
         self,
         hypothesis: Hypothesis,
         case: Case,
-        values: Sequence[float],
+        values: Sequence[float] | np.ndarray,
         starts: tuple[StartBody, ...],
         numbers: np.ndarray,
         t0: float,
@@ -143,9 +145,7 @@ class Predictor:
         scene, camera = hypothesis.scene(case, values)
         offset = float(camera["time_offset"])
         placed = states(starts, numbers, scene, t0 + offset)
-        scene = replace(
-            scene.with_initial(placed), time=replace(scene.time, start=t0 + offset, dt=self.dt[case.name])
-        )
+        scene = replace(scene.with_initial(placed), time=replace(scene.time, start=t0 + offset, dt=self.dt[case.name]))
         self.runs += 1
         rows = [scene.ids.index(b) for b in case.bodies]
         try:

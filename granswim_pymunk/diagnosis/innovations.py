@@ -68,11 +68,11 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
 def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
     """By how much variances grow because innovations are larger than the noise, or remember: 1 for white noise."""
     dof = max(fit.count - free, 1)
-    memory = np.mean([correlation_time(s) for s in series_of(fit, cases)] or [1.0])
+    memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases)] or [1.0]))
     size = fit.chi2 / dof
     if size < 1 + 4 * math.sqrt(2 / dof) and memory < 1.5:
         return 1.0
-    return max(1.0, size) * float(max(1.0, memory))
+    return max(1.0, size) * max(1.0, memory)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,8 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                 dof = max(len(values) - numbers, 1)
                 chi2 = float(values @ values) / spread
                 row = {"case": case.name, "body": body, "t": (float(case.t[part][0]), float(case.t[part][-1])),
-                       "chi2": chi2, "dof": dof, "z": float(stats.norm.isf(max(stats.chi2.sf(chi2, dof), 1e-300)))}  # fmt: skip
+                       "chi2": chi2, "dof": dof,
+                       "z": float(stats.norm.isf(max(stats.chi2.sf(chi2, dof), 1e-300)))}  # fmt: skip
                 row |= _extent(case, body, part)
                 rows.append(row)
     return WindowMap(tuple(rows), size)

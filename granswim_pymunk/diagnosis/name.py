@@ -67,9 +67,7 @@ class InnerSplit:
         used = [c for c in cases if c.name in first]
         return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
 
-    def score(
-        self, hypothesis: Hypothesis, start: Fit, evaluations: int = 15
-    ) -> tuple[float, dict[str, float]]:
+    def score(self, hypothesis: Hypothesis, start: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
         """Mean squared innovation on the rest, over all and by recording; infinite where the run failed.
 
         ``start``: where the search begins, so that all candidates begin equally well.

@@ -79,7 +79,5 @@ def search_nulls(
     if noise is None:
         drawn = rng.normal(size=(len(bank.innovations), replicates))
     else:
-        drawn = np.column_stack(
-            [np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)]
-        )
+        drawn = np.column_stack([np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)])
     return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)

@@ -64,6 +64,8 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
     columns = []
     scales = []
     for k, free in enumerate(term.free):
+        if free.inner:
+            continue
         step = free.scale * 1e-3
         column = np.zeros(sum(len(fit.used(c.name)) for c in fitter.cases))
         for _ in range(12):
@@ -92,8 +94,8 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
             else:
                 break
         columns.append(column)
-        size = float(np.sqrt(np.mean(column**2)))
-        scales.append(1.0 / size if size > 0 else abs(step))
+        rms = float(np.sqrt(np.mean(column**2)))
+        scales.append(1.0 / rms if rms > 0 else abs(step))
     return np.column_stack(columns), np.array(scales)
 
 
@@ -105,13 +107,16 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     signatures = []
     for term in terms:
         columns, scales = _columns(fitter, fit, term)
-        answered = np.abs(columns).max(axis=0) > 0
+        answered = np.abs(columns).max(axis=0, initial=0.0) > 0
         if not answered.any():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
             continue
+        linear = [k for k, f in enumerate(term.free) if not f.inner]
         if not answered.all():
             # a number that changes nothing these recordings show stays where the law is absent
-            term = with_numbers(term, np.flatnonzero(answered).tolist())
+            keep = {linear[k] for k in np.flatnonzero(answered)} | {k for k, f in enumerate(term.free) if f.inner}
+            term = with_numbers(term, sorted(keep))
+            linear = [k for k, f in enumerate(term.free) if not f.inner]
             columns, scales = columns[:, answered], scales[answered]
         after_starts = columns - starts @ (starts.T @ columns)
         after_all = columns - nuisance @ (nuisance.T @ columns)
@@ -121,6 +126,10 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         directions = basis(after_all * scales) if surviving > 1e-4 else np.zeros((len(r), 0))
         gain = float(np.sum((directions.T @ left) ** 2))
         amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
-        first = [f.first + a for f, a in zip(term.free, amount, strict=True)]
-        signatures.append(Signature(rescaled(term, scales, first), directions, surviving, gain))
+        firsts = [f.first for f in term.free]
+        sizes = [f.scale for f in term.free]
+        for k, number in enumerate(linear):
+            firsts[number] += float(amount[k])
+            sizes[number] = float(scales[k])
+        signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain))
     return Bank(fit, r, nuisance, tuple(signatures))

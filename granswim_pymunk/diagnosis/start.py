@@ -165,9 +165,7 @@ def states(
             direction = _direction_of(scene, start.body, "drive")
             assert direction is not None
             t, command = scene.inputs[start.body]
-            gain = next(
-                scene.resolved(i)["gain"] for i in scene.laws_named("drive") if start.body in (i.bodies or ())
-            )
+            gain = next(scene.resolved(i)["gain"] for i in scene.laws_named("drive") if start.body in (i.bodies or ()))
             speed = gain * float(np.interp(t0, t, command))
             result[start.body] = (values[0], values[1], speed * direction[0], speed * direction[1])
     return result

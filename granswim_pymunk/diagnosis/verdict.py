@@ -43,7 +43,7 @@ def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dic
     term = trial.term
     bodies = owners(term)
     entries = []
-    for owner in bodies or [None]:
+    for owner in list[str | None](bodies) or [None]:
         parameters: dict[str, Any] = {}
         for name, rows in term.groups:
             mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
@@ -66,7 +66,7 @@ def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dic
 
 
 def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int]) -> dict[str, Any]:
-    found = []
+    found: list[tuple[float, float | None, float | None]] = []
     for r in rows:
         if r < 0:  # a component that these recordings do not show
             found.append((0.0, None, None))
@@ -116,7 +116,9 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         trial = d.found[0]
         entry = _entries(d, trial, gain)[0]
         if not trial.mechanism.startswith("flexible"):
-            entry["expression"] = f"not explained; of the named laws {trial.mechanism} comes closest: {entry['expression']}"
+            entry["expression"] = (
+                f"not explained; of the named laws {trial.mechanism} comes closest: {entry['expression']}"
+            )
         entry["name"] = "unknown"
         mechanisms.append(entry)
     else:
@@ -157,9 +159,7 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
             f.name: dict(zip(("value", "low", "high"), d.revised.interval(k, d.spread), strict=True))
             for k, f in enumerate(d.recalibrated.hypothesis.free)
         },
-        "notes": list(d.notes)
-        + [f"{b}: not named, {why}" for b, why in d.dropped_bodies.items()]
-        + _remaining(d),
+        "notes": list(d.notes) + [f"{b}: not named, {why}" for b, why in d.dropped_bodies.items()] + _remaining(d),
     }
     if any(whole.values()):
         result["fit"]["heldout_start_fitted_to_whole"] = whole

@@ -26,7 +26,9 @@ def contact_duration(scene: Scene) -> float | None:
     for item in scene.laws:
         if item.name == "contact_linear" and item.values["stiffness"] > 0:
             square = item.values["stiffness"] / reduced - (item.values["damping"] / 2) ** 2
-            duration = math.pi / math.sqrt(square) if square > 0 else math.pi * math.sqrt(reduced / item.values["stiffness"])
+            duration = (
+                math.pi / math.sqrt(square) if square > 0 else math.pi * math.sqrt(reduced / item.values["stiffness"])
+            )
         elif item.name == "contact_hertz" and item.values["stiffness"] > 0:
             duration = 2.9432 * (5 * reduced / (4 * item.values["stiffness"])) ** 0.4
         else:

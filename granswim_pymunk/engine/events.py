@@ -76,5 +76,3 @@ def advance_to(
             out[s, k, 0] = load_float(chosen[k] + position) * length_unit
             out[s, k, 1] = load_float(chosen[k] + position + 8) * length_unit
     return t, last
-
-

@@ -31,7 +31,13 @@ class PythonCallbacks:
         self._torque = np.zeros(n)
         self._row = {body.id: k for k, body in enumerate(s._bodies)}
         self._encoded = [
-            dict(zip([a for p in item.law.parameters for a in p.arguments], item.law.encode(s.scene.resolved(item)), strict=True))
+            dict(
+                zip(
+                    [a for p in item.law.parameters for a in p.arguments],
+                    item.law.encode(s.scene.resolved(item)),
+                    strict=True,
+                )
+            )
             for item in s._uses
         ]
         self._far = [item for item in s._uses if item.law.kind == "pair" and item.law.reach]
@@ -45,7 +51,7 @@ class PythonCallbacks:
 
     def _pre_solve(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         arbiter.process_collision = False  # else Chipmunk's impulses act too
-        a, b = (self._row.get(shape.body.id) for shape in arbiter.shapes)
+        a, b = (self._row.get(shape.body.id) if shape.body else None for shape in arbiter.shapes)
         if a is None or b is None or (a < 0 and b < 0):
             return
         i, j = sorted((a if a >= 0 else -a - 2, b if b >= 0 else -b - 2))
@@ -253,7 +259,9 @@ class PythonCallbacks:
             if not np.isfinite(positions).all():
                 who = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
                 name = s.scene.bodies[s._rows_of[who]].id
-                raise SimulationError(f"the position of body {name} is not finite after step {s.step} (t = {s.t:.6g} s)")
+                raise SimulationError(
+                    f"the position of body {name} is not finite after step {s.step} (t = {s.t:.6g} s)"
+                )
             if length:
                 way = np.hypot(*(positions * s.units.length - self._laid_out[m]).T)
                 if way.max() > s._floats_margin():

@@ -185,11 +185,11 @@ class Law:
             value = values.get(parameter.name, parameter.default)
             if value is None:
                 raise InputError(
-                    f"needs {parameter.name} [{parameter.unit}]: {parameter.meaning}", file=file, where=f"law {self.name}"
+                    f"needs {parameter.name} [{parameter.unit}]: {parameter.meaning}",
+                    file=file,
+                    where=f"law {self.name}",
                 )
-            result[parameter.name] = (
-                value if value is AUTOMATIC else parameter.check(value, law=self.name, file=file)
-            )
+            result[parameter.name] = value if value is AUTOMATIC else parameter.check(value, law=self.name, file=file)
         return result
 
     def encode(self, values: Mapping[str, Any]) -> list[float]:
@@ -261,9 +261,7 @@ def get_law(name: str, *, file: Any = None) -> Law:
     try:
         return _REGISTRY[name]
     except KeyError:
-        raise InputError(
-            f"unknown law {name!r}; known: {', '.join(sorted(_REGISTRY))}", file=file
-        ) from None
+        raise InputError(f"unknown law {name!r}; known: {', '.join(sorted(_REGISTRY))}", file=file) from None
 
 
 def all_laws() -> dict[str, Law]:

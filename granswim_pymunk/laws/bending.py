@@ -9,7 +9,8 @@ from .base import AUTOMATIC, Parameter, law
     kind="chain",
     expression="F_t = -k_B phi_i - gamma_B m_r v_ij.t on i+1, the opposite on i; "
     "phi_i = alpha_i - alpha_(i-1), alpha_(-1) = A sin(2 pi f t + phase)",
-    reference="Echeverria-Huarte, Telo da Gama & Araujo, Optimal frequency for undulatory motion in granular media, Eq. 3",
+    reference="Echeverria-Huarte, Telo da Gama & Araujo, "
+    "Optimal frequency for undulatory motion in granular media, Eq. 3",
     parameters=[
         Parameter("stiffness", "N", "bending force per radian k_B", low=0.0),
         Parameter("damping", "1/s", "bending damping gamma_B", low=0.0, default=0.0),

@@ -11,7 +11,13 @@ from .base import Parameter, law
     reference="Goldstein, Classical Mechanics, ch. 1.3 (rheonomic constraint)",
     parameters=[
         Parameter("gain", "1", "commanded velocity per unit of input", default=1.0),
-        Parameter("direction", "1", "direction of the motion; that of the body's rail where it has one", size=2, default=(1.0, 0.0)),
+        Parameter(
+            "direction",
+            "1",
+            "direction of the motion; that of the body's rail where it has one",
+            size=2,
+            default=(1.0, 0.0),
+        ),
     ],
 )
 def drive(vx, vy, mass, fx, fy, dt, command, gain, direction_x, direction_y):

@@ -8,7 +8,8 @@ from .base import AUTOMATIC, Parameter, law
 @law(
     kind="chain",
     expression="F_n = -k_U (|r_ij| - l) - gamma_U m_r v_ij.n, consecutive disks",
-    reference="Echeverria-Huarte, Telo da Gama & Araujo, Optimal frequency for undulatory motion in granular media, Eq. 1",
+    reference="Echeverria-Huarte, Telo da Gama & Araujo, "
+    "Optimal frequency for undulatory motion in granular media, Eq. 1",
     parameters=[
         Parameter("stiffness", "N/m", "union stiffness k_U", low=0.0),
         Parameter("damping", "1/s", "union damping gamma_U", low=0.0, default=0.0),
