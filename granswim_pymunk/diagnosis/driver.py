@@ -574,6 +574,13 @@ def check_kind(recordings: Sequence[Recording]) -> None:
                 file=recording.folder,
                 where=recording.name,
             )
+        if scene.chains and any(b.role == "grain" for b in scene.bodies):
+            # a bed is chaotic: a run over the whole track would say nothing
+            raise InputError(
+                "a swimmer among its grains needs windows shorter than the bed's memory; that cannot be diagnosed yet",
+                file=recording.folder,
+                where=recording.name,
+            )
 
 
 __all__ = ["Diagnosis", "check_kind", "diagnose_bodies"]
