@@ -85,7 +85,40 @@ def propose(
         d = float(np.sqrt(total))
         if best is None or d > 1.1 * best.d_prime:
             best = Proposal(text, names, d)
+    if best is None or best.d_prime < 2:
+        return _apparatus_check(winner, names, training) or best
     return best
+
+
+def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) -> Proposal | None:
+    """Where no other motion separates the apparatus from physics, measure the apparatus itself."""
+    tools = {
+        "camera_scale": ("camera.scale", "film a ruler in the same frame"),
+        "camera_tilt": ("camera.tilt", "film a plumb line in the same frame"),
+        "time_offset": ("camera.time_offset", "film a flash that the apparatus triggers"),
+    }
+    for name in names:
+        if name not in tools:
+            continue
+        key, text = tools[name]
+        numbers = [f.name for f in fit.hypothesis.free]
+        if key not in numbers:
+            continue
+        k = numbers.index(key)
+        change = abs(float(fit.values[k]) - fit.hypothesis.free[k].neutral)
+        case = cases[0]
+        if name == "time_offset":
+            resolution = 0.3 * float(np.median(np.diff(case.t)))  # a frame, evenly distributed
+        else:
+            places = [c for c, channel in enumerate(case.channels) if channel.kind != "angle"]
+            if not places:
+                continue
+            extent = float(
+                np.max(np.nanmax(case.values[:, places], axis=0) - np.nanmin(case.values[:, places], axis=0))
+            )
+            resolution = float(np.sqrt(2) * np.max(case.sigma[places])) / extent
+        return Proposal(text, names, change / resolution)
+    return None
 
 
 def _changed(described, numbers, faster, wider):

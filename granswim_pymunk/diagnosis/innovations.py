@@ -144,7 +144,14 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
 def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
     k = case.recording.ids.index(body)
     xy = case.recording.xy[part, k]
-    result: dict[str, Any] = {"x": None, "y": None, "speed": None}
+    result: dict[str, Any] = {"x": None, "y": None, "speed": None, "gap": None, "before_contact": None}
+    gaps = _gaps(case, body)
+    if gaps is not None and np.isfinite(gaps[part]).any():
+        result["gap"] = (float(np.nanmin(gaps[part])), float(np.nanmax(gaps[part])))
+        until = gaps[: np.flatnonzero(part)[-1] + 1]
+        # touching within the noise of the two positions
+        noise = float(max((s for s, c in zip(case.sigma, case.channels, strict=True) if c.body == body), default=0.0))
+        result["before_contact"] = bool(np.nanmin(until) > 4 * noise)
     for axis, name in enumerate("xy"):
         column = xy[:, axis]
         if np.isfinite(column).any():
@@ -158,6 +165,30 @@ def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
         # speeds from neighbouring frames carry their noise: the middle of their spread
         result["speed"] = (float(np.quantile(steps, 0.1)), float(np.quantile(steps, 0.9)))
     return result
+
+
+def _gaps(case: Case, body: str) -> np.ndarray | None:
+    """Smallest gap (T,) [m] between a body and any other that was seen or stands still, None where it is alone."""
+    recording = case.recording
+    scene = recording.scene
+    own = recording.ids.index(body)
+    radius = scene.body(body).radius
+    others: list[np.ndarray] = []
+    for k, name in enumerate(recording.ids):
+        if k != own:
+            others.append(
+                np.linalg.norm(recording.xy[:, k] - recording.xy[:, own], axis=1) - radius - scene.body(name).radius
+            )
+    for wall in scene.bodies:
+        if wall.role == "wall" and wall.initial is not None:
+            others.append(
+                np.linalg.norm(np.array(wall.initial[:2]) - recording.xy[:, own], axis=1) - radius - wall.radius
+            )
+    if not others or not np.isfinite(recording.xy[:, own]).any():
+        return None
+    stacked = np.stack(others)
+    stacked[:, np.isnan(stacked).all(axis=0)] = np.inf
+    return np.nanmin(stacked, axis=0)
 
 
 def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
@@ -185,11 +216,14 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
             key: (min(r[key][0] for r in bad if r[key]), max(r[key][1] for r in bad if r[key]))
             if any(r[key] for r in bad)
             else None
-            for key in ("t", "x", "y", "speed")
+            for key in ("t", "x", "y", "speed", "gap")
         }
+        contact = [r["before_contact"] for r in bad]
+        before = None if None in contact else all(contact)
         z = float(stats.norm.isf(max(min(p_all, p_one), 1e-300)))
         places.append(
-            Place((body,), {"x": _listed(span["x"]), "y": _listed(span["y"])}, {"t": _listed(span["t"])}, span["speed"],
+            Place((body,), {k: _listed(span[k]) for k in ("x", "y", "gap")},
+                  {"t": _listed(span["t"]), "before_contact": before}, span["speed"],
                   z, max(p, 1e-300), case)
         )  # fmt: skip
     return tuple(sorted(places, key=lambda place: -place.z))
