@@ -178,7 +178,7 @@ class TestLists:
         xy = rng.uniform(-0.03, 0.03, (n, 2))
         radius = rng.uniform(2e-4, 7e-4, n)
         bodies = tuple(
-            Body(f"{k}", "wall" if k % 9 == 0 else "grain", float(radius[k]), 1e-6, initial=(*map(float, xy[k]), 0.0, 0.0))
+            Body(f"{k}", "grain" if k % 9 else "wall", float(radius[k]), 1e-6, initial=(*xy[k].tolist(), 0.0, 0.0))
             for k in range(n)
         )
         sim = Simulation(Scene(bodies, laws=(CONTACT,), periodic_x=periodic or None, time=Time(dt=1e-6)))
@@ -258,7 +258,13 @@ def trap_of_the_test(x, y, pull):
     return -pull * STIFFNESS * x, -pull * np.sqrt(STIFFNESS * STIFFNESS) * y * np.float64(SLOTS) / 3.0
 
 
-@law(kind="body", expression="F = -k x", reference="test", parameters=[Parameter("k", "N/m", "stiffness")], compiled=False)
+@law(
+    kind="body",
+    expression="F = -k x",
+    reference="test",
+    parameters=[Parameter("k", "N/m", "stiffness")],
+    compiled=False,
+)
 def plain_trap_of_the_test(x, y, k):
     return tuple(-k * value for value in [x, y])  # a generator is nothing that numba compiles
 

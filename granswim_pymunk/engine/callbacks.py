@@ -16,6 +16,7 @@ import inspect
 import linecache
 import math
 import os
+import re
 import sys
 import tempfile
 import textwrap
@@ -42,6 +43,7 @@ USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "first_run", "last
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_near", "own_drift", "own_kick",
+    "from_list", "constrained",
     "bodies", "state", "motion", "place_x", "place_y", "spin", "mass", "inverse_mass", "radius", "given_inertia", "torque",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
     "near_i", "near_j", "near_shift", "near_touch", "near_mass",
@@ -234,8 +236,8 @@ def _chain_block(law: Law, code: int) -> list[str]:
     ]
 
 
-def _context_arrays() -> str:
-    """Lines that turn the context behind a pointer into arrays."""
+def _context_arrays(used: set[str]) -> str:
+    """Lines that turn the context behind a pointer into arrays, those that are used."""
     n = "n"
     shapes = {
         "state": (f"(n, {len(STATE)})", "f8"), "motion": (str(len(MOTION)), "f8"),
@@ -255,7 +257,7 @@ def _context_arrays() -> str:
     kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u1": "np.uint8"}
     lines = []
     for name in INTS[INTS.index("bodies") :]:
-        if name == "floats":
+        if name not in used or name == "floats":
             continue
         shape, kind = shapes.get(name, (n, "f8"))
         lines.append(f"    {name} = carray(pointer_to(I[{name.upper()}]), {shape}, {kinds[kind]})")
@@ -325,7 +327,7 @@ def interpolate(t, times, values, first, last):
     for law in pairs:
         pair_sums += [
             f"elif code == {codes[law.name]}:",
-            "    if from_list:",
+            "    if from_list != 0:",
             f"        sum_{law.name}(u, t, state, spin, radius, torque, parameters, uses, mask,",
             "            near_i, near_j, near_shift, near_touch, near_mass, n_near)",
         ]
@@ -338,7 +340,8 @@ def interpolate(t, times, values, first, last):
 def add_forces(from_list, constrained, {arguments}):
     """Add all forces [N] to the columns FX, FY of the state, and torques [N m]. Uses are sorted: pairs, chains, bodies, constraints.
 
-    ``from_list``: sum the pairs of the list of near ones (else the contacts are there already).
+    ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
+    ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
     """
     for u in range(uses.shape[0]):
         code = uses[u, 0]
@@ -346,7 +349,7 @@ def add_forces(from_list, constrained, {arguments}):
         r0 = parameters[o - 1]
         if code == 0:
             continue
-        if not constrained and code >= {min(constraint_codes, default=10**6)}:
+        if constrained == 0 and code >= {min(constraint_codes, default=10**6)}:
             continue
         if False:
             pass
@@ -388,10 +391,7 @@ def pair_force(i, j, t, state, spin, inverse_mass, radius, parameters, uses, mas
 
 
 def _native_text(o: Offsets, arguments: str) -> str:
-    unpack = f"""    F = carray(pointer_to(I[FLOATS]), {len(FLOATS)}, np.float64)
-    n = I[N]
-{_context_arrays()}"""
-    return f'''
+    text = f'''
 
 @njit(**PLAIN)
 def find(key, keys, values):
@@ -462,7 +462,7 @@ def surround(n_mobile, state, radius, allowance, far, reaching, floor, ahead, mo
 def verlet_step(constraint, space):
     """A constraint's preSolve: after the drift, before any kick. One force call over the near pairs."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
-{unpack}
+    UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
     if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
@@ -482,8 +482,9 @@ def verlet_step(constraint, space):
                 F[F_NEAR_SKIN] *= 0.8
             surround(n_mobile, state, radius, allowance, far, reaching, 0.5 * F[F_NEAR_SKIN], {AHEAD} * F[F_DT],
                      0.25 * F[F_SKIN], F[F_REACH])
-            place_x[:] = state[:, X]
-            place_y[:] = state[:, Y]
+            for i in range(n):
+                place_x[i] = state[i, X]
+                place_y[i] = state[i, Y]
             if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
                 count = build_list(place_x, place_y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
                                    pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
@@ -493,8 +494,9 @@ def verlet_step(constraint, space):
                     return
                 I[N_PAIRS] = count
                 I[REBUILDS] += 1
-                old_x[:] = place_x
-                old_y[:] = place_y
+                for i in range(n):
+                    old_x[i] = place_x[i]
+                    old_y[i] = place_y[i]
             I[N_NEAR] = prune(place_x, place_y, reaching, inverse_mass, radius, pair_i, pair_j, pair_shift, I[N_PAIRS],
                               near_i, near_j, near_shift, near_touch, near_mass)
     F[F_STEP] += 1.0
@@ -505,7 +507,7 @@ def verlet_step(constraint, space):
         state[i, FX] = 0.0  # of the mobile ones, the drift did it
         state[i, FY] = 0.0
         torque[i] = 0.0
-    add_forces(True, True, {arguments})
+    add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion, torque)
 
@@ -514,7 +516,7 @@ def verlet_step(constraint, space):
 def contact_presolve(arbiter, space, data):
     """preSolve of one contact that Chipmunk found: its force goes to a buffer, Chipmunk's impulse is off."""
     I = carray(pointer_to(data), {len(INTS)}, np.int64)
-{unpack}
+    UNPACK
     store_byte(arbiter + {o.process_collision}, 0)
     a = find(load_int(arbiter + {o.body_a}), table_keys, table_values)
     b = find(load_int(arbiter + {o.body_b}), table_keys, table_values)
@@ -545,7 +547,7 @@ def contact_presolve(arbiter, space, data):
 def chipmunk_step(constraint, space):
     """A constraint's preSolve: sums the contacts in a fixed order (Chipmunk's differs between processes)."""
     I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
-{unpack}
+    UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
     if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
@@ -598,8 +600,8 @@ def chipmunk_step(constraint, space):
                 torque[j] += contact_tj[c]
         first = last
     I[N_CONTACTS] = 0
-    n_near = 0
-    add_forces(False, True, {arguments})
+    n_near = I[N_NEAR]
+    add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion, torque)
 
@@ -621,6 +623,13 @@ def ghost_position(body, dt):
     store_float(body + {o.velocity}, load_float(at + {o.velocity}))
     store_float(body + {o.velocity + 8}, load_float(at + {o.velocity + 8}))
 '''
+    # each callback unpacks the arrays that it uses: numba takes its time over each of them
+    first, *callbacks = text.split("\n@cfunc(")
+    for k, callback in enumerate(callbacks):
+        arrays = _context_arrays(set(re.findall(r"\w+", callback)))
+        unpack = f"    F = carray(pointer_to(I[FLOATS]), {len(FLOATS)}, np.float64)\n    n = I[N]\n{arrays}"
+        callbacks[k] = callback.replace("    UNPACK", unpack)
+    return "\n@cfunc(".join([first, *callbacks])
 
 
 class Kernel:

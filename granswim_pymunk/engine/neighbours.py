@@ -156,8 +156,9 @@ def build_list(
 
 @njit(cache=True, error_model="numpy")
 def prune(
-    x, y, room, inverse_mass, radius, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift, near_touch, near_mass
-):
+    x, y, room, inverse_mass, radius, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift,
+    near_touch, near_mass,
+):  # fmt: skip
     """Keep the pairs of a list that are closer than the sum of their ``room`` (n,) [m]; their number.
 
     ``near_touch`` [m] is the sum of radii, ``near_mass`` [kg] the reduced mass. The order stays.

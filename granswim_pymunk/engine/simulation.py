@@ -106,7 +106,8 @@ class Simulation:
         self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
         if self.impulse and scene.periodic_x:
             raise InputError(
-                "Chipmunk's impulses do not reach across a periodic seam; use contact_linear", where="law contact_elastic"
+                "Chipmunk's impulses do not reach across a periodic seam; use contact_linear",
+                where="law contact_elastic",
             )
         plain = [item.name for item in scene.laws if not item.law.compiled]
         if plain and mode != "python":
@@ -266,19 +267,19 @@ class Simulation:
         a["bodies"] = np.zeros(n, dtype=np.int64)
         self._a = a
         floats = np.zeros(len(FLOATS))
-        for name, value in {
+        for name, number in {
             "t_start": scene.time.start,
             "dt": self.dt,
             "skin": self._skin,
             "reach": reach,
             "near_skin": 0.1 * self._skin,
         }.items():
-            floats[_FLOAT_SLOT[name]] = value
+            floats[_FLOAT_SLOT[name]] = number
         self._floats = floats
-        u = self.units
+        own = self.units
         units = {
-            "length_unit": u.length, "velocity_unit": u.velocity, "spin_unit": 1.0 / u.time,
-            "force_scale": 1.0 / u.force, "torque_scale": 1.0 / u.torque,
+            "length_unit": own.length, "velocity_unit": own.velocity, "spin_unit": 1.0 / own.time,
+            "force_scale": 1.0 / own.force, "torque_scale": 1.0 / own.torque,
         }  # fmt: skip
         turning = any("vt" in item.law.arguments for item in uses if item.law.kind == "pair")
         a["motion"] = motion_numbers(units, a["state"], a["spin"], a["torque"], a["far"], turning)
@@ -291,7 +292,10 @@ class Simulation:
             a[name] = np.zeros(self._room, dtype=np.uint32)
         for name in ("contact_i", "contact_j", "order"):
             a[name] = np.zeros(self._room, dtype=np.int64)
-        for name in ("pair_shift", "near_shift", "near_touch", "near_mass", "contact_fx", "contact_fy", "contact_ti", "contact_tj"):
+        for name in (
+            "pair_shift", "near_shift", "near_touch", "near_mass", "contact_fx", "contact_fy", "contact_ti",
+            "contact_tj",
+        ):  # fmt: skip
             a[name] = np.zeros(self._room)
 
     def _build_space(self) -> None:
@@ -355,6 +359,7 @@ class Simulation:
         ints = np.zeros(len(INTS), dtype=np.int64)
         counts = {
             "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_runs": len(a["runs"]),
+            "from_list": int(self.mode != "chipmunk"), "constrained": 1,
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
         }  # fmt: skip
@@ -396,8 +401,8 @@ class Simulation:
             handler.userData = ffi.cast("void *", self._ints.ctypes.data)
         keep = (self._a, self._floats, self._ints, kernel)
         self._close = weakref.finalize(
-            self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile], self._ghosts,
-            self._offsets, keep,
+            self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile],
+            self._ghosts, self._offsets, keep,
         )  # fmt: skip
         if self.mode == "chipmunk":
             self._lay_out_seam()
@@ -501,12 +506,12 @@ class Simulation:
         x, y = a["x"].copy(), a["y"].copy()
         count = self._fresh_list(x, y, reach) if self._room else 0
         near = neighbours.prune(
-            x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["pair_i"], a["pair_j"], a["pair_shift"], count,
-            a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"],
+            x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["pair_i"], a["pair_j"], a["pair_shift"],
+            count, a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"],
         )  # fmt: skip
         self._forget_lists()
         self._kernel.add_forces(
-            True, constrained, t, self.dt, a["state"], a["spin"], a["mass"], a["inverse_mass"],
+            1, int(constrained), t, self.dt, a["state"], a["spin"], a["mass"], a["inverse_mass"],
             a["radius"], a["given_inertia"], a["torque"], a["parameters"], a["uses"], a["runs"],
             a["mask"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"], int(near),
             a["scalars"], a["chains"], a["input_t"], a["input_v"], a["input_at"],

@@ -22,7 +22,9 @@ def read_rows(addresses, position_offset, velocity_offset, length_unit, velocity
     """Positions [m] of some bodies, ``ahead`` seconds into the coming drift, into ``out`` (k, 2)."""
     for k in range(addresses.shape[0]):
         at = addresses[k]
-        out[k, 0] = load_float(at + position_offset) * length_unit + load_float(at + velocity_offset) * velocity_unit * ahead
+        out[k, 0] = (
+            load_float(at + position_offset) * length_unit + load_float(at + velocity_offset) * velocity_unit * ahead
+        )
         out[k, 1] = (
             load_float(at + position_offset + 8) * length_unit
             + load_float(at + velocity_offset + 8) * velocity_unit * ahead
