@@ -15,7 +15,7 @@ from .candidates import camera_terms, flexible_terms, for_bodies, named_terms, o
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
-from .held_out import Errors, held_out_errors, noise_floor, training_errors
+from .held_out import Errors, held_out_errors, learn_memory, noise_floor, training_errors
 from .hypothesis import Hypothesis, Predictor, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, whiteness, window_map
 from .name import InnerSplit, Trial, is_apparatus, pair_gains, refit, spread_of, try_candidates
@@ -230,11 +230,13 @@ def diagnose_bodies(
         "recalibrated": training_errors(recalibrated, training),
         "revised": training_errors(revised, training),
     }
-    held = {
-        "naive": held_out_errors(naive.hypothesis, naive, cases, predictor, stop),
-        "recalibrated": held_out_errors(recalibrated.hypothesis, recalibrated, cases, predictor, stop),
-        "revised": held_out_errors(revised.hypothesis, revised, cases, predictor, stop),
-    }
+    held = {}
+    for name, fit in (("naive", naive), ("recalibrated", recalibrated), ("revised", revised)):
+        # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
+        memory = np.inf
+        if any(c.held_out for c in cases) and spread_of(fit, training) > 1.0:
+            memory = learn_memory(fit.hypothesis, fit, cases, predictor, stop)
+        held[name] = held_out_errors(fit.hypothesis, fit, cases, predictor, stop, memory=memory)
     progress("noise floor", 0.92)
     floor = noise_floor(revised.hypothesis, revised, cases, predictor, stop, rng)
 

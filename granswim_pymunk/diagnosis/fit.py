@@ -62,7 +62,10 @@ class Fitter:
         predictor: Predictor,
         frames: Mapping[str, np.ndarray] | None = None,
         stop: Callable[[], bool] = lambda: False,
+        weights: Mapping[str, np.ndarray] | None = None,
     ) -> None:
+        # (T,) of each recording: how much a frame counts in the fit; 1 where not given
+        self.weights = weights or {}
         self.cases = [c for c in cases if (frames[c.name] if frames else c.training).any()]
         self.frames = {c.name: (frames[c.name] if frames else c.training) for c in self.cases}
         self.predictor = predictor
@@ -79,7 +82,10 @@ class Fitter:
             predicted = self.predictor(hypothesis, case, values, self.described[case.name], numbers, t0, case.t[frames])
         except Failed:
             return np.where(np.isfinite(case.values[frames]), HOPELESS, np.nan)
-        return (case.values[frames] - predicted) / case.sigma
+        innovations = (case.values[frames] - predicted) / case.sigma
+        if case.name in self.weights:
+            innovations = innovations * self.weights[case.name][frames, None]
+        return innovations
 
     def fit(
         self,

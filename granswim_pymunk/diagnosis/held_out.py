@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .data import Case
+from .data import START_SHARE, Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Hypothesis, Predictor
 
@@ -43,6 +43,47 @@ def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
     return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
 
 
+MEMORIES = (np.inf, 0.5, 0.25, 0.12)  # of a start estimate, in parts of the frames it is made from
+
+
+def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
+    """Weights (T,) of frames that fade into the past: exp(-(t_last - t)/(memory * span)).
+
+    A start that is to predict what comes counts the latest frames most where the scene is not the whole truth
+    (exponential forgetting: Jazwinski 1970, Stochastic Processes and Filtering Theory, ch. 8).
+    """
+    if not np.isfinite(memory):
+        return np.ones(len(case.t))
+    t = case.t[frames]
+    span = max(float(t[-1] - t[0]), 1e-12)
+    return np.exp(-np.maximum(float(t[-1]) - case.t, 0.0) / (memory * span) / 2)
+
+
+def learn_memory(
+    hypothesis: Hypothesis, training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]
+) -> float:
+    """The memory that predicts whole training recordings best from their first 20 %."""
+    best, least = np.inf, np.inf
+    for memory in MEMORIES:
+        squares = 0.0
+        for case in cases:
+            if case.held_out or not case.training.all():
+                continue
+            first = case.t <= case.t[0] + START_SHARE * (case.t[-1] - case.t[0])
+            weights = {case.name: fading(case, first, memory)}
+            fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
+            try:
+                fit = fitter.fit(hypothesis, training.values, training.starts, fixed=True, evaluations=10)
+                error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
+            except Failed:
+                squares = np.inf
+                break
+            squares += float(np.nansum(error**2))
+        if squares < least:
+            best, least = memory, squares
+    return best
+
+
 def held_out_errors(
     hypothesis: Hypothesis,
     training: Fit,
@@ -51,11 +92,12 @@ def held_out_errors(
     stop: Callable[[], bool],
     *,
     whole: bool = True,
+    memory: float = np.inf,
 ) -> Errors:
     """Score the held-out frames with the parameters of the training fit.
 
     A split recording runs on from its training part. A held-out recording gets its start from its first 20 %
-    and the rest is scored; ``whole`` also fits the start to all of it.
+    and the rest is scored; ``whole`` also fits the start to all of it. ``memory``: see ``fading``.
     """
     errors: dict[str, np.ndarray] = {}
     everything: dict[str, np.ndarray] = {}
@@ -67,7 +109,8 @@ def held_out_errors(
         if case.held_out and whole:
             runs.append((np.ones(len(case.t), dtype=bool), everything, np.ones(len(case.t), dtype=bool)))
         for frames, into, scored in runs:
-            fitter = Fitter([case], predictor, {case.name: frames}, stop)
+            forget = {case.name: fading(case, frames, memory)} if case.held_out and into is errors else None
+            fitter = Fitter([case], predictor, {case.name: frames}, stop, forget)
             starts = None if case.held_out else training.starts
             try:
                 fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
