@@ -123,7 +123,7 @@ def _show(value: Any) -> str:
 
 def use(law: Law | str, *, bodies: Iterable[str] | None = None, **values: Any) -> LawUse:
     """Put a law to use: ``use("linear_drag", c=1e-5, bodies=["0"])``. Raises InputError on bad values."""
-    declared = get_law(law) if isinstance(law, str) else law
+    declared = get_law(law, given=values) if isinstance(law, str) else law
     return LawUse(declared, declared.check(values), None if bodies is None else tuple(map(str, bodies)))
 
 
@@ -260,6 +260,10 @@ class Scene:
     def rows(self, item: LawUse) -> np.ndarray:
         """Rows of the mobile bodies (for pair laws: all bodies) that a law acts on."""
         wanted = None if item.bodies is None else set(item.bodies)
+        refined = self._refined(item)
+        if wanted is None and refined and item.law.kind in ("body", "constraint"):
+            everywhere = any(other.bodies is None for other in refined)
+            wanted = None if everywhere else {name for other in refined for name in other.bodies or ()}
         return np.array(
             [
                 i
@@ -288,15 +292,104 @@ class Scene:
 
     def _automatic(self, item: LawUse, parameter: str) -> Any:
         work_out = _AUTOMATIC.get(f"{item.name}.{parameter}") or _AUTOMATIC.get(parameter)
-        if work_out is None:
-            raise InputError("has no automatic value", where=f"law {item.name}, parameter {parameter}")
-        return work_out(self, item)
+        if work_out is not None:
+            return work_out(self, item)
+        where = f"law {item.name}, parameter {parameter}"
+        if not item.law.refines:
+            raise InputError("has no automatic value", where=where)
+        refined = self._refined(item)
+        if not refined:
+            raise InputError(f"the scene has no {' or '.join(item.law.refines)} to take it from", where=where)
+        source = _RENAMED.get(f"{item.name}.{parameter}", parameter)
+        name, _, source = source.rpartition(".")
+        values = []
+        for other in refined:
+            if source in other.values and name in ("", other.name):
+                value = other.values[source]
+                values.append(self._automatic(other, source) if value is AUTOMATIC else value)
+        if any(value != values[0] for value in values):
+            names = " or ".join(item.law.refines)
+            raise InputError(f"differs between the {names} of the scene: give it, or name the bodies", where=where)
+        own = item.law.parameter(parameter)
+        absent = own.choices[0] if own.choices else 0.0 if own.size == 1 else (0.0,) * own.size
+        return values[0] if values else absent
+
+    def _refined(self, item: LawUse) -> tuple[LawUse, ...]:
+        """Uses of the laws that this one refines, on the same bodies."""
+        found = [other for name in item.law.refines for other in self.laws_named(name)]
+        if item.bodies is None:
+            return tuple(found)
+        return tuple(o for o in found if o.bodies is None or set(o.bodies) & set(item.bodies))
+
+    @property
+    def acting(self) -> tuple[LawUse, ...]:
+        """The laws as they are run: one that refines several others (two springs) once for each of them."""
+        result: list[LawUse] = []
+        for item in self.laws:
+            refined = self._refined(item)
+            if item.law.kind == "body" and len(refined) > 1 and all(r.bodies is not None for r in refined):
+                for other in refined:
+                    own = item.bodies or other.bodies or ()
+                    result.append(replace(item, bodies=tuple(b for b in own if b in (other.bodies or ()))))
+            else:
+                result.append(item)
+        return tuple(result)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints of the longest swimmer, joint 0 the one against the head's axis."""
+        return max((len(chain) - 1 for chain in self.chains), default=0)
+
+    def admits(self, law: Law) -> bool:
+        """Whether a law can act here: bodies, chain, walls and the laws that it refines are there."""
+        if law.refines and not any(self.laws_named(name) for name in law.refines):
+            return False
+        drives = law.series is not None and self.laws_named("drive")
+        if law.kind == "chain" and not self.joints and not drives:
+            return False
+        if law.kind == "pair" and len(self.bodies) < 2:
+            return False
+        any_value = {p.name: 1.0 if p.size == 1 else (1.0,) * p.size for p in law.parameters}
+        values = any_value | {p.name: AUTOMATIC for p in law.parameters if p.default is AUTOMATIC}
+        item = LawUse(law, values)
+        try:
+            for part in replace(self, laws=(*self.laws, item)).acting[len(self.laws) :]:
+                self.resolved(part)
+        except InputError:
+            return False
+        return True
+
+    @property
+    def commands(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+        """``inputs`` as the apparatus follows them: through the scene's actuator laws, in their order."""
+        result = dict(self.inputs)
+        for item in self.laws:
+            if item.law.series is None:
+                continue
+            for drive in self.laws_named("drive"):
+                gain = drive.values["gain"]
+                for name in drive.bodies or ():
+                    if name in result and gain != 0.0 and (item.bodies is None or name in item.bodies):
+                        t, value = (np.asarray(numbers, dtype=float) for numbers in result[name])
+                        own = [p.name for p in item.law.parameters if p.default is not AUTOMATIC]
+                        t, value = item.law.series(t, gain * value, **{p: item.values[p] for p in own})
+                        result[name] = (tuple(map(float, t)), tuple(map(float, value / gain)))
+        return result
 
     # ---- changing -----------------------------------------------------------------------------
 
     def with_laws(self, *items: LawUse) -> Scene:
         """The scene with these laws added."""
         return replace(self, laws=(*self.laws, *items))
+
+    def with_actuator(self, kind: str, value: float, *, bodies: Iterable[str] | None = None) -> Scene:
+        """The scene whose drives follow their command with a fault: "lag", "delay" [s] or "saturation".
+
+        The same as adding the law ``actuator_KIND``: it acts on the bending drive and on every driven
+        velocity, or on those of ``bodies``.
+        """
+        law = get_law(f"actuator_{kind}")
+        return self.with_laws(use(law, bodies=bodies, **{law.strength[0]: value}))
 
     def with_parameter(self, name: str, value: Any, *, bodies: Iterable[str] | None = None) -> Scene:
         """The scene with ``LAW.PARAMETER`` changed in every use of that law.
@@ -412,11 +505,54 @@ def _disk_distance(scene: Scene, item: LawUse) -> float:
     return 2 * scene.bodies[scene.swimmer[0]].radius if scene.swimmer else 0.0
 
 
-# LAW.PARAMETER, or PARAMETER in any law: what stands for an AUTOMATIC value
+FEW_BODIES = 100  # up to here every pair may be in the neighbour list
+UNLIMITED = 1.0e3  # m
+
+
+def _far_range(scene: Scene, item: LawUse) -> float:
+    """Gap to which a force at a distance reaches: no limit among few bodies, six mean radii in a bed.
+
+    With a period never beyond what the nearest image covers.
+    """
+    radii = [b.radius for b in scene.bodies]
+    reach = UNLIMITED if len(radii) <= FEW_BODIES else 6 * float(np.mean(radii))
+    if scene.periodic_x is not None:
+        reach = min(reach, 0.45 * scene.periodic_x - 2 * max(radii))
+    return reach
+
+
+def _wall_line(side: int) -> Callable[[Scene, LawUse], float]:
+    """The line [m] that the walls below (-1) or above (+1) the mobile bodies touch from outside."""
+
+    def work_out(scene: Scene, item: LawUse) -> float:
+        walls = [(b.initial[1], b.radius) for b in scene.bodies if not b.mobile and b.initial is not None]
+        if not walls:
+            raise InputError("needs bodies with role wall", where=f"law {item.name}")
+        places = [b.initial[1] for b in scene.bodies if b.mobile and b.initial is not None]
+        middle = float(np.mean(places or [y for y, _ in walls]))
+        # the outermost row only: walls at the sides are no floor
+        last = max(side * y for y, _ in walls)
+        row = [(y, r) for y, r in walls if last - side * y < r and side * (y - middle) > 0]
+        return side * min((side * y - r for y, r in row), default=UNLIMITED)
+
+    return work_out
+
+
+# LAW.PARAMETER, or PARAMETER in any law: what stands for an AUTOMATIC value. A law that refines another
+# takes what is not listed here from that one.
 _AUTOMATIC: dict[str, Callable[[Scene, LawUse], Any]] = {
     "mean_mass": _mean_grain_mass,
     "union.length": _disk_distance,
     "bending.length": _disk_distance,
+    "distance_force.range": _far_range,
+    "pair_lubrication.cutoff": lambda scene, item: 5 * float(item.values["range"]),
+    "wall_drag.bottom": _wall_line(-1),
+    "wall_drag.top": _wall_line(+1),
+}
+# where an automatic value is taken from a refined law's parameter of another name: that LAW.PARAMETER
+_RENAMED = {
+    "contact_friction.stiffness": "contact_linear.stiffness",
+    "contact_friction.hertz": "contact_hertz.stiffness",
 }
 
 
@@ -561,7 +697,8 @@ def _read_law(data: Any, reader: _Reader) -> LawUse:
     if not isinstance(data, Mapping) or "name" not in data:
         raise reader.error("needs a name", "law")
     name = str(data["name"])
-    declared = get_law(name, file=reader.file)
+    given = [key for key in data if key not in ("name", "body", "bodies")]
+    declared = get_law(name, given=given, file=reader.file)
     bodies: Any = data.get("bodies")
     if "body" in data:
         bodies = [data["body"]]

@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Scene
 
-from .reference_forces import Force, Forces
+from .reference_forces import CONSTRAINTS, Force, Forces
 
 MOST_COLLISIONS = 20_000  # in one step; more is an inelastic collapse that instantaneous impacts cannot do
 
@@ -33,7 +33,7 @@ class State:
     """Positions ``xy`` (n, 2) [m] (unwrapped) and velocities ``v`` (n, 2) [m/s] at time ``t`` [s].
 
     ``angle`` (n,) [rad] and ``spin`` (n,) [rad/s]: those of the rod for a pinned body (0 when it hangs
-    along -y), zero for all others.
+    along -y); others start at zero and are turned by friction at contacts only.
     """
 
     t: float
@@ -101,9 +101,12 @@ class Constraints:
         self.drives: list[_Drive] = []
         held: dict[int, str] = {}
         driven = {int(row) for item in scene.laws_named("drive") for row in scene.rows(item)}
+        commands = scene.commands
         for item in scene.laws:
+            if item.name not in CONSTRAINTS:
+                continue
             values = scene.resolved(item)
-            for row in map(int, scene.rows(item)) if item.law.kind == "constraint" else ():
+            for row in map(int, scene.rows(item)):
                 if item.name == "rail" and row in driven:
                     continue  # the drive's direction is the rail's
                 body = scene.bodies[row]
@@ -124,14 +127,15 @@ class Constraints:
                     direction = np.array(values["direction"])
                     self.rails.append((row, direction / np.hypot(*direction)))
                 else:
-                    if body.id not in scene.inputs:
+                    if body.id not in commands:
                         raise InputError("has no rows in the input", where=f"law drive, body {body.id}")
-                    times, commands = map(np.array, scene.inputs[body.id])
+                    times, command = map(np.array, commands[body.id])
                     direction = np.array(values["direction"])
                     step = values["gain"] * direction / np.hypot(*direction)
-                    self.drives.append(_Drive(row, xy[row].copy(), t0, step, times, commands))
+                    self.drives.append(_Drive(row, xy[row].copy(), t0, step, times, command))
         self.fixed = np.array([not body.mobile for body in scene.bodies])
         self.inverse_mass = np.where(self.fixed, 0.0, [1 / body.mass for body in scene.bodies])
+        self.inverse_moment = np.where(self.fixed, 0.0, [1 / body.moment for body in scene.bodies])
         self.drift_free = np.ones(n, dtype=bool)
         for pin in self.pins:
             self.drift_free[pin.row] = False
@@ -193,6 +197,8 @@ class Reference:
             self._v[row] = direction * (self._v[row] @ direction)
         self._place()
         self._a = np.zeros_like(self._v)
+        self._angle = np.zeros(len(self.xy))
+        self._spin = np.zeros(len(self.xy))
         self._spin_now = np.zeros(len(self.xy))
         before = self._v.copy(), [pin.omega for pin in self._constraints.pins]
         if start == "synchronised":
@@ -203,6 +209,7 @@ class Reference:
             self._kick(-0.5 * self.dt)
             self._v_now, spins = self._v.copy(), [pin.omega for pin in self._constraints.pins]
             self._v = before[0]
+            self._spin[:] = 0.0
             for pin, omega in zip(self._constraints.pins, before[1], strict=True):
                 pin.omega = omega
             self._place()
@@ -227,8 +234,10 @@ class Reference:
             self.step += 1
             self._place()
             before, spins = self._v.copy(), [pin.omega for pin in pins]
+            spin = self._spin.copy()
             self._kick(self.dt)
             self._v_now = 0.5 * (before + self._v)
+            self._spin_now = 0.5 * (spin + self._spin)
             self._remember_spins([0.5 * (a + pin.omega) for a, pin in zip(spins, pins, strict=True)])
             if not np.isfinite(self._v).all():
                 row = int(np.flatnonzero(~np.isfinite(self._v).all(axis=1))[0])
@@ -237,7 +246,7 @@ class Reference:
     def state(self) -> State:
         """Positions and velocities at the present time, velocities synchronised."""
         v = self._v_now.copy()
-        angle = np.zeros(len(v))
+        angle = self._angle.copy()
         for pin in self._constraints.pins:
             angle[pin.row] = pin.theta
             v[pin.row] = self._spin_now[pin.row] * pin.length * pin.across
@@ -247,6 +256,7 @@ class Reference:
 
     def forces(self) -> np.ndarray:
         """(n, 2) [N]: sum of the forces at the present positions, without those of constraints."""
+        self.laws.spin = self._spin
         return self.laws(self.t, self.xy, self._v)
 
     def sample(self, times: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
@@ -265,11 +275,12 @@ class Reference:
             if abs(rest) < 1e-9 * self.dt:
                 out[k] = self.xy
                 continue
+            angle = self._angle.copy()
             kept = self.xy.copy(), self._v.copy(), [(pin.theta, pin.omega) for pin in self._constraints.pins]
             self._drift(rest)
             self._place(self.t + rest)
             out[k] = self.xy
-            self.xy, self._v = kept[0], kept[1]
+            self.xy, self._v, self._angle = kept[0], kept[1], angle
             for pin, (theta, omega) in zip(self._constraints.pins, kept[2], strict=True):
                 pin.theta, pin.omega = theta, omega
         return out if rows is None else out[:, rows]
@@ -290,7 +301,9 @@ class Reference:
             self.xy[drive.row] = drive.position(t)
 
     def _kick(self, dt: float) -> None:
-        force = self.laws(self.t, self.xy, self._v)
+        self.laws.spin = self._spin
+        force = self.laws(self.t, self.xy, self._v) / self.laws.inertia[:, None]
+        self._spin = self._spin + dt * self.laws.torque * self._constraints.inverse_moment
         moved = self._constraints
         before = self._v.copy()
         for pin in moved.pins:
@@ -328,6 +341,7 @@ class Reference:
 
     def _move(self, duration: float) -> None:
         self.xy += duration * self._v
+        self._angle += duration * self._spin
         for pin in self._constraints.pins:
             pin.theta += duration * pin.omega
             self.xy[pin.row] = pin.anchor + pin.length * pin.along
@@ -404,6 +418,8 @@ def exact(
     """
     if scene.laws_named("contact_elastic"):
         raise InputError("is instantaneous; use Reference", where="law contact_elastic")
+    if scene.laws_named("contact_friction"):
+        raise InputError("turns bodies; use Reference", where="law contact_friction")
     at_start = Reference(scene, dt=1.0, extra=extra)
     state, laws, held = at_start.state(), at_start.laws, at_start._constraints
     n, t0 = len(state.xy), scene.time.start
@@ -419,7 +435,7 @@ def exact(
     def change(t: float, y: np.ndarray) -> np.ndarray:
         xy, v = y[: 2 * n].reshape(n, 2).copy(), y[2 * n :].reshape(n, 2).copy()
         follow_drives(t, xy, v)
-        force = laws(t, xy, v)
+        force = laws(t, xy, v) / laws.inertia[:, None]
         a = force * held.inverse_mass[:, None]
         for row, direction in held.rails:
             a[row] = direction * (a[row] @ direction)

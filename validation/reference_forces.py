@@ -14,13 +14,18 @@ from scipy.spatial import cKDTree
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.scene import LawUse, Scene
 
+from . import reference_mechanisms as mechanisms
+
 CONTACTS = ("contact_linear", "contact_hertz")
 CHAIN_LAWS = ("union", "bending")
 FIELDS = (
     "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
-KNOWN = (*CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS)
+KNOWN = (
+    *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *mechanisms.FIELDS, *mechanisms.PAIRS,
+    *mechanisms.CHAIN_LAWS, *mechanisms.INERTIA,
+)  # fmt: skip
 
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
@@ -40,6 +45,7 @@ class Pairs:
         for number, chain in enumerate(scene.chains):
             self.swimmer[list(chain)] = number
         self.skin = 0.3 * float(self.radius.min())
+        self.gap = 0.0  # up to which some law acts before contact [m]
         self.i = self.j = np.empty(0, dtype=np.int64)
         self.built_at: np.ndarray | None = None
 
@@ -56,7 +62,7 @@ class Pairs:
             if 2 * (moved + farthest) < self.skin:
                 return
         self.skin = max(self.skin, 4 * farthest)
-        reach = 2 * float(self.radius.max()) + self.skin
+        reach = 2 * float(self.radius.max()) + self.gap + self.skin
         points = xy.copy()
         box = None
         if self.period is not None:
@@ -102,12 +108,23 @@ class Forces:
         # a wall is immovable: infinitely heavy, so that the reduced mass is the mobile one's
         self.inverse_mass = np.where(self.mobile, 1 / self.mass, 0.0)
         self.pairs = Pairs(scene)
-        self.uses = [(item, scene.resolved(item), scene.rows(item)) for item in scene.laws]
-        self.has_contacts = any(item.name in CONTACTS for item in scene.laws)
+        self.uses = [(item, scene.resolved(item), scene.rows(item)) for item in scene.acting]
+        self.has_pairs = any(item.name in (*CONTACTS, *mechanisms.PAIRS) for item in scene.laws)
+        self.pairs.gap = max((mechanisms.reach(item.name, values) for item, values, _ in self.uses), default=0.0)
+        # what friction at the contacts turns: angular velocities go in, torques come out
+        self.turns = any(item.name == "contact_friction" for item in scene.laws)
+        self.spin = np.zeros(len(scene.bodies))
+        self.torque = np.zeros(len(scene.bodies))
+        # a carried medium: inertia of body i is inertia[i] times its own
+        self.inertia = np.ones(len(scene.bodies))
+        for item, values, rows in self.uses:
+            if item.name in mechanisms.INERTIA:
+                self.inertia[rows] *= 1 + values["beta"]
 
     def __call__(self, t: float, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
         force = np.zeros_like(xy)
-        if self.has_contacts:
+        self.torque[:] = 0.0
+        if self.has_pairs:
             self.pairs.update(xy)
         for item, values, rows in self.uses:
             if item.name in CONTACTS:
@@ -119,6 +136,13 @@ class Forces:
                     force[disks] += law(t, self._unfold(xy[disks]), v[disks], self.mass[disks], **values)
             elif item.name in FIELDS:
                 force[rows] += self._field(item, values, xy[rows], v[rows], rows)
+            elif item.name in mechanisms.FIELDS:
+                force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows])
+            elif item.name in mechanisms.PAIRS:
+                self._pair(force, item, values, xy, v, float(self.radius[rows].mean()))
+            elif item.name in mechanisms.CHAIN_LAWS:
+                for disks in map(list, self.scene.chains):
+                    force[disks] += mechanisms.chain(item.name, values, t, self._unfold(xy[disks]), v[disks])
         if self.extra is not None:
             force += self.extra(t, xy, v)
         force[~self.mobile] = 0.0
@@ -167,6 +191,25 @@ class Forces:
         for axis in (0, 1):
             push = size * n[:, axis]
             force[:, axis] += np.bincount(j, push, len(xy)) - np.bincount(i, push, len(xy))
+
+    def _pair(
+        self, force: np.ndarray, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, mean_radius: float
+    ) -> None:
+        """Add a law of pairs to ``force`` and to the torques."""
+        i, j, n, gap = self.touching(item, xy, mechanisms.reach(item.name, values))
+        across = np.stack([-n[:, 1], n[:, 0]], axis=1)
+        u = v[j] - v[i]
+        # velocity of the surfaces where they meet: a body's own is v + spin x (radius along or against n)
+        slip = (u * across).sum(axis=1) - self.spin[j] * self.radius[j] - self.spin[i] * self.radius[i]
+        along, sideways = mechanisms.pair(
+            item.name, values, gap, self.radius[i] + self.radius[j], (u * n).sum(axis=1), slip,
+            1 / (self.inverse_mass[i] + self.inverse_mass[j]), mean_radius,
+        )  # fmt: skip
+        push = along[:, None] * n + sideways[:, None] * across
+        np.add.at(force, j, push)
+        np.subtract.at(force, i, push)
+        np.subtract.at(self.torque, i, self.radius[i] * sideways)
+        np.subtract.at(self.torque, j, self.radius[j] * sideways)
 
     def _field(
         self, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, rows: np.ndarray

@@ -86,7 +86,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
         label = law.name + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
-                mechanism=law.name,
+                mechanism=law.mechanism,
                 label=label + (" (each body)" if each else ""),
                 free=tuple(free),
                 apply=_LawAdder(law, fitted, dict(choice), owners, r0, constants(law, cases)),
@@ -224,12 +224,21 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     return terms
 
 
+def _is_simple(law: Law) -> bool:
+    """A law on single bodies whose fitted numbers are all strengths.
+
+    One with inner parameters (a flow, a range) holds a simpler law as a special case, and pairs and chains
+    show in their neighbours too: neither can be ranked beside these by gain alone.
+    """
+    return law.kind == "body" and {p.name for p in law.parameters if p.typical is not None} == set(law.strength)
+
+
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
     terms = camera_terms(cases) + _contact_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
-        if law.candidate == "named" and applies(law, cases):
+        if law.candidate == "named" and _is_simple(law) and applies(law, cases):
             terms += law_terms(law, cases, each=False)
             if several and each:
                 terms += law_terms(law, cases, each=True)

@@ -124,7 +124,7 @@ class PythonCallbacks:
         for u, item in enumerate(s._uses):
             if item.law.kind != "pair" or not (a["mask"][u, i] and a["mask"][u, j]):
                 continue
-            reach = float(item.values[item.law.reach]) if item.law.reach else 0.0
+            reach = self._encoded[u][item.law.reach] if item.law.reach else 0.0
             if gap >= reach:
                 continue
             fn, ft = self._call(item, u, available)

@@ -194,7 +194,7 @@ class Simulation:
         if self.mode != "python":
             self._kernel = compile_laws([item.law for item in scene.laws], self._offsets)
             codes = self._kernel.codes
-        uses = [item for item in scene.laws if item.law.kind in KIND_ORDER]
+        uses = [item for item in scene.acting if item.law.kind in KIND_ORDER]
         uses.sort(key=lambda item: (KIND_ORDER[item.law.kind], _constraint_order(item.name)))
         self._uses = uses
         parameters: list[float] = []
@@ -215,32 +215,34 @@ class Simulation:
                 ]
             )  # fmt: skip
             runs += own_runs
-            parameters += item.law.encode(scene.resolved(item))
+            values = scene.resolved(item)
+            parameters += item.law.encode(values)
             rows += chosen.tolist()
             mask[u, chosen] = 1
             if item.law.reach:
-                reach = max(reach, float(item.values[item.law.reach]))
+                reach = max(reach, float(values[item.law.reach]))
         a["parameters"] = np.array(parameters or [0.0], dtype=float)
         a["uses"] = np.array(table, dtype=np.int64).reshape(-1, len(USE_COLUMNS))
         a["rows"] = np.array(rows or [0], dtype=np.int64)
         a["runs"] = np.array(runs, dtype=np.int64).reshape(-1, 2)
         a["mask"] = mask
 
+        commands = scene.commands
         times: list[float] = []
-        values: list[float] = []
+        series: list[float] = []
         a["input_at"] = np.zeros((n, 2), dtype=np.int64)
-        for name, (t, value) in scene.inputs.items():
+        for name, (t, value) in commands.items():
             if name in scene.ids:
                 row = self._inner[scene.ids.index(name)]
                 a["input_at"][row] = len(times), len(times) + len(t)
                 times += t
-                values += value
+                series += value
         for item in scene.laws_named("drive"):
             for name in item.bodies or ():
-                if name not in scene.inputs:
+                if name not in commands:
                     raise InputError(f"no command for body {name} in input.csv", where="law drive")
         a["input_t"] = np.array(times or [0.0])
-        a["input_v"] = np.array(values or [0.0])
+        a["input_v"] = np.array(series or [0.0])
 
         has_pairs = any(item.law.kind == "pair" for item in uses)
         smallest = float(a["radius"].min()) if n else 1.0
@@ -909,8 +911,8 @@ class Simulation:
 
 
 def _constraint_order(name: str) -> int:
-    # a rail gives way to the drive along it; a pin comes before both
-    return {"pin": 0, "rail": 1, "drive": 2}.get(name, 0)
+    # what changes the inertia comes first; a rail gives way to the drive along it; a pin comes before both
+    return {"pin": 1, "rail": 2, "drive": 3}.get(name, 0)
 
 
 def _in_columns(scene: Scene, rows: list[int]) -> list[int]:

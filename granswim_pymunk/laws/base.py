@@ -110,6 +110,8 @@ class Parameter:
     choices: tuple[Any, ...] = ()
     # the size of a first try when the parameter is to be found from data; None: not fitted
     typical: float | None = None
+    # the value of a strength at which the law is absent
+    neutral: float = 0.0
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -154,10 +156,22 @@ class Law:
     reference: str
     compiled: bool = True
     reach: str | None = None
-    # the parameters that make up the strength: zero means that the law is absent
+    # the parameters that make up the strength: zero (their ``neutral`` value) means that the law is absent
     strength: tuple[str, ...] = ()
     # may be proposed as physics that a scene lacks: "named", or "flexible" (an arm that names nothing)
     candidate: str = ""
+    # laws one of which must be in the scene: this one acts where that one does (unless it names bodies),
+    # and its automatic parameters are that one's parameters of the same name
+    refines: tuple[str, ...] = ()
+    # what it makes of a commanded series: series(t, value, **values) -> (t, value)
+    series: Callable[..., Any] | None = None
+    # the mechanism that it is a form of; its own name where empty
+    form_of: str = ""
+
+    @property
+    def mechanism(self) -> str:
+        """Its name among the mechanisms: two laws can be forms of one (joint_friction of a pin, of a swimmer)."""
+        return self.form_of or self.name
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
@@ -218,6 +232,9 @@ def law(
     reach: str | None = None,
     strength: Iterable[str] = (),
     candidate: str = "",
+    refines: Iterable[str] = (),
+    series: Callable[..., Any] | None = None,
+    form_of: str = "",
     name: str | None = None,
 ) -> Callable[[Callable[..., Any]], Law]:
     """Declare a law and put it in the registry.
@@ -241,6 +258,9 @@ def law(
             reach=reach,
             strength=tuple(strength),
             candidate=candidate,
+            refines=tuple(refines),
+            series=series,
+            form_of=form_of,
         )
         known = set(STATE[kind]) | {a for p in parameters for a in p.arguments}
         for argument in declared.arguments if kind != "impulse" else ():
@@ -256,12 +276,19 @@ def law(
     return declare
 
 
-def get_law(name: str, *, file: Any = None) -> Law:
-    """The declared law of that name; InputError lists the known ones."""
+def get_law(name: str, *, given: Iterable[str] = (), file: Any = None) -> Law:
+    """The declared law of that name; InputError lists the known ones.
+
+    ``given``: names of parameters. Where the law does not have them all but another form of the same
+    mechanism does, it is that one (``joint_friction`` with a ``torque`` is the one of a pin).
+    """
     try:
-        return _REGISTRY[name]
+        found = _REGISTRY[name]
     except KeyError:
         raise InputError(f"unknown law {name!r}; known: {', '.join(sorted(_REGISTRY))}", file=file) from None
+    wanted = set(given)
+    forms = [found, *(law for law in _REGISTRY.values() if law.form_of == name)]
+    return next((law for law in forms if wanted <= {p.name for p in law.parameters}), found)
 
 
 def all_laws() -> dict[str, Law]:

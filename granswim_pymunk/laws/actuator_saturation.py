@@ -1,0 +1,107 @@
+"""A motor that stops at a limit."""
+
+import math
+
+import numpy as np
+
+from .base import AUTOMATIC, Parameter, law
+
+NO_LIMIT = 1.0e9
+
+
+def clipped(t, value, limit):
+    """A command series clipped at plus and minus ``limit``: t (k,) [s] and value (k,), exact between rows.
+
+    Rows are added where the command crosses the limit.
+    """
+    t, value = np.asarray(t, dtype=float), np.asarray(value, dtype=float)
+    extra = []
+    for edge in (-limit, limit):
+        over = value > edge
+        k = np.flatnonzero(over[1:] != over[:-1])
+        extra.append(t[k] + (edge - value[k]) / (value[k + 1] - value[k]) * (t[k + 1] - t[k]))
+    times = np.unique(np.concatenate([t, *extra]))
+    return times, np.clip(np.interp(times, t, value), -limit, limit)
+
+
+@law(
+    kind="chain",
+    expression="theta = min(max(command, -limit), limit); the same for a driven velocity",
+    reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 9 (saturation)",
+    parameters=[
+        Parameter(
+            "limit",
+            "rad or m/s",
+            "largest size that the motor reaches",
+            low=0.0,
+            high=NO_LIMIT,
+            typical=0.5,
+            neutral=NO_LIMIT,
+        ),
+        Parameter(
+            "stiffness",
+            "N",
+            "bending force per radian; that of the scene's bending where not given",
+            low=0.0,
+            default=AUTOMATIC,
+        ),
+        Parameter(
+            "amplitude",
+            "rad",
+            "amplitude of the head axis; that of the scene's bending where not given",
+            default=AUTOMATIC,
+        ),
+        Parameter(
+            "frequency",
+            "Hz",
+            "frequency of the head axis; that of the scene's bending where not given",
+            low=0.0,
+            default=AUTOMATIC,
+        ),
+        Parameter(
+            "phase",
+            "rad",
+            "phase of the head axis; that of the scene's bending where not given",
+            default=AUTOMATIC,
+        ),
+        Parameter(
+            "form",
+            "",
+            "form of the bending; the scene's where not given",
+            default=AUTOMATIC,
+            choices=("leader", "elastic", "head_axis"),
+        ),
+        Parameter(
+            "length",
+            "m",
+            "resting distance of disks (form = elastic); the scene's where not given",
+            low=0.0,
+            default=AUTOMATIC,
+        ),
+    ],
+    strength=("limit",),
+    candidate="named",
+    refines=("bending", "drive"),
+    series=clipped,
+)
+def actuator_saturation(t, x, y, fx, fy, limit, stiffness, amplitude, frequency, phase, form, length):
+    head = amplitude * math.sin(2.0 * math.pi * frequency * t + phase)
+    follows = min(max(head, -limit), limit)
+    last = x.shape[0] - 1 if form == 2 else min(x.shape[0] - 1, 1)
+    for i in range(last):
+        j = i + 1
+        dx = x[j] - x[i]
+        dy = y[j] - y[i]
+        distance = math.sqrt(dx * dx + dy * dy)
+        angle = math.atan2(dy, dx)
+        bend = angle - head
+        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
+        true_bend = angle - follows
+        true_bend -= 2.0 * math.pi * math.ceil((true_bend - math.pi) / (2.0 * math.pi))
+        force = -stiffness * (true_bend - bend) / distance
+        if form == 1:
+            force *= length / distance
+        fx[j] -= force * dy
+        fy[j] += force * dx
+        fx[i] += force * dy
+        fy[i] -= force * dx

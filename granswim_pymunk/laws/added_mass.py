@@ -1,0 +1,17 @@
+"""Medium that is carried along: more inertia, the same forces."""
+
+from .base import Parameter, law
+
+
+@law(
+    kind="constraint",
+    expression="m_i (1 + beta) dv_i/dt = F_i, gravity and dampings as before; about a pin the given "
+    "inertia grows alike",
+    reference="Poisson 1832, Mem. Acad. R. Sci. 11, 521; Lamb, Hydrodynamics, art. 92",
+    parameters=[Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, typical=0.1)],
+    strength=("beta",),
+    candidate="named",
+)
+def added_mass(fx, fy, beta):
+    less = -beta / (1.0 + beta)
+    return less * fx, less * fy

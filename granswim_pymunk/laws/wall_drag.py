@@ -1,0 +1,40 @@
+"""Drag near the walls below and above."""
+
+from .base import AUTOMATIC, Parameter, law
+
+
+@law(
+    kind="body",
+    expression="F_i = -c v_i while the gap to the wall below or above is below the range",
+    reference="Faxen 1922, Ann. Phys. 373, 89 (drag grows near a wall); doi:10.1002/andp.19223731003",
+    parameters=[
+        Parameter("c", "kg/s", "drag coefficient near a wall", low=0.0, typical=1.0),
+        Parameter(
+            "range",
+            "m",
+            "gap between body and wall up to which it acts",
+            low=0.0,
+            default=2.0e-3,
+            typical=2.0e-3,
+        ),
+        Parameter(
+            "bottom",
+            "m",
+            "y of the wall below; the top of the lowest row of wall bodies where not given",
+            default=AUTOMATIC,
+        ),
+        Parameter(
+            "top",
+            "m",
+            "y of the wall above; the bottom of the highest row of wall bodies where not given",
+            default=AUTOMATIC,
+        ),
+    ],
+    strength=("c",),
+    candidate="named",
+)
+def wall_drag(y, vx, vy, radius, c, range, bottom, top):
+    gap = min(y - bottom, top - y) - radius
+    if gap < range:
+        return -c * vx, -c * vy
+    return 0.0, 0.0

@@ -1,0 +1,153 @@
+"""Formulas of the mechanisms that a scene may lack, written anew for the reference integrator.
+
+No code of the engine's laws; only parameter values come from the scene. SI throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring", "pin_friction")
+PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication")
+CHAIN_LAWS = (
+    "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
+    "actuator_delay", "actuator_saturation",
+)  # fmt: skip
+INERTIA = ("added_mass",)
+REACH = {"distance_force": "range", "cohesion": "range", "pair_lubrication": "cutoff"}
+
+Values = dict[str, Any]
+
+
+def reach(name: str, values: Values) -> float:
+    """Gap [m] below which a law of pairs acts; 0: contact."""
+    return float(values[REACH[name]]) if name in REACH else 0.0
+
+
+def smooth_sign(u: np.ndarray, small: float) -> np.ndarray:
+    """u/sqrt(u^2 + small^2)"""
+    size = np.hypot(u, small)
+    return np.divide(u, size, out=np.zeros_like(size), where=size > 0)
+
+
+def field(name: str, values: Values, xy: np.ndarray, v: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(k, 2) force [N] on k bodies at xy (k, 2) [m] with v (k, 2) [m/s], each by its own state."""
+    if name == "ambient_flow":
+        return values["c"] * (np.array(values["u"]) - v)
+    if name == "wall_drag":
+        near = np.minimum(xy[:, 1] - values["bottom"], values["top"] - xy[:, 1]) - radius < values["range"]
+        return np.where(near[:, None], -values["c"] * v, 0.0)
+    r = xy - np.array(values["anchor"])
+    distance = np.hypot(r[:, 0], r[:, 1])[:, None]
+    if name == "nonlinear_spring":
+        return -values["k_3"] * (distance - values["length"]) ** 3 * r / distance
+    # friction of a pin: a torque M about the anchor is a force M/L across the rod
+    across = np.stack([-r[:, 1], r[:, 0]], axis=1) / distance
+    rate = (across * v).sum(axis=1)[:, None] / distance
+    return -values["torque"] * smooth_sign(rate, values["w_0"]) / distance * across
+
+
+def pair(
+    name: str,
+    values: Values,
+    gap: np.ndarray,
+    touch: np.ndarray,
+    approach: np.ndarray,
+    slip: np.ndarray,
+    reduced: np.ndarray,
+    mean_radius: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force on the second body along the normal and across it (k,), (k,) [N].
+
+    gap, touch (sum of radii) [m]; approach (v_j - v_i).n and slip of the surfaces [m/s]; reduced mass [kg].
+    """
+    none = np.zeros_like(gap)
+    if name == "distance_force":
+        return np.where(gap > 0, values["s"] * (mean_radius / (gap + touch)) ** values["n"], 0.0), none
+    if name == "cohesion":
+        return none - values["force"], none
+    if name == "pair_lubrication":
+        return -values["c"] * reduced * approach * values["range"] / (
+            values["range"] + np.maximum(gap, 0.0)
+        ), none
+    overlap = np.maximum(-gap, 0.0)
+    normal = (
+        values["stiffness"] * overlap
+        + values["hertz"] * overlap**1.5
+        - values["damping"] * reduced * approach
+    )
+    return none, -values["mu"] * np.maximum(normal, 0.0) * smooth_sign(slip, values["v_0"])
+
+
+def head_angle(values: Values, t: float) -> float:
+    """Commanded angle of the head's axis [rad]."""
+    return values["amplitude"] * math.sin(2 * math.pi * values["frequency"] * t + values["phase"])
+
+
+def followed_angle(name: str, values: Values, t: float) -> float:
+    """Angle [rad] that the actuator makes of the command."""
+    if name == "actuator_delay":
+        return head_angle(values, t - values["tau"])
+    if name == "actuator_saturation":
+        return float(np.clip(head_angle(values, t), -values["limit"], values["limit"]))
+    tau, omega = values["tau"], 2 * math.pi * values["frequency"]
+    if tau == 0 or t <= 0:
+        return head_angle(values, t)
+    # theta = Im z e^(i omega t) + rest e^(-t/tau), z the complex answer to the complex command
+    z = values["amplitude"] * np.exp(1j * values["phase"]) / (1 + 1j * omega * tau)
+    rest = head_angle(values, 0.0) - z.imag
+    return float((z * np.exp(1j * omega * t)).imag + rest * math.exp(-t / tau))
+
+
+def _turns(angle: np.ndarray) -> np.ndarray:
+    """The angle between -pi (excluded) and pi."""
+    return angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
+
+
+def chain(name: str, values: Values, t: float, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(n, 2) forces [N] on the disks of one swimmer, head first."""
+    force = np.zeros_like(xy)
+    if name == "head_force":
+        angle = values["angle"] if values["axis"] == "fixed" else head_angle(values, t)
+        force[0] = values["force"] * np.array([math.cos(angle), math.sin(angle)])
+        return force
+    r, u = np.diff(xy, axis=0), np.diff(v, axis=0)
+    length = np.hypot(r[:, 0], r[:, 1])
+    across = np.stack([-r[:, 1], r[:, 0]], axis=1) / length[:, None]
+    alpha = np.arctan2(r[:, 1], r[:, 0])
+    rate = (u * across).sum(axis=1) / length
+    joints = np.arange(len(r))
+
+    def against(first: float, angles: np.ndarray) -> np.ndarray:
+        """Difference to the segment before, or to the head's axis."""
+        if values["form"] == "head_axis":
+            return angles - first
+        return np.diff(angles, prepend=first)
+
+    # pushes[j] [N]: what the joint adds to the force across its segment
+    if name == "nonlinear_bending":
+        pushes = -values["k_3"] * _turns(against(head_angle(values, t), alpha)) ** 3
+    elif name == "weak_joint":
+        phi = _turns(against(head_angle(values, t), alpha))
+        pushes = np.where(joints == values["joint"], (1 - values["factor"]) * values["stiffness"] * phi, 0.0)
+    elif name == "resting_curvature":
+        chosen = (joints == values["joint"]) | (values["joint"] == "all")
+        pushes = np.where(chosen, values["stiffness"] * values["phi_0"], 0.0)
+    elif name == "joint_friction":
+        omega = 2 * math.pi * values["frequency"]
+        turning = values["amplitude"] * omega * math.cos(omega * t + values["phase"])
+        pushes = -values["force"] * smooth_sign(against(turning, rate), values["w_0"])
+    else:
+        command, angle = head_angle(values, t), followed_angle(name, values, t)
+        bend, believed = _turns(against(angle, alpha)), _turns(against(command, alpha))
+        pushes = -values["stiffness"] * (bend - believed)
+    if values["form"] == "elastic":
+        # joint j turns segment j one way and segment j - 1 the other, by the torque push * d
+        torque = values["length"] * (pushes - np.append(pushes[1:], 0.0))
+        pushes = torque / length
+    force[1:] += pushes[:, None] * across
+    force[:-1] -= pushes[:, None] * across
+    return force
