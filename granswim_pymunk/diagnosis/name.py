@@ -117,7 +117,7 @@ def try_candidates(
     bank: Bank,
     stages: Sequence[float],
     progress: Callable[[str, int, int], None],
-    keep: int = 40,
+    late: Callable[[], bool] = lambda: False,
 ) -> list[Trial]:
     """Refit the candidates that are not imitated by starts and recalibration, best first."""
     trials = []
@@ -126,8 +126,9 @@ def try_candidates(
         progress(signature.term.label, k, len(order))
         if signature.surviving <= 1e-3:
             trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
-        elif k >= keep:
-            trials.append(Trial(signature, None, 0.0, float("inf"), "dropped: its first-order gain is small"))
+        elif k > 0 and late():
+            # candidates come in the order of their first-order gain
+            trials.append(Trial(signature, None, 0.0, float("inf"), "not refitted: the time was up"))
         else:
             found = refit(fitter, base, signature, stages)
             trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
