@@ -158,6 +158,57 @@ def test_two_laws_that_are_needed_together():
     assert heldout(found)["revised"] < 1.5 * heldout(found)["noise_floor"]
 
 
+def meeting(*laws) -> Scene:
+    """Three disks that come near each other."""
+    bodies = (
+        Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.25, 0.0)),
+        Body("b", "free", 0.015, 0.05, initial=(0.12, 0.02, -0.12, 0.0)),
+        Body("c", "free", 0.012, 0.03, initial=(0.06, 0.1, 0.0, -0.2)),
+    )
+    return Scene(bodies, (use("contact_elastic", restitution=0.9), *laws))
+
+
+def test_a_repulsion_and_a_drag_when_neither_helps_alone():
+    t = np.arange(0.0, 0.8, 0.005)
+    truth = meeting(use("distance_force", s=0.02, n=2.0), use("linear_drag", c=0.005))
+    found = diagnose_bodies([filmed(truth, meeting(), t, np.random.default_rng(15))])
+    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    assert set(entries) == {"distance_force", "linear_drag"}
+    # strength and power are correlated over the short approach: the interval is wide and holds the truth
+    strength = entries["distance_force"]["s"]
+    assert strength["low"] < 0.02 < strength["high"]
+    assert entries["linear_drag"]["c"]["value"] == pytest.approx(0.005, rel=0.05)
+
+
+def test_wind_over_the_table_is_an_ambient_flow():
+    truth = table(use("ambient_flow", c=0.004, u=(0.1, -0.05)))
+    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(16))])
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert entry["name"] == "ambient_flow"
+    np.testing.assert_allclose(entry["parameters"]["u"]["value"], (0.1, -0.05), atol=5e-3)
+
+
+def test_force_outside_the_library_is_not_given_a_confident_name():
+    """Recordings of disks that are drawn to a point; no law in the list does that."""
+
+    def pull(t, xy, v):
+        away = xy - np.array([0.15, 0.2])
+        return -2e-4 * away / (np.sum(away**2, axis=1, keepdims=True) + 0.03**2)
+
+    rng = np.random.default_rng(17)
+    records = []
+    for k in range(2):
+        truth = table(seed=k)
+        xy = Reference(truth, dt=1e-4, extra=pull).sample(SHORT) + rng.normal(size=(len(SHORT), 3, 2)) * NOISE
+        record = filmed(truth, table(seed=k), SHORT, rng, name=f"r{k}")
+        records.append(replace(record, xy=xy))
+    found = diagnose_bodies(records)
+    verdict = verdict_dict(found)
+    assert verdict["verdict"] == "unmodelled"
+    assert [e["name"] for e in verdict["mechanisms"]] in ([], ["unknown"])
+    assert verdict["mismatch"]
+
+
 def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     """Changing the held-out recording changes the held-out error and nothing else."""
     rng = np.random.default_rng(11)

@@ -225,11 +225,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
 
 def _is_simple(law: Law) -> bool:
-    """A law on single bodies whose fitted numbers are all strengths.
-
-    One with inner parameters (a flow, a range) holds a simpler law as a special case, and pairs and chains
-    show in their neighbours too: neither can be ranked beside these by gain alone.
-    """
+    """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body."""
     return law.kind == "body" and {p.name for p in law.parameters if p.typical is not None} == set(law.strength)
 
 
@@ -238,9 +234,9 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     terms = camera_terms(cases) + _contact_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
-        if law.candidate == "named" and _is_simple(law) and applies(law, cases):
+        if law.candidate == "named" and law.kind in ("body", "pair") and applies(law, cases):
             terms += law_terms(law, cases, each=False)
-            if several and each:
+            if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)
     return terms
 

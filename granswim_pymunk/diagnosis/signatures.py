@@ -69,8 +69,9 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
         step = free.scale * 1e-3
         column = np.zeros(sum(len(fit.used(c.name)) for c in fitter.cases))
         for _ in range(12):
-            if free.first + step > free.high:
-                step = -abs(step)
+            # inside the bounds, on the side with more room
+            above, below = free.high - free.first, free.first - free.low
+            step = min(abs(step), above) if above >= below else -min(abs(step), below)
             at = 0
             worst = 0.0
             for c in fitter.cases:
@@ -88,7 +89,7 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
             if worst > 10.0:
                 step *= max(1.0 / worst, 1e-4)
             elif worst < 1e-3:
-                if worst == 0.0 and abs(step) > 1e6:
+                if abs(step) >= min(max(above, below), 1e6):
                     break
                 step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
             else:
