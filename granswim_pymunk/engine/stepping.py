@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from .native import call_step, load_float
+from .native import call_step, load_float, store_float
 
 
 @njit(cache=True, nogil=True)
@@ -55,3 +55,11 @@ def read_fields(addresses, field_offsets, out):
     for k in range(addresses.shape[0]):
         for f in range(field_offsets.shape[0]):
             out[f, k] = load_float(addresses[k] + field_offsets[f])
+
+
+@njit(cache=True, nogil=True)
+def write_fields(addresses, field_offsets, values):
+    """The counterpart of ``read_fields``: ``values`` (fields, n)."""
+    for k in range(addresses.shape[0]):
+        for f in range(field_offsets.shape[0]):
+            store_float(addresses[k] + field_offsets[f], values[f, k])
