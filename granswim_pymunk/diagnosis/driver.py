@@ -505,6 +505,11 @@ def _pair(
             best = score
             inner_scores[f"{a.term.label} + {b.term.label}"] = score
             winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
+    if winner and winner[0].fit is not None:
+        # strength and shape of a law lie along a valley: walk it to its end
+        fit = winner[0].fit
+        fit = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
+        winner = [replace(t, fit=fit, gain=base.chi2 - fit.chi2) for t in winner]
     return winner
 
 
