@@ -11,7 +11,9 @@ import math
 
 from numba import njit
 
-from .native import call_step, load_float
+from .native import call_step, load_float, store_float
+
+SHORTEST = 0.1  # of a step: how short the one across an impact is
 
 
 @njit(cache=True, nogil=True)
@@ -49,7 +51,8 @@ def _time_to_contact(addresses, radius, group, touching, mobile, position, veloc
 @njit(cache=True, nogil=True)
 def advance_to(
     step_address, space, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step, addresses,
-    radius, group, touching, mobile, position, velocity, length_unit, velocity_unit, chosen, out,
+    radius, group, touching, mobile, position, velocity, length_unit, velocity_unit, last, fx, fy, inverse_mass,
+    chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
@@ -57,13 +60,24 @@ def advance_to(
     and the length of the last step [s].
     """
     t = start
-    last = dt
     for s in range(ends.shape[0]):
         while ends[s] - t > 1e-12 * dt + 1e-15 * abs(t):
             step = min(dt, ends[s] - t)
             until = _time_to_contact(addresses, radius, group, touching, mobile, position, velocity, step / time_unit)
-            # a hair beyond the contact, so that Chipmunk sees an overlap
-            step = min(step, until * time_unit * (1.0 + 1e-9) + 1e-9 * dt)
+            until *= time_unit
+            hair = SHORTEST * dt
+            if until < step:
+                # up to just before the contact, then a short step across it: Chipmunk takes the velocity of
+                # the middle of a step for that of the impact
+                step = until - 0.5 * hair if until > hair else min(step, hair)
+            # the velocity belongs to the middle of the coming step, whatever its length
+            shift = 0.5 * (step - last) / velocity_unit
+            if shift != 0.0:
+                for k in range(addresses.shape[0]):
+                    if mobile[k]:
+                        at = addresses[k]
+                        store_float(at + velocity, load_float(at + velocity) + shift * fx[k] * inverse_mass[k])
+                        store_float(at + velocity + 8, load_float(at + velocity + 8) + shift * fy[k] * inverse_mass[k])
             floats[slot_start] = t
             floats[slot_dt] = step
             floats[slot_step] = 0.0

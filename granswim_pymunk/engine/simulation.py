@@ -135,6 +135,7 @@ class Simulation:
         if not (math.isfinite(self.dt) and self.dt > 0):
             raise InputError(f"dt should be above zero [s], got {dt!r}")
         self.step = 0
+        self._last_step = self.dt
         self._event_time: float | None = None  # where steps end at impacts, time is not a number of steps
         self._started = False
         self._start_kind = start
@@ -310,7 +311,7 @@ class Simulation:
         space = pymunk.Space()
         space.gravity = (0.0, 0.0)
         space.damping = 1.0
-        space.iterations = 10 if self.impulse else 1
+        space.iterations = 100 if self.impulse else 1
         space.sleep_time_threshold = float("inf")
         u = self.units
         a = self._a
@@ -668,7 +669,8 @@ class Simulation:
             step_address(), address(self._space._space), self.t, ends, self.dt, self.units.time, self._ints,
             _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"], a["bodies"],
             radius, a["group"], touching, a["mobile"], self._offsets.position, self._offsets.velocity,
-            self.units.length, self.units.velocity, a["bodies"][rows].copy(), out,
+            self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"], a["inverse_mass"],
+            a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
         self.step = max(round((reached - self.scene.time.start) / self.dt), 1)
