@@ -497,7 +497,8 @@ def _pair(
         if gain / spread < 12 + 2 * len(hypothesis.free):
             continue
         score, _ = inner.score(hypothesis, fit)
-        if not score < 0.5 * best:
+        # the first pair has to beat what there is by a margin, the next ones only that pair
+        if not score < (best if winner else 0.5 * best):
             continue
         whole = make_bank(fitter, base, [a.term, b.term])
         null = search_nulls(whole, _noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
