@@ -21,7 +21,7 @@ from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import write_report
 from granswim_pymunk.report.page import fitted_numbers, headline, remainder, summary
 from granswim_pymunk.report.style import prefixed
-from granswim_pymunk.report.words import equation, interval, length, listed, number
+from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
 
 DRAG = 2.0e-3  # kg/s
@@ -221,7 +221,7 @@ def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):
     d = cases["missing_physics"]
     trial = d.rivals[0][0]
     alike = replace(d, rivals=[(trial, True)])
-    assert f"cannot tell it apart from {trial.mechanism.replace('_', ' ')}" in summary(alike)
+    assert f"cannot tell it apart from {spoken(trial.mechanism)}" in summary(alike)
     labels = [t.get_text() for t in draw.candidates(alike).axes[0].get_yticklabels()]
     assert [name for name in labels if "≈" in name] == [f"{trial.term.label} ≈"]
 

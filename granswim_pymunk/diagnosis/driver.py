@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import stats
 
 from ..engine import advise_dt
 from ..errors import InputError
@@ -25,6 +26,7 @@ from .start import describe_starts, first_numbers, states
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
+SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
 REPLICATES = 299
 
@@ -328,6 +330,11 @@ def _choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | No
     if spread <= 1.0:
         best = max(trials, key=lambda t: _worth(t, spread))
         same = [t for t in trials if _worth(best, spread) - _worth(t, spread) < SAME]
+        # the best of several richer laws gains by chance more than one of them would
+        for t in trials:
+            extra = best.numbers - t.numbers
+            if extra > 0 and (best.gain - t.gain) / spread < stats.chi2.isf(SIMPLER, extra):
+                same.append(t)
     else:
         near = [t for t in trials if _worth(t, spread) > 0.5 * max(_worth(u, spread) for u in trials)]
         best = min(near, key=lambda t: t.inner)
@@ -599,8 +606,6 @@ def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
 
 def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[Case]) -> tuple[Place, ...]:
     """Where no window stands out: the bodies the law acts on, over the whole time."""
-    from scipy import stats
-
     bodies = tuple(dict.fromkeys(b for t in found for b in (t.term.bodies or ())))
     seen = tuple(dict.fromkeys(b for c in cases for b in c.bodies))
     bodies = bodies or seen
