@@ -17,8 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    from ..diagnosis.diagnose import ProgressLine, diagnose
-    from ..diagnosis.verdict import verdict_dict
+    from ..diagnosis.diagnose import ProgressLine, diagnose, verdict_of
     from ..errors import InputError
 
     if args.minutes is not None and not args.minutes > 0:
@@ -28,7 +27,7 @@ def main(args: argparse.Namespace) -> int:
     found = diagnose(
         args.recordings, args.out, hold_out=args.hold_out, minutes=args.minutes, seed=args.seed, progress=ProgressLine()
     )
-    verdict = verdict_dict(found)
+    verdict = verdict_of(found)
     print(f"verdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
         print(f"  {entry['name']} on {', '.join(entry['bodies'])}: {entry['expression']}")

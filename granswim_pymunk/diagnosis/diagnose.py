@@ -6,11 +6,53 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 from ..recording import Recording, read_recording, resolve_recording
 from .driver import Diagnosis, check_kind, diagnose_bodies
-from .verdict import write_verdict
+from .outcome import Outcome, check_verdict, plain_numbers, write_outcome
+from .verdict import verdict_dict, write_verdict
+
+# how recordings are compared: each method takes (training, held out, minutes=, seed=, progress=)
+METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {"bodies": diagnose_bodies}
+
+
+def kind_of(recordings: Sequence[Recording]) -> str:
+    """How these recordings are compared with simulations.
+
+    "bodies": whole tracks;  "bed": short windows, where a swimmer and its grains are seen;
+    "unseen": statistics over packings, where the grains are not seen or there are only curves.
+    Raises InputError where recordings of different kinds are mixed that cannot be explained together.
+    """
+    kinds: dict[str, str] = {}
+    for recording in recordings:
+        scene = recording.scene
+        grains = [b for b in scene.bodies if b.role == "grain"]
+        if not len(recording.t) or (scene.bed is not None and not grains):
+            kinds[recording.name] = "unseen"
+        elif scene.chains and grains:
+            kinds[recording.name] = "bed" if any(b.observed for b in grains) else "unseen"
+        else:
+            kinds[recording.name] = "bodies"
+    if len(set(kinds.values())) > 1:
+        first = recordings[0].name
+        other = next(name for name, kind in kinds.items() if kind != kinds[first])
+        spoken = {"bodies": "bodies without a bed", "bed": "a bed that is seen", "unseen": "a bed that is not seen"}
+        raise InputError(
+            f"shows {spoken[kinds[other]]}, {first} {spoken[kinds[first]]}; diagnose them one after the other",
+            where=f"recording {other}",
+        )
+    return next(iter(kinds.values()), "bodies")
+
+
+def verdict_of(found: Diagnosis | Outcome) -> dict[str, Any]:
+    """The content of verdict.json."""
+    if isinstance(found, Outcome):
+        verdict = plain_numbers(found.verdict)
+        check_verdict(verdict)
+        return verdict
+    return verdict_dict(found)
 
 
 class ProgressLine:
@@ -44,12 +86,14 @@ def diagnose(
     minutes: float | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
-) -> Diagnosis:
+) -> Diagnosis | Outcome:
     """Explain recordings together by one set of missing laws, and write it down.
 
     recordings, hold_out : Recording objects, folders, or names of shipped recordings
     out : folder for verdict.json, report.html, figures/, revised.toml
-    minutes : time budget; seed : of the nulls. Raises InputError for recordings that cannot be used.
+    minutes : time budget; seed : of the nulls
+    Bodies without a bed give a Diagnosis, beds and curves an Outcome; ``verdict_of`` reads either.
+    Raises InputError for recordings that cannot be used.
     """
     training = _read(recordings)
     held = _read(hold_out)
@@ -59,11 +103,16 @@ def diagnose(
     if len(set(every)) != len(every):
         twice = next(n for n in every if every.count(n) > 1)
         raise InputError("two recordings have this name", where=twice)
+    kind = kind_of([*training, *held])
     check_kind([*training, *held])
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise InputError("is a file; --out should name a folder", file=out)
-    diagnosis = diagnose_bodies(training, held, minutes=minutes, seed=seed, progress=progress or (lambda *a: None))
+    method = METHODS[kind]
+    diagnosis = method(training, held, minutes=minutes, seed=seed, progress=progress or (lambda *a: None))
+    if isinstance(diagnosis, Outcome):
+        write_outcome(diagnosis, out)
+        return diagnosis
     out.mkdir(parents=True, exist_ok=True)
     write_verdict(diagnosis, out)
     from ..report.page import write_report

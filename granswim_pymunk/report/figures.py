@@ -27,6 +27,7 @@ from ..diagnosis.data import Case
 from ..diagnosis.driver import Diagnosis
 from ..diagnosis.fit import Fit
 from ..diagnosis.innovations import WindowMap
+from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
 from ..laws import Law
 from .style import (
@@ -709,7 +710,11 @@ def candidates(diagnosis: Diagnosis, most: int = 18) -> Figure:
     if diagnosis.flexible is not None:
         trials.append(diagnosis.flexible)
     trials.sort(key=lambda t: (t.fit is None, -t.gain))
-    shown = trials[:most]
+    # a law looked for from several sides is one candidate: its best fit
+    best: dict[str, Trial] = {}
+    for trial in trials:
+        best.setdefault(trial.term.label, trial)
+    shown = list(best.values())[:most]
     found = {t.term.label for t in diagnosis.found}
     same = {t.term.label for t, alike in diagnosis.rivals if alike}
     figure = Figure(figsize=(WIDTH, 0.27 * max(len(shown), 1) + 1.25), layout="constrained")

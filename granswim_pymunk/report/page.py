@@ -277,7 +277,7 @@ def counted_frames(memory: float) -> str:
 # ---- parts of the page --------------------------------------------------------------------------
 
 
-def _table(
+def table(
     head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = (), kind: str = ""
 ) -> str:
     def cell(tag: str, k: int, text: str) -> str:
@@ -381,7 +381,7 @@ def _error_table(diagnosis: Diagnosis) -> str:
         length(diagnosis.floor[1], unit),
     ]
     rows.append(floor + (["–"] if whole else []))
-    return _table(head, rows, numeric=range(1, len(head)), kind="errors")
+    return table(head, rows, numeric=range(1, len(head)), kind="errors")
 
 
 def _error_text(diagnosis: Diagnosis) -> str:
@@ -428,7 +428,7 @@ def _places(diagnosis: Diagnosis) -> str:
         ])  # fmt: skip
     head = ([] if single and several else ["body"]) + (["recording"] if several else [])
     k = len(head)
-    text = _table([*head, "z", "p", "time", "place", "speed"], rows, numeric=(k, k + 1), kind="tight")
+    text = table([*head, "z", "p", "time", "place", "speed"], rows, numeric=(k, k + 1), kind="tight")
     more = len(diagnosis.places) - 12
     return text + (f'<p class="note">and {counted(more, "place")} more</p>' if more > 0 else "")
 
@@ -445,7 +445,7 @@ def _parameters(diagnosis: Diagnosis) -> str:
                 escaped(f.body or "all it acts on") if f.law not in APPARATUS else "camera",
                 value, between + (" (at its bound)" if f.at_bound else ""), unit_text(f.unit) or "1",
             ])  # fmt: skip
-        parts.append(_table(["law", "", "body", "value", "central 95 %", "unit"], rows, numeric=(3, 4)))
+        parts.append(table(["law", "", "body", "value", "central 95 %", "unit"], rows, numeric=(3, 4)))
         meanings = dict.fromkeys(f"{equation(f.name)}: {equation(f.meaning)}" for f in laws if f.meaning)
         if meanings:
             parts.append(f'<p class="note">{"; ".join(meanings)}.</p>')
@@ -476,7 +476,7 @@ def _parameters(diagnosis: Diagnosis) -> str:
             rows.append([*row, f"{number(given.low)} to {number(given.high)}", unit_text(f.unit) or "1"])
         head = ["adjustable", "believed", "recalibrated", "central 95 %"]
         head += ["with the law", "central 95 %"] if diagnosis.found else []
-        parts.append(_table([*head, "allowed", "unit"], rows, numeric=range(1, len(head) + 1)))
+        parts.append(table([*head, "allowed", "unit"], rows, numeric=range(1, len(head) + 1)))
     if not parts:
         parts.append(
             "<p>No number was fitted besides the starts of the bodies: nothing is adjustable and no law "
@@ -485,7 +485,7 @@ def _parameters(diagnosis: Diagnosis) -> str:
     if diagnosis.dropped_bodies:
         parts.append('<h3 id="dropped">Bodies for which the law was not kept</h3>')
         parts.append(
-            _table(
+            table(
                 ["body", "why"], [[escaped(b), escaped(why)] for b, why in diagnosis.dropped_bodies.items()]
             )
         )
@@ -513,6 +513,17 @@ def _next(diagnosis: Diagnosis) -> str:
     )
 
 
+def versions() -> list[str]:
+    """The packages that a result rests on, with their versions."""
+    found = []
+    for package in ("pymunk", "numba", "numpy", "scipy", "matplotlib"):
+        try:
+            found.append(f"{package} {importlib.metadata.version(package)}")
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
 def _made(diagnosis: Diagnosis) -> str:
     rows = []
     for case in diagnosis.cases:
@@ -529,18 +540,12 @@ def _made(diagnosis: Diagnosis) -> str:
             noise + ("" if case.sigma_known else " (estimated)"), length(diagnosis.dt.get(case.name), "s"),
             f"<code>{recording.scene.hash[:12]}</code>",
         ])  # fmt: skip
-    versions = []
-    for package in ("pymunk", "numba", "numpy", "scipy", "matplotlib"):
-        try:
-            versions.append(f"{package} {importlib.metadata.version(package)}")
-        except importlib.metadata.PackageNotFoundError:
-            continue
     text = (
-        f"granswim_pymunk {__version__}, Python {platform.python_version()}, {', '.join(versions)}; seed "
+        f"granswim_pymunk {__version__}, Python {platform.python_version()}, {', '.join(versions())}; seed "
         f"{diagnosis.seed}; "
         f"{counted(diagnosis.runs, 'simulation')} in {diagnosis.seconds:.0f} s."
     )
-    return f"<p>{escaped(text)}</p>" + _table(
+    return f"<p>{escaped(text)}</p>" + table(
         ["recording", "used as", "frames", "length", "noise, 1 s.d.", "dt", "scene (SHA-256)"],
         rows,
         numeric=(2, 3, 5),
@@ -694,16 +699,16 @@ def write_report(diagnosis: Diagnosis, out: Path) -> Path:
         for name in NAMES:
             path = folder / f"{name}.png"
             if name in pictures:
-                _put(path, pictures[name])
+                put(path, pictures[name])
             else:
                 path.unlink(missing_ok=True)
-        _put(out / "report.html", text.encode("utf-8"))
+        put(out / "report.html", text.encode("utf-8"))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", file=out) from None
     return out / "report.html"
 
 
-def _put(path: Path, data: bytes) -> None:
+def put(path: Path, data: bytes) -> None:
     """Write under a temporary name beside, then rename."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
