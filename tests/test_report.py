@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from granswim_pymunk.diagnosis.driver import Diagnosis, diagnose_bodies
+from granswim_pymunk.diagnosis.experiment import Proposal
 from granswim_pymunk.diagnosis.held_out import Errors
 from granswim_pymunk.diagnosis.nulls import Null
 from granswim_pymunk.errors import InputError
@@ -166,6 +167,17 @@ def test_page_is_whole_and_needs_nothing_beside_it(cases, written, verdict):
 )
 def test_headline(cases, verdict, sentence):
     assert headline(cases[verdict]) == sentence
+
+
+def test_first_paragraph_says_where_and_what_to_measure_next(cases):
+    d = cases["missing_physics"]
+    place = max(d.places, key=lambda p: p.z)
+    assert f"The scene fails most clearly on {listed(list(place.bodies))}" in summary(d)
+    proposal = Proposal("twice the speed", ("linear_drag", "quadratic_drag"), 3.0)
+    assert "To measure next, so that linear drag and quadratic drag part: twice the speed." in summary(
+        replace(d, proposal=proposal)
+    )
+    assert "fails most clearly" not in summary(cases["no_mismatch"])
 
 
 def test_figures_of_each_verdict(cases):

@@ -222,6 +222,8 @@ def summary(diagnosis: Diagnosis) -> str:
         often = "in none" if reach == 0 else f"in {reach}"
         chance = p_text(null).replace(" ", NARROW)
         parts.append(f"In noise the same search finds so large a gain {often} of {tries} tries ({chance}).")
+    if diagnosis.places and diagnosis.verdict != "no_mismatch":
+        parts.append(_shows_most(diagnosis))
     alike = [spoken(t.mechanism) for t, same in diagnosis.rivals if same]
     if alike:
         parts.append(f"These data cannot tell it apart from {listed(alike)}.")
@@ -234,7 +236,24 @@ def summary(diagnosis: Diagnosis) -> str:
             f"It is not claimed for {listed(bodies(diagnosis.dropped_bodies), 6)} (<a "
             "href='#dropped'>why</a>)."
         )
+    if diagnosis.proposal is not None:
+        a, b = (spoken(n) for n in diagnosis.proposal.separates)
+        parts.append(f"To measure next, so that {a} and {b} part: {escaped(diagnosis.proposal.change)}.")
     return " ".join(parts)
+
+
+def _shows_most(diagnosis: Diagnosis) -> str:
+    """One sentence on the clearest place of the mismatch."""
+    place = max(diagnosis.places, key=lambda p: p.z)
+    text = "The scene fails most clearly"
+    if place.bodies:
+        text += f" on {listed(bodies(place.bodies), 4)}"
+    if len({c.name for c in diagnosis.cases}) > 1:
+        text += f" in {escaped(place.case)}"
+    t = place.when.get("t")
+    if t:
+        text += f" from {number(t[0])} to {number(t[1])} s"
+    return text + (f" (z = {place.z:.1f})." if place.z <= 37 else " (z over 37).")
 
 
 def remainder(final: float, naive: float | None, floor: float | None, part: str, quiet: bool) -> str:

@@ -1,0 +1,76 @@
+"""The report in a browser without network: nothing is missing, nothing hangs over the edge.
+
+``GRANSWIM_PICTURES=docs/pictures pytest tests/test_browser.py`` renews the screenshot that the docs show.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granswim_pymunk.diagnosis import diagnose
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next((found for name in NAMES if (found := shutil.which(name))), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed: no report is opened in a browser")
+
+# what the page says of itself once it is laid out
+PROBE = """<script>addEventListener("load", () => {
+  const pictures = [...document.images];
+  const say = (name, value) => document.documentElement.setAttribute("data-" + name, value);
+  say("pictures", pictures.length);
+  say("broken", pictures.filter(p => !p.complete || p.naturalWidth === 0).length);
+  say("overhang", document.documentElement.scrollWidth - innerWidth);
+  say("requests", performance.getEntriesByType("resource").filter(r => !r.name.startsWith("data:")).length);
+  say("first", [...document.querySelectorAll("h1, .law, main > p")].filter(
+    e => e.getBoundingClientRect().top < innerHeight).length);
+});</script>"""
+
+
+def opened(page: Path, width: int, height: int, *arguments: str) -> str:
+    """Output of a headless browser that cannot reach any host."""
+    assert BROWSER is not None
+    command = [
+        BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
+        "--host-resolver-rules=MAP * ~NOTFOUND", f"--window-size={width},{height}", "--virtual-time-budget=3000",
+        f"--user-data-dir={page.parent / 'profile'}", *arguments, page.as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("pendulum")
+    diagnose(["pendulum"], out)
+    return out / "report.html"
+
+
+@pytest.mark.parametrize("width", [1280, 500])
+def test_report_is_whole_in_a_browser(report, tmp_path, width):
+    probed = tmp_path / "probed.html"
+    text = report.read_text(encoding="utf-8")
+    probed.write_text(text.replace("</body>", PROBE + "</body>"), encoding="utf-8")
+    page = opened(probed, width, 1000, "--dump-dom")
+    says = dict(re.findall(r'data-(\w+)="(-?\d+)"', page))
+    assert int(says["pictures"]) == len(list((report.parent / "figures").glob("*.png"))) > 4
+    assert says["broken"] == "0" and says["requests"] == "0"
+    assert int(says["overhang"]) <= 0
+    # verdict, law and what they mean are on the first screen
+    assert int(says["first"]) >= 3
+
+
+def test_screenshot_of_the_docs(report, tmp_path):
+    shot = tmp_path / "report.png"
+    opened(report, 1000, 1300, f"--screenshot={shot}")
+    picture = np.asarray(Image.open(shot).convert("L"))
+    assert picture.shape[1] >= 1000 and picture.std() > 10
+    folder = os.environ.get("GRANSWIM_PICTURES")
+    if folder:
+        Image.open(shot).convert("P", palette=Image.Palette.ADAPTIVE).save(Path(folder) / "report.png", optimize=True)
