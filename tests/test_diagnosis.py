@@ -240,6 +240,38 @@ def test_late_camera_of_a_driven_body_is_a_time_offset():
     assert entry["parameters"]["offset"]["value"] == pytest.approx(0.01, abs=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("fault", "name", "parameter", "true"),
+    [("lag", "actuator_lag", "tau", 0.02), ("saturation", "actuator_saturation", "limit", 0.08)],
+)
+def test_fault_of_a_motor_is_named(fault, name, parameter, true):
+    # the motor's path is integrated here, from the exact solution of its equation
+    t = np.arange(0.0, 2.0, 1e-4)
+    command = 0.1 * np.sin(7.0 * t) + 0.05 * np.sin(17.0 * t)
+    if fault == "lag":
+        share = 1 - np.exp(-(t[1] - t[0]) / true)
+        follows = np.zeros_like(t)
+        for k in range(1, len(t)):
+            follows[k] = follows[k - 1] + share * (0.5 * (command[k] + command[k - 1]) - follows[k - 1])
+    else:
+        follows = np.clip(command, -true, true)
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (follows[1:] + follows[:-1])) * 1e-4])
+    frames = slice(0, len(t), 100)
+    xy = np.stack([x[frames], np.zeros(len(x[frames]))], axis=1)
+    xy += np.random.default_rng(15).normal(0.0, 2e-5, xy.shape)
+    laws = (use("rail", direction=(1.0, 0.0)), use("drive", bodies=["m"]))
+    inputs = {"m": (tuple(t[::20]), tuple(command[::20]))}
+    scene = Scene((Body("m", "free", 0.02, 0.3),), laws, inputs=inputs)
+    record = Recording("motor", scene, t[frames], ("m",), xy[:, None], sampling=100.0, position_noise=2e-5)
+    found = verdict_dict(diagnose_bodies([record]))
+    assert found["verdict"] == "missing_physics"
+    (entry,) = found["mechanisms"]
+    assert entry["name"] == name and entry["bodies"] == ["m"]
+    size = entry["parameters"][parameter]
+    half = 0.5 * (size["high"] - size["low"])
+    assert abs(size["value"] - true) < 2 * half and half < 0.05 * true
+
+
 def test_the_same_seed_gives_the_same_verdict_file(tmp_path):
     record = filmed(cart(use("linear_drag", c=0.02)), cart(), SHORT, np.random.default_rng(12), noise=1e-4)
     texts = []

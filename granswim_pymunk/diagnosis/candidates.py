@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .data import Case
+from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 
 APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
@@ -231,7 +232,7 @@ def _is_simple(law: Law) -> bool:
 
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
-    terms = camera_terms(cases) + _contact_terms(cases)
+    terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
         if law.candidate == "named" and law.kind in ("body", "pair") and applies(law, cases):

@@ -1,0 +1,62 @@
+"""Faults of the motors that drive bodies: a lag, a delay, a limit of the commanded velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..laws import get_law
+from ..scene import Scene
+from .data import Case
+from .hypothesis import Free, Term
+
+KINDS = ("lag", "delay", "saturation")
+
+
+def driven_terms(cases: Sequence[Case]) -> list[Term]:
+    """One term for each fault that a driven velocity can have, none where nothing is driven.
+
+    Lag and delay are tried from about the time between frames, a limit from the largest command on.
+    """
+    driven: dict[str, None] = {}
+    top, spacing = 0.0, np.inf
+    for case in cases:
+        scene = case.recording.scene
+        for item in scene.laws_named("drive"):
+            for body in item.bodies or ():
+                if body in scene.inputs:
+                    driven[body] = None
+                    gain = float(scene.resolved(item)["gain"])
+                    top = max(top, abs(gain) * float(np.max(np.abs(scene.inputs[body][1]))))
+        if len(case.t) > 1:
+            spacing = min(spacing, float(np.median(np.diff(case.t))))
+    if not driven or top == 0.0 or not np.isfinite(spacing):
+        return []
+    terms = []
+    for kind in KINDS:
+        law = get_law(f"actuator_{kind}")
+        strength = law.parameter(law.strength[0])
+        if kind == "saturation":
+            free = Free(f"{law.name}.{strength.name}", "m/s", 0.0, top, top, 0.1 * top, None, top)
+        else:
+            # no motor answers before its command
+            free = Free(f"{law.name}.{strength.name}", "s", 0.0, np.inf, 0.0, 0.1 * spacing, None, 0.0)
+        terms.append(
+            Term(law.mechanism, law.name, (free,), _Fault(kind), tuple(driven), law.expression, {},
+                 ((strength.name, (0,)),))
+        )  # fmt: skip
+    return terms
+
+
+class _Fault:
+    """Adds the fault with the size found."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        if not scene.laws_named("drive"):
+            return scene, camera
+        return scene.with_actuator(self.kind, float(values[0])), camera
