@@ -1,0 +1,43 @@
+"""``granswim sweep SCENE --vary NAME=VALUES ...``: run a scene over every combination of some values.
+
+NAME is seed, bed.height, bed.packing_fraction or LAW.PARAMETER; VALUES are 4,9,15 or first:last or
+first:last:step, both ends included. One netCDF file a run, in OUT/runs, found again by its hash: a sweep that
+was stopped goes on, a larger one reuses a smaller one. OUT/table.nc holds all of it as labelled arrays (xarray).
+"""
+
+import argparse
+from pathlib import Path
+
+from ..run import find_scene
+from ..scene import read_scene
+from ..sweep import parse_axis, scene_sweep, summary_lines
+
+HELP = "run a scene over frequencies, stiffnesses, seeds ...: labelled arrays"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", help="a TOML file, or the name of a scene that comes with the package")
+    parser.add_argument(
+        "--vary", action="append", required=True, metavar="NAME=VALUES",
+        help="bending.frequency=4,9,15 or seed=1:8 (several --vary: every combination)",
+    )  # fmt: skip
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: out/sweep-NAME)")
+    parser.add_argument("--duration", type=float, metavar="S", help="of each run [s] (default: as the scene says)")
+    parser.add_argument("--settle", type=float, default=0.0, metavar="S", help="left out of means [s] (default: 0)")
+    parser.add_argument("--every", type=float, default=1e-3, metavar="S", help="between samples [s] (default: 1e-3)")
+    parser.add_argument("--processes", type=int, metavar="N", help="local processes (default: one a core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="run on a Dask cluster: its scheduler's address, or local")
+    parser.add_argument("--retry-failed", action="store_true", help="run again what failed before")
+
+
+def main(args: argparse.Namespace) -> int:
+    path = find_scene(args.scene)
+    out = Path(args.out or Path("out") / f"sweep-{path.stem}")
+    axes = dict(parse_axis(text) for text in args.vary)
+    table = scene_sweep(
+        read_scene(path), axes, out, duration=args.duration, settle=args.settle, every=args.every,
+        processes=args.processes, dask=args.dask, retry_failed=args.retry_failed,
+    )  # fmt: skip
+    print("\n".join(summary_lines(table)))
+    print(f"written to {out}: table.nc, runs/")
+    return 0

@@ -1,0 +1,163 @@
+"""One run of the swimmer in its bed, and what is kept of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..analysis.contacts import ContactFinder, Directions, contact_directions
+from ..analysis.fields import Fields, Grid, coarse_grain
+from ..analysis.network import contact_network
+from ..engine import Simulation
+from ..errors import InputError
+from ..packing import pack
+from ..scene import Scene
+from ..sweep import Watch
+
+VERSION = 1  # of what is measured; another number makes other jobs
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a run is measured: ``settle`` and ``duration`` [s], seconds between samples of the swimmer and of the bed.
+
+    spacing [m]: of the grid of the coarse-grained fields, 2 L_s wide, around the head; 0: none
+    """
+
+    duration: float = 1.5
+    settle: float = 0.5
+    swimmer_every: float = 1e-3
+    bed_every: float = 17e-3
+    spacing: float = 5e-4
+    skin: float = 3e-4
+
+
+def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr.Dataset:
+    """Pack the bed if needed, run the scene and keep (SI):
+
+    ``xy``, ``v`` (time, disk, axis): swimmer, every ``swimmer_every``, from the start on
+    ``bed_energy``, ``swimmer_energy`` (time): kinetic energies [J]
+    ``bending_power`` (time): power of the bending law on the swimmer [W]
+    ``direction_count``, ``direction_force`` (disk, angle): contacts on the disks after ``settle``
+    ``coordination``, ``anisotropy``, ``branch_anisotropy``, ``overlap``, ``contact_force`` ...: means over the bed
+    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields around the head.
+
+    Raises InputError where the scene has no swimmer, SimulationError where the run cannot go on.
+    """
+    scene = pack(scene)
+    if len(scene.chains) != 1:
+        raise InputError("needs one swimmer", where="scene")
+    sim = Simulation(scene, skin=plan.skin or None)
+    rows = np.array(scene.swimmer)
+    mass = np.array([b.mass for b in scene.bodies])
+    radius = np.array([b.radius for b in scene.bodies])
+    grains = np.array([k for k, b in enumerate(scene.bodies) if b.role == "grain"])
+    mobile = np.array([k for k, b in enumerate(scene.bodies) if b.mobile])
+    bending = [(item.law, _coded(item.law, scene.resolved(item))) for item in scene.laws_named("bending")]
+    find = ContactFinder(scene)
+    grain_radius = float(radius[grains].mean())
+    length = 2.0 * float(radius[rows].sum())
+    stride = max(round(plan.swimmer_every / sim.dt), 1)
+    bed_stride = max(round(plan.bed_every / plan.swimmer_every), 1)
+    samples = round(plan.duration / (stride * sim.dt))
+
+    t = np.zeros(samples + 1)
+    xy = np.zeros((samples + 1, len(rows), 2))
+    v = np.zeros_like(xy)
+    bed_energy, swimmer_energy, power = np.zeros(samples + 1), np.zeros(samples + 1), np.zeros(samples + 1)
+    directions: Directions | None = None
+    fields: Fields | None = None
+    network: list[tuple[float, ...]] = []
+    for k in range(samples + 1):
+        if k:
+            sim.advance(stride)
+        state = sim.state()
+        t[k], xy[k], v[k] = state.t, state.xy[rows], state.v[rows]
+        energy = 0.5 * mass * (state.v**2).sum(axis=1)
+        bed_energy[k], swimmer_energy[k] = energy[grains].sum(), energy[rows].sum()
+        for law, values in bending:
+            f = np.zeros((2, len(rows)))
+            law.function(t[k], *xy[k].T, *v[k].T, mass[rows], *f, **values)
+            power[k] += float((f.T * v[k]).sum())
+        if watch is not None and k % 20 == 0:
+            watch(k / samples)
+        if state.t < plan.settle or k % bed_stride:
+            continue
+        contacts = find(state.xy, state.v)
+        # the heading is that of the chain, so that a swimmer that has turned is counted in its own frame
+        seen = contact_directions(contacts, rows.tolist(), bins=36)
+        directions = seen if directions is None else directions + seen
+        distance = radius[contacts.i] + radius[contacts.j] - contacts.overlap
+        branch = contacts.normal * distance[:, None]
+        net = contact_network(contacts.i, contacts.j, branch, grains)
+        smaller = np.minimum(radius[contacts.i], radius[contacts.j])
+        network.append(
+            (
+                net.coordination, net.anisotropy, net.branch_trace, net.branch_anisotropy, net.floaters,
+                float((contacts.overlap / smaller).max(initial=0.0)), float(contacts.force.sum()),
+                *net.fabric[[0, 0, 1], [0, 1, 1]],
+            )
+        )  # fmt: skip
+        if plan.spacing > 0:
+            head = state.xy[rows[0]]
+            grid = Grid.around(head[0], head[1], 2 * length, 2 * length, plan.spacing)
+            force = contacts.normal * contacts.force[:, None]
+            bed = ~np.isin(contacts.i, rows) & ~np.isin(contacts.j, rows)
+            now = coarse_grain(
+                grid, grain_radius, state.xy[grains], state.v[grains], mass[grains], radius[grains],
+                (state.xy[contacts.i][bed], branch[bed], force[bed]), scene.periodic_x,
+            )  # fmt: skip
+            fields = now if fields is None else fields + now
+    data: dict[str, Any] = {
+        "xy": (("time", "disk", "axis"), xy.astype(np.float32)),
+        "v": (("time", "disk", "axis"), v.astype(np.float32)),
+        "bed_energy": ("time", bed_energy),
+        "swimmer_energy": ("time", swimmer_energy),
+        "bending_power": ("time", power),
+        "disk_mass": ("disk", mass[rows]),
+        "grains": len(grains),
+        "mobile": len(mobile),
+        "packed_fraction": _fraction(scene),
+    }
+    coords: dict[str, Any] = {"time": t, "axis": ["x", "y"], "disk": np.arange(len(rows))}
+    if network:
+        names = (
+            "coordination", "anisotropy", "branch_trace", "branch_anisotropy", "floaters", "overlap",
+            "contact_force", "fabric_xx", "fabric_xy", "fabric_yy",
+        )  # fmt: skip
+        for name, value in zip(names, np.array(network).mean(axis=0), strict=True):
+            data[name] = float(value)
+    if directions is not None:
+        data["direction_count"] = (("disk", "angle"), directions.count)
+        data["direction_force"] = (("disk", "angle"), directions.force)
+        coords["angle"] = 0.5 * (directions.edges[1:] + directions.edges[:-1])
+    if fields is not None:
+        mean = fields.mean
+        for name, value in vars(mean).items():
+            if name != "snapshots":
+                data[f"field_{name}"] = (("y", "x"), value.astype(np.float32))
+        around = Grid.around(0.0, 0.0, 2 * length, 2 * length, plan.spacing)
+        coords |= {"x": around.x, "y": around.y}
+    result = xr.Dataset(data, coords=coords)
+    result.attrs |= {
+        "settle": plan.settle, "dt": sim.dt, "steps": sim.step, "mode": sim.mode, "scene_hash": scene.hash,
+        "grain_radius": grain_radius,
+    }  # fmt: skip
+    return result
+
+
+def _coded(law: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """Parameters as the law's function wants them: a choice is its number."""
+    return {
+        p.name: p.choices.index(values[p.name]) if p.choices else values[p.name] for p in law.parameters
+    }
+
+
+def _fraction(scene: Scene) -> float:
+    assert scene.bed is not None and scene.periodic_x is not None
+    area = math.pi * sum(b.radius**2 for b in scene.bodies if b.mobile)
+    return area / (scene.periodic_x * scene.bed.height)

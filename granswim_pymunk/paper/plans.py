@@ -1,0 +1,109 @@
+"""Which runs each claim needs, in two settings, and in which order they are worth running."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .measure import Plan
+
+Point = dict[str, Any]
+
+# frequencies [Hz] of the free swimmer at the label k_B
+FREE = {
+    100.0: (4.0, 9.0, 15.0, 11.0, 6.0, 20.0),
+    200.0: (9.0, 13.5, 18.0, 6.0),
+    500.0: (9.0, 22.0, 13.5, 27.0),
+    150.0: (9.0, 11.5, 15.0),
+}
+THREE = (9.0, 4.0, 15.0)
+FRICTION = (0.11, 0.055, 0.22)  # s/m, at 11 layers
+HEIGHTS = (5.0, 18.0)  # layers
+SIZES: tuple[Point, ...] = (
+    {"grain_diameter": 2.0e-3},
+    {"height": 0.035},
+)
+READINGS: tuple[Point, ...] = (
+    {"form": "elastic"},
+    {"form": "head_axis"},
+    {"gamma_B": 1.0e3},
+    {"k_B_scale": 0.17},
+)
+CONVERGENCE: tuple[Point, ...] = (
+    {"softness": 1.0},
+    {"softness": 5.0},
+    {"dt": 1.0e-5},
+    {"width": 0.140},
+)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How much is run: seeds of the packings, how each run is measured, how soft the contacts are.
+
+    order : blocks with seeds of packings, the most telling ones first
+    """
+
+    name: str
+    order: tuple[tuple[str, tuple[int, ...]], ...]
+    plan: Plan
+    softness: float
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        return tuple(sorted({seed for _, seeds in self.order for seed in seeds}))
+
+
+BLOCKS = ("free", "k_B", "friction", "heights", "readings", "convergence", "sizes")
+POCKET = Setting(
+    "pocket",
+    (
+        ("free", (1, 2, 3, 4)),
+        *((name, (1, 2)) for name in ("k_B", "friction", "heights")),
+        ("free", (5, 6, 7, 8)),
+        *((name, (1, 2)) for name in ("readings", "convergence", "sizes")),
+        *((name, (3, 4)) for name in BLOCKS),
+        *((name, (5, 6, 7, 8)) for name in BLOCKS),
+    ),
+    Plan(),
+    25.0,
+)
+_TWENTY = tuple(range(1, 21))
+PAPER = Setting("paper", tuple((name, _TWENTY) for name in BLOCKS), Plan(duration=10.5, skin=0.0), 1.0)
+SETTINGS = {s.name: s for s in (POCKET, PAPER)}
+
+
+def blocks() -> dict[str, list[Point]]:
+    """Points of each block, without seed and softness, the most telling ones first."""
+    return {
+        "free": [{"k_B": 100.0, "frequency": f} for f in FREE[100.0]],
+        "k_B": [{"k_B": k, "frequency": f} for k in (200.0, 500.0, 150.0) for f in FREE[k]],
+        "convergence": [{"frequency": 9.0, **c} for c in CONVERGENCE],
+        "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
+        "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
+        "readings": [{**r, "frequency": f} for r in READINGS for f in THREE],
+        "sizes": [{**s, "frequency": f} for s in SIZES for f in THREE],
+    }
+
+
+def points_of(setting: Setting, names: list[str] | None = None) -> list[Point]:
+    """All points of these blocks (default: all), in the order in which they should be run, each once."""
+    chosen = blocks()
+    result: dict[tuple[Any, ...], Point] = {}
+    for name, seeds in setting.order:
+        if names is None or name in names:
+            for seed in seeds:
+                for point in chosen[name]:
+                    full = complete(point, setting, seed)
+                    result.setdefault(tuple(full.values()), full)
+    return list(result.values())
+
+
+def complete(point: Point, setting: Setting, seed: int) -> Point:
+    """The point with everything it leaves out."""
+    return {
+        "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": 0.11, "form": "leader", "gamma_B": 1.0e2,
+        "k_B_scale": 1.0,
+        "grain_diameter": 1.5e-3, "width": 0.100, "height": 0.050, "softness": setting.softness, "dt": 0.0,
+        **point, "seed": seed,
+    }  # fmt: skip

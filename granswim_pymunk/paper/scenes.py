@@ -1,0 +1,74 @@
+"""The paper's system as a scene, every parameter by name."""
+
+from __future__ import annotations
+
+import math
+
+from ..scene import Bed, Scene, Time, swimmer, use
+
+K_B_PER_LABEL = 2.0e-5  # N per radian for one unit of the paper's label: 2e-3 N for "10^2"
+MU_EFF = 0.11  # s/m: a third of the free speed at 11 layers and 9 Hz; the paper prints 0.22
+LAYERS = {1: 5, 2: 11, 3: 18}  # height of the bed [cm]: layers of grains above
+AMPLITUDE = math.pi / 4
+RADIUS = 1.5e-3  # m, of a swimmer's disk
+DISKS = 7
+SWIMMER_LENGTH = 2 * RADIUS * DISKS  # m
+HEAD_MASS_FACTOR = 7.0
+DENSITY = 1004.0  # kg/m^3
+STIFFNESS = 2.2e3  # N/m, of a contact
+CONTACT_DAMPING = 1.0e4  # 1/s
+UNION_STIFFNESS = 1.0e3  # N/m
+STEP = 4e-6  # s, converged for these stiffnesses
+
+
+def paper_scene(
+    *,
+    frequency: float = 9.0,
+    k_B: float = 100.0,
+    layers: float = 0.0,
+    seed: int = 0,
+    mu_eff: float = MU_EFF,
+    form: str = "leader",
+    gamma_B: float = 1.0e2,
+    k_B_scale: float = 1.0,
+    grain_diameter: float = 1.5e-3,
+    width: float = 0.100,
+    height: float = 0.050,
+    softness: float = 25.0,
+    dt: float = 0.0,
+) -> Scene:
+    """The swimmer in its bed (the bed still to be packed).
+
+    frequency [Hz]; k_B: the paper's label (100, 150, 200, 500), times ``k_B_scale`` times 2e-5 N per radian;
+    layers of grains above (0: free) with mu_eff [s/m]; seed of the packing; form and gamma_B [1/s] of the
+    bending law; mean grain_diameter [m], uniform between 2/3 and 4/3 of it; box width x height [m].
+
+    softness s: contacts s times softer than 2.2e3 N/m with the dashpot reduced by sqrt(s), so that the
+    restitution stays, the union by up to ten, and a step sqrt(s) times longer (4e-6 s at s = 1). dt [s]
+    overrides the step where above zero. How far this changes the free speed is part of the results.
+    """
+    root = math.sqrt(softness)
+    laws = [
+        use("contact_linear", stiffness=STIFFNESS / softness, damping=CONTACT_DAMPING / root),
+        use("union", stiffness=UNION_STIFFNESS / min(softness, 10.0), damping=1.0e3),
+        use(
+            "bending", stiffness=k_B * K_B_PER_LABEL * k_B_scale, damping=gamma_B, amplitude=AMPLITUDE,
+            frequency=frequency, form=form,
+        ),
+    ]  # fmt: skip
+    if layers > 0 and mu_eff > 0:
+        laws.append(use("confinement", mu_eff=mu_eff, layers=layers))
+    return Scene(
+        title=f"swimmer at {frequency:g} Hz, k_B {k_B:g}, {layers:g} layers, seed {seed}",
+        bodies=tuple(
+            swimmer(
+                disks=DISKS, radius=RADIUS, density=DENSITY, head_mass_factor=HEAD_MASS_FACTOR,
+                head=(width / 2 - (DISKS - 1) * RADIUS, height / 2),
+            )
+        ),
+        laws=tuple(laws),
+        periodic_x=width,
+        bed=Bed(height, 0.80, (grain_diameter * 2 / 3, grain_diameter * 4 / 3), DENSITY, float(layers)),
+        time=Time(dt=dt if dt > 0 else STEP * root),
+        seed=seed,
+    )  # fmt: skip

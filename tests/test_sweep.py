@@ -1,0 +1,190 @@
+"""Sweeps: labelled arrays, resumed by hash, on any executor; failures are rows of the table."""
+
+import functools
+import math
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.sweep import (
+    MISSING,
+    collect,
+    grid,
+    make_jobs,
+    observe,
+    parse_axis,
+    read_dataset,
+    run_jobs,
+    sweep,
+    varied,
+)
+
+sys.path.insert(0, str(Path(__file__).parent))
+from sweep_jobs import ball, fall
+
+AXES = {"c": [1e-5, 1e-3], "seed": [0, 1, 2]}
+
+
+def distance(c: float, seed: int, duration: float = 0.1) -> float:
+    tau = 1e-3 / c
+    return (1 + 0.1 * seed) * tau * (1 - math.exp(-duration / tau))
+
+
+def test_table_has_labels_and_the_right_numbers(tmp_path: Path) -> None:
+    table = sweep(ball, AXES, fall, tmp_path, processes=1, quiet=True)
+    assert table["x"].dims == ("c", "seed") and "track" not in table
+    for c in AXES["c"]:
+        for seed in AXES["seed"]:
+            assert float(table["x"].sel(c=c, seed=seed)) == pytest.approx(distance(c, seed), rel=1e-5)
+    assert (table["reason"] == "").all() and (table["wall_time"] >= 0).all()
+    # arrays of a run become further dimensions
+    jobs = make_jobs(ball, grid(AXES), fall, tmp_path)
+    whole = collect(jobs, AXES, reduce=lambda run: run)
+    assert whole["track"].dims == ("c", "seed", "time")
+    assert whole["track"].values[..., -1] == pytest.approx(table["x"].values)
+
+
+def test_runs_are_found_again(tmp_path: Path) -> None:
+    sweep(ball, AXES, fall, tmp_path, processes=1, quiet=True)
+    before = {f: f.stat().st_mtime_ns for f in tmp_path.iterdir()}
+    assert len(before) == 6
+    wider = sweep(ball, {"c": [1e-5, 1e-3, 1e-2], "seed": [0, 1, 2]}, fall, tmp_path, processes=1, quiet=True)
+    assert wider.sizes == {"c": 3, "seed": 3}
+    after = {f: f.stat().st_mtime_ns for f in tmp_path.iterdir()}
+    assert len(after) == 9 and all(after[f] == stamp for f, stamp in before.items())
+    # another measurement is another run
+    sweep(ball, AXES, functools.partial(fall, duration=0.2), tmp_path, processes=1, quiet=True)
+    assert len(list(tmp_path.iterdir())) == 15
+
+
+def test_a_failed_run_is_a_reason(tmp_path: Path) -> None:
+    axes = {"seed": [2, 3]}
+    table = sweep(ball, axes, fall, tmp_path, processes=1, quiet=True)
+    assert table["reason"].values.tolist() == ["", "ValueError: the ball is lost"]
+    assert np.isfinite(table["x"].values).tolist() == [True, False]
+    # kept, unless it is asked for again
+    stamp = {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()}
+    sweep(ball, axes, fall, tmp_path, processes=1, quiet=True)
+    assert {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()} == stamp
+    sweep(ball, axes, fall, tmp_path, processes=1, quiet=True, retry_failed=True)
+    assert sum(f.stat().st_mtime_ns != stamp[f.name] for f in tmp_path.iterdir()) == 1
+
+
+def test_processes_and_one_that_dies(tmp_path: Path) -> None:
+    """Local processes give the same bits; a worker that dies costs its own run only."""
+    table = sweep(ball, {"seed": [0, 4, 1]}, fall, tmp_path / "many", processes=2, quiet=True)
+    assert table["reason"].values.tolist() == ["", "the worker process died", ""]
+    alone = sweep(ball, {"seed": [0, 1]}, fall, tmp_path / "one", processes=1, quiet=True)
+    assert table["x"].values[[0, 2]].tolist() == alone["x"].values.tolist()
+
+
+def test_any_executor(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as executor:
+        table = sweep(ball, AXES, fall, tmp_path, executor=executor, quiet=True)
+    assert (table["reason"] == "").all()
+    assert table["x"].values == pytest.approx(
+        np.array([[distance(c, s) for s in AXES["seed"]] for c in AXES["c"]]), rel=1e-5
+    )
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_local_dask_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # of the cluster's worker processes
+    axes = {"seed": [0, 1, 3]}
+    table = sweep(ball, axes, fall, tmp_path, dask="local", processes=1, quiet=True)
+    assert table["reason"].values.tolist() == ["", "", "ValueError: the ball is lost"]
+    assert table["x"].values[:2] == pytest.approx([distance(1e-5, 0), distance(1e-5, 1)], rel=1e-5)
+
+
+def test_no_dask_scheduler(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no Dask scheduler"):
+        sweep(ball, {"seed": [0, 1]}, fall, tmp_path, dask="nonsense://nowhere", quiet=True)
+
+
+def test_interrupted_runs_stay(tmp_path: Path) -> None:
+    jobs = make_jobs(ball, grid({"seed": [0, 1, 2]}), functools.partial(interrupting, folder=tmp_path), tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run_jobs(jobs, ball, functools.partial(interrupting, folder=tmp_path), processes=1, quiet=True)
+    assert [job.done for job in jobs] == [True, False, False]
+    assert not list(tmp_path.glob("*.part"))
+    found = collect(jobs, {"seed": [0, 1, 2]})
+    assert found["reason"].values.tolist() == ["", MISSING, MISSING]
+
+
+def interrupting(scene, folder: Path) -> xr.Dataset:
+    if list(folder.glob("*.nc")):
+        raise KeyboardInterrupt
+    return fall(scene)
+
+
+def test_wrong_values_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="parameter c: -1"):
+        sweep(ball, {"c": [1e-5, -1.0]}, fall, tmp_path / "none", processes=1, quiet=True)
+    assert not (tmp_path / "none").exists()
+    with pytest.raises(InputError, match="each once"):
+        sweep(ball, {"c": [1e-5, 1e-5]}, fall, tmp_path / "none", processes=1, quiet=True)
+    with pytest.raises(InputError, match="no such law"):
+        varied(ball(), **{"bending.frequency": 3.0})
+    with pytest.raises(InputError, match="should be seed"):
+        varied(ball(), frequency=3.0)
+    (tmp_path / "bad.nc").write_text("no")
+    with pytest.raises(InputError, match="netCDF"):
+        read_dataset(tmp_path / "bad.nc")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("seed=1:4", [1, 2, 3, 4]),
+        ("bending.frequency=2:6:2", [2.0, 4.0, 6.0]),
+        ("k.c=4,9,15", [4.0, 9.0, 15.0]),
+        ("bending.form=leader,elastic", ["leader", "elastic"]),
+        ("k.c=1,3:4", [1.0, 3.0, 4.0]),
+    ],
+)
+def test_axis_of_the_command(text: str, values: list) -> None:
+    assert parse_axis(text) == (text.partition("=")[0], values)
+
+
+@pytest.mark.parametrize("text", ["seed", "seed=", "f=5:1", "f=1:9:0", "f=a:b", "f=1,x", "f=nan", "f=0:1:1e-9"])
+def test_bad_axis_of_the_command(text: str) -> None:
+    with pytest.raises(InputError):
+        parse_axis(text)
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["sweep", "falling_ball", "--duration", "0.2", "--processes", "1", "--out", str(tmp_path)]
+    assert main([*arguments, "--vary", "gravity.nothing=1"]) == 2
+    assert "gravity" in capsys.readouterr().err and not (tmp_path / "table.nc").exists()
+    assert main([*arguments, "--vary", "quadratic_drag.c=0,0.01", "--vary", "seed=0:1"]) == 0
+    said = capsys.readouterr()
+    assert "kinetic_energy" in said.out
+    table = read_dataset(tmp_path / "table.nc")
+    assert table["kinetic_energy"].dims == ("quadratic_drag.c", "seed")
+    assert len(list((tmp_path / "runs").glob("*.nc"))) == 4
+    # drag takes energy
+    energy = table["kinetic_energy"].values
+    assert (energy[0] > energy[1]).all() and (energy[:, 0] == energy[:, 1]).all()
+
+
+def test_observe_a_swimmer() -> None:
+    """A swimmer without a bed: what it keeps is that of the engine, and it goes nowhere."""
+    from granswim_pymunk.engine import Simulation
+    from granswim_pymunk.paper.scenes import paper_scene
+
+    scene = paper_scene(frequency=20.0, softness=25.0)
+    scene = varied(scene, seed=1)
+    scene = type(scene)(bodies=scene.bodies, laws=scene.laws, time=scene.time)
+    found = observe(scene, duration=0.25, settle=0.05, every=2e-3)
+    sim = Simulation(scene)
+    sim.advance(found.attrs["steps"])
+    assert found["xy"].values[-1] == pytest.approx(sim.state().xy, abs=1e-12)
+    assert abs(float(found["speed"])) < 1e-2 and float(found["speed_error"]) > 0
+    with pytest.raises(InputError, match="settle"):
+        observe(scene, duration=0.1, settle=0.2)
