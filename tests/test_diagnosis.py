@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
@@ -221,6 +221,28 @@ def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     assert a["mechanisms"][0]["parameters"] == b["mechanisms"][0]["parameters"]
     assert a["verdict"] == b["verdict"] and a["null"] == b["null"]
     assert b["fit"]["heldout"]["revised"] > 10 * a["fit"]["heldout"]["revised"]
+
+
+def test_adjustables_of_a_held_out_recording_alone_are_found_with_its_start():
+    rng = np.random.default_rng(16)
+    body = Body("a", "free", 0.02, 0.3, initial=(0.1, 0.0, 0.0, 0.1))
+    stretched = (Adjustable("spring", "length", 0.0, 0.2, "recording"),)
+
+    def scene(length: float) -> Scene:
+        return Scene((body,), (use("spring", anchor=(0.0, 0.0), stiffness=2.0, length=length),))
+
+    believed = replace(scene(0.05), adjustable=stretched)
+    records = [
+        filmed(scene(length), believed, SHORT, rng, name=name)
+        for name, length in (("one", 0.04), ("two", 0.06), ("other", 0.09))
+    ]
+    found = diagnose_bodies(records[:2], records[2:])
+    assert found.verdict == "recalibrate"
+    errors = verdict_dict(found)["fit"]["heldout"]
+    # a 4 cm error of the length would be seen at once
+    assert errors["revised"] < 2 * errors["noise_floor"]
+    (length,) = [u.values["length"] for u in revised_scene(found, found.cases[2]).laws_named("spring")]
+    assert length == pytest.approx(0.09, abs=1e-3)
 
 
 def test_late_camera_of_a_driven_body_is_a_time_offset():

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .data import Case
-from .hypothesis import Failed, Hypothesis, Predictor
+from .hypothesis import Failed, Free, Hypothesis, Predictor
 from .start import StartBody, describe_starts, first_numbers, number_scales
 
 _POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
@@ -126,7 +126,7 @@ class Fitter:
         shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
         grid = [values]
         for k, f in enumerate(hypothesis.free):
-            for share in np.linspace(0.05, 0.95, 13):
+            for share in np.linspace(0.05, 0.95, 13) if self._bears(f) else ():
                 other = values.copy()
                 other[k] = f.low + share * (f.high - f.low)
                 if np.isfinite(other[k]):
@@ -157,26 +157,34 @@ class Fitter:
         part[rows[: max(int(len(rows) * share), min(8, len(rows)))]] = True
         return part
 
+    def _bears(self, free: Free) -> bool:
+        return free.cases is None or any(c.name in free.cases for c in self.cases)
+
     def _solve(self, hypothesis, x, numbers, fixed, share, evaluations):
         free = hypothesis.free
         cases = self.cases
         parts = {c.name: self._part(c, share) for c in cases}
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
-        p = 0 if fixed else len(free)
+        # a number that bears on none of these recordings would only run into its bounds and shorten every step
+        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f)]
+        p = len(active)
+        place = {k: n for n, k in enumerate(active)}
         sizes = [len(numbers[c.name]) for c in cases]
         offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
         scale = np.concatenate(
-            [np.array([f.scale for f in free]) if p else np.zeros(0)]
+            [np.array([free[k].scale for k in active], dtype=float)]
             + [number_scales(self.described[c.name]) for c in cases]
         )
         if not len(scale):
             return x, numbers
-        low = np.concatenate([[f.low for f in free] if p else [], np.full(sum(sizes), -np.inf)])
-        high = np.concatenate([[f.high for f in free] if p else [], np.full(sum(sizes), np.inf)])
+        low = np.concatenate([[free[k].low for k in active], np.full(sum(sizes), -np.inf)])
+        high = np.concatenate([[free[k].high for k in active], np.full(sum(sizes), np.inf)])
 
         def unpack(z):
             z = np.clip(z * scale, low, high)
-            return (z[:p] if p else x), {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
+            values = np.array(x)
+            values[active] = z[:p]
+            return values, {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
 
         def residuals(z):
             if self.stop():
@@ -195,11 +203,11 @@ class Fitter:
                 columns, block = self._jacobian(c, hypothesis, values, starts[c.name], parts[c.name], fixed)
                 span = slice(rows[k], rows[k + 1])
                 for index, column in zip(columns, block, strict=True):
-                    target = index if index >= 0 else offsets[k] - index - 1
+                    target = place[index] if index >= 0 else offsets[k] - index - 1
                     result[span, target] = -column[use[c.name]] * scale[target]
             return result
 
-        z0 = np.concatenate([x[:p]] + [numbers[c.name] for c in cases]) / scale
+        z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
         try:

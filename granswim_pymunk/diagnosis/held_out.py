@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..scene import Scene
 from .data import START_SHARE, Case
 from .fit import Fit, Fitter
-from .hypothesis import Failed, Hypothesis, Predictor
+from .hypothesis import Failed, Hypothesis, Predictor, Term
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,7 @@ class Errors:
     """Root mean square of seen minus predicted over all measured numbers [m or rad], and by recording.
 
     ``whole``: where starts were fitted to whole held-out recordings, reported beside it.
+    ``values``: for a held-out recording with numbers of its own, all numbers (p,) as it was scored with.
     """
 
     rms: float | None
@@ -24,6 +27,37 @@ class Errors:
     whole: float | None = None
     whole_by_case: Mapping[str, float] | None = None
     predicted: Mapping[str, np.ndarray] | None = None
+    values: Mapping[str, np.ndarray] | None = None
+
+
+class _Bound:
+    """Applies a term with some of its numbers; the others stay at the values given."""
+
+    def __init__(self, term: Term, kept: Sequence[int], values: np.ndarray) -> None:
+        self.term, self.kept, self.values = term, list(kept), np.array(values, dtype=float)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        full = self.values.copy()
+        full[self.kept] = values
+        return self.term.apply(scene, camera, full)
+
+
+def own_numbers(hypothesis: Hypothesis, values: np.ndarray, case: Case) -> tuple[Hypothesis, np.ndarray]:
+    """The hypothesis in which only the numbers that belong to this recording alone are free, and which those are.
+
+    No training recording says anything of them, so they are found with the start.
+    """
+    terms, own = [], []
+    at = 0
+    for term in hypothesis.terms:
+        kept = [k for k, f in enumerate(term.free) if f.cases == frozenset([case.name])]
+        bears = not term.free or any(f.cases is None or case.name in f.cases for f in term.free)
+        if bears:
+            free = tuple(term.free[k] for k in kept)
+            terms.append(replace(term, free=free, apply=_Bound(term, kept, values[at : at + len(term.free)])))
+            own += [at + k for k in kept]
+        at += len(term.free)
+    return Hypothesis(tuple(terms)), np.array(own, dtype=int)
 
 
 def training_errors(fit: Fit, cases: Sequence[Case]) -> Errors:
@@ -96,12 +130,14 @@ def held_out_errors(
 ) -> Errors:
     """Score the held-out frames with the parameters of the training fit.
 
-    A split recording runs on from its training part. A held-out recording gets its start from its first 20 %
-    and the rest is scored; ``whole`` also fits the start to all of it. ``memory``: see ``fading``.
+    A split recording runs on from its training part. A held-out recording gets its start, and the adjustables
+    that belong to it alone, from its first 20 % and the rest is scored; ``whole`` also fits the start to all of it.
+    ``memory``: see ``fading``.
     """
     errors: dict[str, np.ndarray] = {}
     everything: dict[str, np.ndarray] = {}
     predicted: dict[str, np.ndarray] = {}
+    used: dict[str, np.ndarray] = {}
     for case in cases:
         if not case.scored.any():
             continue
@@ -112,18 +148,25 @@ def held_out_errors(
             forget = {case.name: fading(case, frames, memory)} if case.held_out and into is errors else None
             fitter = Fitter([case], predictor, {case.name: frames}, stop, forget)
             starts = None if case.held_out else training.starts
+            reduced, own = own_numbers(hypothesis, training.values, case)
             try:
-                fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+                if case.held_out and len(own):
+                    fit = fitter.fit(reduced, training.values[own], starts)
+                else:
+                    fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
                 seen = fitter.predict(fit, case, scored | frames)
             except Failed:
                 continue
+            if case.held_out and len(own) and into is errors:
+                used[case.name] = training.values.copy()
+                used[case.name][own] = fit.values
             array = np.where(scored[:, None], case.values - seen, np.nan)
             into[case.name] = array
             if into is errors:
                 predicted[case.name] = seen
     pooled = _pool(errors)
     all_frames = _pool(everything)
-    return replace(pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted)
+    return replace(pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used)
 
 
 def noise_floor(

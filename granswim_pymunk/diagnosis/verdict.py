@@ -177,7 +177,8 @@ def _remaining(d: Diagnosis) -> list[str]:
 def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
     """The scene of a recording with what was found added; it runs as it is."""
     fit = diagnosis.revised
-    scene, camera = fit.hypothesis.scene(case, fit.values)
+    values = (diagnosis.held["revised"].values or {}).get(case.name, fit.values)
+    scene, camera = fit.hypothesis.scene(case, values)
     t0 = float(case.t[0]) + float(camera["time_offset"])
     if case.name in fit.starts:
         scene = scene.with_initial(states(fit.described[case.name], fit.starts[case.name], scene, t0))
