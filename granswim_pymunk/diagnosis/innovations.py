@@ -147,7 +147,9 @@ def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
     result: dict[str, Any] = {"x": None, "y": None, "speed": None, "gap": None, "before_contact": None}
     gaps = _gaps(case, body)
     if gaps is not None and np.isfinite(gaps[part]).any():
-        result["gap"] = (float(np.nanmin(gaps[part])), float(np.nanmax(gaps[part])))
+        # a frame in which no other body was seen has no gap
+        near = gaps[part][np.isfinite(gaps[part])]
+        result["gap"] = (float(near.min()), float(near.max()))
         until = gaps[: np.flatnonzero(part)[-1] + 1]
         # touching within the noise of the two positions
         noise = float(max((s for s, c in zip(case.sigma, case.channels, strict=True) if c.body == body), default=0.0))

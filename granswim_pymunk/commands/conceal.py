@@ -1,0 +1,43 @@
+"""``granswim conceal``: draw a case with a concealed effect (or none) and seal the truth.
+
+Writes DIR/KIND-SEED/ (a recording), DIR/KIND-SEED.sha256 (the hash that binds the truth) and, in another folder, the
+truth with its salt. Drawing needs the secret besides the seed.
+"""
+
+import argparse
+from pathlib import Path
+
+HELP = "draw a recording with a concealed effect, and seal the truth"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..proof.conceal import KINDS
+
+    parser.add_argument("--seed", type=int, required=True, metavar="S")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the recording and its hash")
+    parser.add_argument("--sealed", type=Path, metavar="DIR", help="folder for the truth (default: DIR-sealed)")
+    parser.add_argument(
+        "--secret", type=Path, metavar="FILE", help="what drawing needs besides the seed (default: yours)"
+    )
+    parser.add_argument("--kind", choices=tuple(KINDS), default="bodies")
+    parser.add_argument("--effect", metavar="NAME", help="a mechanism, or null, outside, pair, decoy_camera, ...")
+
+
+def main(args: argparse.Namespace) -> int:
+    from ..errors import InputError
+    from ..proof.cases import CATEGORIES
+    from ..proof.conceal import conceal
+    from ..proof.seal import read_secret
+    from ..proof.suspects import STRENGTH
+
+    if args.seed < 0:
+        raise InputError(f"should be zero or more, got {args.seed}", where="--seed")
+    known = (*CATEGORIES, "none", *STRENGTH, "restitution", "actuator_saturation")
+    if args.effect is not None and args.effect not in known:
+        raise InputError(f"unknown effect {args.effect!r}; known: {', '.join(known)}", where="--effect")
+    sealed = args.sealed or args.out.with_name(f"{args.out.name}-sealed")
+    folder = conceal(args.seed, args.out, read_secret(args.secret), sealed, kind=args.kind, effect=args.effect)
+    print(f"recording: {folder}")
+    print(f"hash: {folder}.sha256")
+    print(f"sealed: {sealed / (folder.name + '.json')}")
+    return 0

@@ -1,0 +1,92 @@
+"""``granswim prove``: conceal, diagnose each recording in a process of its own, open the seals, score.
+
+The quick form runs a handful of small development cases; the full form the next scored seeds. Results lie in
+DIR/results, one file a case; an interrupted run goes on where it stopped, and a seed is scored once.
+"""
+
+import argparse
+from pathlib import Path
+
+HELP = "score the diagnosis on recordings with concealed effects"
+
+# development seeds: small, and of every sort
+QUICK = (6, 14, 25, 34, 37)
+FULL = tuple(range(1000, 1120))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--quick", action="store_true", help="a handful of development cases (the default)")
+    which.add_argument("--full", action="store_true", help="the scored seeds, and the real recordings")
+    which.add_argument("--seeds", metavar="LIST", help="seeds as 1000-1019,1040; below 1000: development")
+    parser.add_argument("--kind", default="bodies", help="sort of recording (default: bodies)")
+    parser.add_argument("--out", type=Path, default=Path("granswim-proof"), metavar="DIR")
+    parser.add_argument("--secret", type=Path, metavar="FILE", help="for scored seeds (default: yours)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="diagnoses at a time (default: 2)")
+    parser.add_argument("--minutes", type=float, metavar="M", help="time budget of each diagnosis")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+
+
+def parse_seeds(text: str) -> list[int]:
+    """``1000-1019,1040`` as numbers. Raises InputError."""
+    from ..errors import InputError
+
+    seeds: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdigit() or (last and not last.isdigit()) or (last and int(last) < int(first)):
+            raise InputError(f"expected numbers and ranges as 1000-1019,1040, got {text!r}", where="--seeds")
+        seeds += range(int(first), int(last or first) + 1)
+    return seeds
+
+
+def main(args: argparse.Namespace) -> int:
+    import time
+    from dataclasses import asdict
+
+    from ..errors import InputError
+    from ..proof.conceal import KINDS
+    from ..proof.prove import FIRST_SCORED, prove
+    from ..proof.score import figures_of_merit, held_out
+    from ..proof.seal import read_secret
+    from ..validation.output import check_folder, write_json
+
+    check_folder(args.json)
+    if args.kind not in KINDS:
+        raise InputError(f"unknown kind {args.kind!r}; known: {', '.join(KINDS)}", where="--kind")
+    if args.workers < 1:
+        raise InputError(f"should be one or more, got {args.workers}", where="--workers")
+    if args.minutes is not None and not args.minutes > 0:
+        raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
+    seeds = parse_seeds(args.seeds) if args.seeds else list(FULL if args.full else QUICK)
+    secret = read_secret(args.secret) if any(s >= FIRST_SCORED for s in seeds) else None
+    began = time.monotonic()
+
+    def progress(name: str, done: int, of: int) -> None:
+        spent = time.monotonic() - began
+        left = f", about {spent / done * (of - done):.0f} s left" if done < of else ""
+        print(f"{name}: {done} of {of}, {spent:.0f} s{left}", flush=True)
+
+    rows = prove(
+        seeds, args.out, kind=args.kind, secret=secret, minutes=args.minutes, workers=args.workers, real=args.full,
+        progress=progress,
+    )  # fmt: skip
+    print(f"{'case':<14} {'concealed':<28} {'st. errors':>10}  answer")
+    for r in rows:
+        concealed = "+".join(r.truth) or r.category
+        print(f"{r.case:<14} {concealed:<28} {r.sigma:>10.1f}  {r.failed or r.verdict} {'+'.join(r.named)}")
+    merit, held = figures_of_merit(rows), held_out(rows)
+    for f in merit:
+        share = "no cases" if f.share is None else f"{100 * f.share[0]:.0f} % ({f.hits} of {f.n})"
+        state = "" if f.reached is None else ", reached" if f.reached else ", NOT reached"
+        print(f"{f.what}: {share}; asked {f.asked}{state}")
+    if "revised" in held:
+        print(f"held-out error over the floor, median of {held['n']:.0f}: {held['revised']:.2f}; asked at most 1.1")
+    print(f"page: {args.out / 'proof.html'}")
+    if args.json:
+        data = {
+            "format": "granswim-proof/1", "cases": [r.as_dict() for r in rows], "held_out": held,
+            "figures": [asdict(f) for f in merit],
+        }  # fmt: skip
+        write_json(data, args.json)
+    return 0

@@ -1,0 +1,55 @@
+"""Write a case: the recording, its published hash beside it, and the sealed truth elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import InputError
+from ..recording import write_recording
+from .cases import Case, bodies_case
+from .seal import commitment, derived
+
+KINDS: dict[str, Callable[..., Case]] = {"bodies": bodies_case}
+MOMENT = 946684800  # s, 1 January 2000: what every file of a case says it was written
+
+
+def write_beside(path: Path, text: str, mode: int = 0o644) -> None:
+    """Write to a name beside, then rename: a reader never sees half a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+    with os.fdopen(handle, "w", encoding="utf-8") as out:
+        out.write(text)
+    os.replace(beside, path)
+
+
+def conceal(
+    seed: int, out: str | Path, secret: bytes, sealed: str | Path, *, kind: str = "bodies", effect: str | None = None
+) -> Path:
+    """Draw a case and write it; the folder of its recording.
+
+    out : gets KIND-SEED/ (the recording) and KIND-SEED.sha256 (the commitment)
+    secret : what the drawing needs besides the seed;  sealed : folder for KIND-SEED.json, the truth and its salt
+    effect : a mechanism, or a category (null, outside ...), instead of a drawn one
+    Raises InputError where a kind or effect does not exist, or the case has been written before.
+    """
+    if kind not in KINDS:
+        raise InputError(f"unknown kind {kind!r}; known: {', '.join(KINDS)}", where="--kind")
+    out, sealed = Path(out), Path(sealed)
+    name = f"{kind}-{seed}"
+    if sealed.resolve() == out.resolve() or out.resolve() / name in (sealed.resolve(), *sealed.resolve().parents):
+        raise InputError("the truth has to lie elsewhere than the recordings", file=sealed)
+    if (out / name).exists() or (sealed / f"{name}.json").exists():
+        raise InputError("this case has been written before; a seed is used once", file=out / name)
+    case = KINDS[kind](seed, secret, effect)
+    salt = derived(secret, kind, seed, "salt").hex()
+    write_beside(sealed / f"{name}.json", json.dumps({"salt": salt, "truth": case.truth}, indent=1) + "\n", 0o600)
+    write_beside(out / f"{name}.sha256", commitment(salt, case.truth) + "\n")
+    write_recording(case.recording, out / name)
+    for path in (*sorted((out / name).iterdir()), out / name, out / f"{name}.sha256"):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+        os.utime(path, (MOMENT, MOMENT))
+    return out / name

@@ -1,0 +1,240 @@
+"""The score as one HTML page that needs nothing beside it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from ..report.sheet import STYLE_SHEET
+from ..report.style import COLOURS, MUTED, REVISED, SEEN, styled
+from .score import (
+    NULLS,
+    STRONG,
+    Row,
+    confusion,
+    detection,
+    figures_of_merit,
+    held_out,
+    is_failure,
+    proportion,
+)
+
+
+@styled
+def draw_detection(rows: Sequence[Row]) -> Drawing:
+    """Share of concealed mechanisms that were noticed, and rightly named, against their standard errors."""
+    figure = Drawing(figsize=(6.8, 2.9), layout="constrained")
+    axis = figure.subplots()
+    bins = detection(rows)
+    middle = [float(np.sqrt(max(low, 1.2) * min(high, 120.0))) for low, high, *_ in bins]
+    for column, colour, label in ((3, SEEN, "a mismatch was reported"), (4, REVISED, "right name or class")):
+        shares = [proportion(b[column], b[2]) for b in bins]
+        y = np.array([s[0] for s in shares if s])
+        error = np.array([[s[0] - s[1], s[2] - s[0]] for s in shares if s]).T
+        shift = 0.97 if column == 3 else 1.03
+        axis.errorbar(np.array(middle) * shift, y, error, fmt="o-", color=colour, ms=4, capsize=2, label=label)
+    for x, b in zip(middle, bins, strict=True):
+        axis.annotate(f"n = {b[2]}", (x, -0.12), ha="center", fontsize=7.5, color="#555555")
+    axis.axvline(STRONG, color=MUTED, lw=0.8, ls="--")
+    axis.set(
+        xscale="log", ylim=(-0.18, 1.08), xlabel="standard errors of the concealed effect", ylabel="share of cases"
+    )
+    axis.legend(loc="center right")
+    return figure
+
+
+@styled
+def draw_confusion(rows: Sequence[Row]) -> Drawing:
+    """What was concealed against what was named."""
+    truths, answers, table = confusion(rows)
+    figure = Drawing(figsize=(6.8, 1.7 + 0.24 * len(truths)), layout="constrained")
+    axis = figure.subplots()
+    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
+    axis.imshow(share, cmap="Blues", vmin=0, vmax=1.3, aspect="auto")
+    for i, j in zip(*np.nonzero(table), strict=True):
+        axis.text(j, i, str(table[i, j]), ha="center", va="center", fontsize=8)
+    axis.set_xticks(range(len(answers)), [a.replace("_", " ") for a in answers], rotation=60, ha="right")
+    axis.set_yticks(range(len(truths)), [t.replace("_", " ") for t in truths])
+    axis.set(xlabel="named first", ylabel="concealed")
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    return figure
+
+
+@styled
+def draw_held_out(rows: Sequence[Row]) -> Drawing:
+    """Held-out errors over the noise floor, one column of points for each stage."""
+    figure = Drawing(figsize=(6.8, 2.7), layout="constrained")
+    axis = figure.subplots()
+    good = [r for r in rows if r.category == "mechanism" and r.right_name and r.held.get("noise_floor")]
+    good.sort(key=lambda r: r.sigma)
+    for key in ("naive", "recalibrated", "revised"):
+        x = [r.sigma for r in good if r.held.get(key)]
+        y = [r.held[key] / r.held["noise_floor"] for r in good if r.held.get(key)]  # type: ignore[operator]
+        axis.plot(x, y, "o", ms=4, color=COLOURS[key], label=key, alpha=0.85)
+    axis.axhline(1.0, color=COLOURS["floor"], lw=0.8)
+    axis.set(xscale="log", yscale="log", xlabel="standard errors of the effect", ylabel="held-out error / floor")
+    axis.legend(loc="upper left")
+    return figure
+
+
+@styled
+def draw_calibration(rows: Sequence[Row]) -> Drawing:
+    """p-values of nulls and decoys against what they should be, and the time that a diagnosis took."""
+    figure = Drawing(figsize=(6.8, 2.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    p = np.sort([r.p for r in rows if r.category in ("null", "decoy_adjustable") and r.p is not None])
+    left.plot([0, 1], [0, 1], color=MUTED, lw=0.8)
+    if len(p):
+        left.step(np.append(p, 1.0), np.append(np.arange(1, len(p) + 1) / len(p), 1.0), where="post", color=REVISED)
+    left.set(xlabel="reported p of a null", ylabel="share at or below", xlim=(0, 1), ylim=(0, 1.02))
+    left.set_title(f"{len(p)} nulls")
+    right.hist([r.seconds for r in rows], bins=20, color=MUTED)
+    right.set(xlabel="seconds a case", ylabel="cases")
+    return figure
+
+
+def _picture(figure: Drawing) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    lines = [
+        '<div class="scroll"><table><thead><tr>',
+        *(f"<th>{html.escape(h)}</th>" for h in head),
+        "</tr></thead><tbody>",
+    ]
+    for row in rows:
+        lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>")
+    return "".join([*lines, "</tbody></table></div>"])
+
+
+def _share(share: tuple[float, float, float] | None) -> str:
+    return "no cases" if share is None else f"{100 * share[0]:.0f} % ({100 * share[1]:.0f} to {100 * share[2]:.0f})"
+
+
+def _words(name: str) -> str:
+    return html.escape(name.replace("_", " ").replace("+", " and ")) or "nothing"
+
+
+def write_page(
+    rows: Sequence[Row], results: Sequence[Mapping[str, Any]], real: Mapping[str, Mapping[str, Any]], path: Path
+) -> None:
+    """Write the page; a note where there is nothing to show."""
+    from .conceal import write_beside
+
+    merit = figures_of_merit(rows)
+    missed = [f.what for f in merit if f.reached is False]
+    empty = [f.what for f in merit if f.reached is None]
+    parts = [
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>Concealed effects</title><style>{STYLE_SHEET}</style></head><body><main>",
+        "<p class='kicker'>granswim prove</p>",
+        f"<h1>{len(rows)} recordings with something concealed, or nothing</h1>",
+        "<p>Each recording was computed by a simulator that is not the engine, its truth sealed under a published "
+        "hash, and diagnosed by a process that was given the recording alone. Half of the effects have another "
+        "functional form than the laws that a diagnosis knows.</p>",
+    ]
+    mix = Counter(r.setup for r in rows)
+    if mix:
+        kinds = ", ".join(f"{n} {name}" for name, n in sorted(mix.items()))
+        parts.append(f"<p>The mix: {kinds}. Bodies without a bed only; no full bed, swimmer or speed curve is among "
+                     "them unless named here.</p>")  # fmt: skip
+    rows_of_merit = []
+    for f in merit:
+        mark = "" if f.reached is None else "reached" if f.reached else "<strong>not reached</strong>"
+        rows_of_merit.append([html.escape(f.what), f.asked, f"{f.hits} of {f.n}", _share(f.share), mark])
+    held = held_out(rows)
+    if "revised" in held:
+        mark = "reached" if held["revised"] <= 1.1 else "<strong>not reached</strong>"
+        shown = f"{held['revised']:.2f} (naive {held['naive']:.1f}, recalibrated {held['recalibrated']:.1f})"
+        rows_of_merit.append(
+            ["held-out error over the floor, median", "at most 1.1", f"{held['n']:.0f} cases", shown, mark]
+        )
+    parts += ["<h2>The figures</h2>", _table(("what", "asked", "cases", "found (95 %)", ""), rows_of_merit)]
+    if missed:
+        parts.append(f"<p><strong>Not reached:</strong> {html.escape('; '.join(missed))}.</p>")
+    if empty:
+        parts.append(f"<p>No cases yet: {html.escape('; '.join(empty))}.</p>")
+    parts.append(
+        "<p class='note'>Standard errors: root of the chi2 that is left on tracks without noise when starts and "
+        "adjustable numbers are fitted, on the 60 % of the time that a diagnosis learns from. d': the same with a "
+        "rival refitted, beyond what the mechanism's own form leaves. Both were computed by the proof's simulator and "
+        "sealed with the truth, before the diagnosis. Class: the laws within d' 2 of the truth, or those that the "
+        "verdict itself calls indistinguishable. Intervals are counted where the name is right and the form is the "
+        "contract's.</p>"
+    )
+    if detection(rows):
+        parts += _figure("Detection against strength", draw_detection(rows), "Concealed mechanisms, bins of their "
+                         "standard errors, with central 95 % of a proportion.")  # fmt: skip
+    if rows:
+        parts += _figure("Named against concealed", draw_confusion(rows), "Effects of five standard errors and "
+                         "more, and all nulls. none: no law was named; unknown: the verdict was unmodelled."
+                         )  # fmt: skip
+    if held["n"]:
+        parts += _figure("Held-out errors", draw_held_out(rows), "Rightly named mechanisms; 1 is what perfect "
+                         "knowledge of the physics would leave.")  # fmt: skip
+    if rows:
+        parts += _figure("Calibration and time", draw_calibration(rows), "Left: the share of nulls with a p at or "
+                         "below its value; on the diagonal p is right, below it cautious. Right: wall time of a case."
+                         )  # fmt: skip
+    nulls = [r for r in rows if r.category in NULLS]
+    if nulls:
+        alarms = [r for r in nulls if r.physics_named]
+        parts.append(f"<p>False alarms: {len(alarms)} of {len(nulls)} nulls and decoys had physics named, "
+                     f"{_share(proportion(len(alarms), len(nulls)))}.</p>")  # fmt: skip
+    failures = [r for r in rows if is_failure(r)]
+    parts.append(f"<h2>Failures ({len(failures)})</h2>")
+    if failures:
+        table = []
+        for r in failures:
+            rival = f"{_words(r.rival)} {r.d_prime:.1f}" if r.rival else ""
+            answer = html.escape(r.failed) if r.failed else f"{_words(r.verdict)}: {_words('+'.join(r.named))}"
+            table.append([f"<a href='reports/{r.case}/report.html'>{r.case}</a>", _words(r.setup), _words(r.category),
+                          _words("+".join(r.truth)), f"{r.sigma:.1f}", rival, answer])  # fmt: skip
+        parts.append(
+            _table(("case", "apparatus", "category", "concealed", "standard errors", "best rival, d'", "answer"), table)
+        )
+    else:
+        parts.append("<p>None.</p>")
+    parts.append("<h2>Real recordings</h2>")
+    if real:
+        table = []
+        for name, result in real.items():
+            v = result.get("verdict") or {}
+            fit = (v.get("fit") or {}).get("heldout") or {}
+            numbers = ", ".join(f"{k.replace('_', ' ')} {x:.3g}" for k, x in fit.items() if x is not None)
+            named = ", ".join(dict.fromkeys(m["name"] for m in v.get("mechanisms", [])))
+            table.append([_words(name), _words(v.get("verdict", "failed")), _words(named),
+                          f"{numbers} [{(v.get('fit') or {}).get('unit', '')}]"])  # fmt: skip
+        parts.append(_table(("recording", "verdict", "named", "held-out error"), table))
+    else:
+        parts.append("<p>Not run here (<code>granswim prove --full</code> does).</p>")
+    parts.append("<p>No recording of a real bed has been available.</p>")
+    parts.append("<h2>Every case</h2>")
+    table = []
+    for r, result in zip(rows, results, strict=True):
+        table.append([r.case, _words(r.setup), _words("+".join(r.truth)) + (" (other form)" if r.other_form else ""),
+                      f"{r.sigma:.1f}" if r.sigma else "", _words(r.verdict), _words("+".join(r.named)),
+                      f"<code>{result['commitment'][:12]}</code>"])  # fmt: skip
+    parts.append(_table(("case", "apparatus", "concealed", "standard errors", "verdict", "named", "hash"), table))
+    parts.append("</main></body></html>")
+    write_beside(path, "\n".join(parts))
+
+
+def _figure(title: str, drawing: Drawing, caption: str) -> list[str]:
+    return [
+        f"<h2>{html.escape(title)}</h2><div class='scroll'><figure><img alt='{html.escape(title)}' "
+        f"src='{_picture(drawing)}'><figcaption>{html.escape(caption)}</figcaption></figure></div>"
+    ]

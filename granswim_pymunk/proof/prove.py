@@ -1,0 +1,190 @@
+"""Conceal, diagnose in a process of its own, open the seals, score: one file per case, resumed where it stopped."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .conceal import conceal, write_beside
+from .score import Row, score_case
+from .seal import opened
+
+# seeds below this are development seeds: anybody may draw them, with a secret that is no secret
+FIRST_SCORED = 1000
+DEVELOPMENT_SECRET = b"the secret of the development seeds"
+LONGEST = 1800.0  # s, after which a diagnosis has failed
+REAL = ("pendulum", "falling_balls", "two_disk_spin")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to be made, diagnosed and scored; plain, so that any executor can carry it."""
+
+    seed: int
+    kind: str
+    out: str
+    secret: bytes
+    minutes: float | None = None
+
+    @property
+    def name(self) -> str:
+        return f"{self.kind}-{self.seed}"
+
+    @property
+    def result(self) -> Path:
+        return Path(self.out) / "results" / f"{self.name}.json"
+
+
+def diagnose_alone(recordings: Sequence[str | Path], keep: Path | None, minutes: float | None = None) -> dict[str, Any]:
+    """Run ``granswim diagnose`` in another process, in an empty folder that holds copies of the recordings only.
+
+    Names of shipped recordings are passed on as they are. ``keep``: where verdict and report are left.
+    Returns verdict (or None), seconds, failed (a reason, or empty).
+    """
+    with tempfile.TemporaryDirectory(prefix="granswim-") as folder:
+        given = []
+        for source in recordings:
+            if isinstance(source, Path):
+                shutil.copytree(source, Path(folder) / source.name)
+                given.append(source.name)
+            else:
+                given.append(source)
+        command = [sys.executable, "-m", "granswim_pymunk.cli", "diagnose", *given, "--out", "out", "--seed", "0"]
+        if minutes is not None:
+            command += ["--minutes", str(minutes)]
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("GRANSWIM_") or k == "GRANSWIM_CACHE"}
+        began = time.monotonic()
+        failed, verdict = "", None
+        try:
+            done = subprocess.run(
+                command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
+            )
+            if done.returncode:
+                failed = (done.stderr.strip().splitlines() or ["?"])[-1][:300]
+        except subprocess.TimeoutExpired:
+            failed = f"not done after {LONGEST:.0f} s"
+        seconds = time.monotonic() - began
+        out = Path(folder) / "out"
+        if not failed and (out / "verdict.json").exists():
+            verdict = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+        elif not failed:
+            failed = "no verdict was written"
+        if keep is not None and out.exists():
+            keep.mkdir(parents=True, exist_ok=True)
+            for name in ("verdict.json", "report.html", "revised.toml"):
+                if (out / name).exists():
+                    shutil.copy(out / name, keep / name)
+        return {"verdict": verdict, "seconds": seconds, "failed": failed}
+
+
+def run_task(task: Task) -> str:
+    """Do one case, unless its result lies there already: conceal, diagnose, only then open the seal. Its name."""
+    if task.result.exists():
+        return task.name
+    out = Path(task.out)
+    recording, sealed = out / "recordings" / task.name, out / "sealed"
+    if not recording.exists() or not (sealed / f"{task.name}.json").exists():
+        # what an interrupted run left behind is drawn again, alike
+        shutil.rmtree(recording, ignore_errors=True)
+        (sealed / f"{task.name}.json").unlink(missing_ok=True)
+        conceal(task.seed, out / "recordings", task.secret, sealed, kind=task.kind)
+    answer = diagnose_alone([recording], out / "reports" / task.name, task.minutes)
+    published = (out / "recordings" / f"{task.name}.sha256").read_text(encoding="utf-8")
+    truth = opened(json.loads((sealed / f"{task.name}.json").read_text(encoding="utf-8")), published)
+    result = {"case": task.name, "commitment": published.strip(), "truth": truth, **answer}
+    write_beside(task.result, json.dumps(result, indent=1) + "\n")
+    return task.name
+
+
+def prove(
+    seeds: Sequence[int],
+    out: str | Path,
+    *,
+    kind: str = "bodies",
+    secret: bytes | None = None,
+    minutes: float | None = None,
+    workers: int = 1,
+    executor: Any = None,
+    real: bool = False,
+    progress: Callable[[str, int, int], None] = lambda *a: None,
+) -> list[Row]:
+    """Score the cases of these seeds; results of earlier runs in ``out`` are kept, and counted with them.
+
+    Seeds below 1000 are development seeds and use the public secret; others need ``secret``.
+    executor : anything with ``submit`` (concurrent.futures, dask.distributed.Client); else ``workers`` threads, each
+        of which waits for a process.  real : also diagnose the shipped real recordings
+    Writes results/, reports/, score.csv and proof.html. Raises InputError without a secret for scored seeds.
+    """
+    out = Path(out)
+    if len(set(seeds)) != len(seeds):
+        raise InputError("a seed is scored once, but one was given twice", where="--seeds")
+    if secret is None and any(s >= FIRST_SCORED for s in seeds):
+        raise InputError(f"seeds of {FIRST_SCORED} and more need a secret", where="--secret")
+    tasks = [
+        Task(s, kind, str(out.resolve()), DEVELOPMENT_SECRET if s < FIRST_SCORED else secret or b"", minutes)
+        for s in seeds
+    ]
+    own = ThreadPoolExecutor(max(workers, 1)) if executor is None else None
+    pool: Any = executor or own
+    try:
+        waiting = [pool.submit(run_task, task) for task in tasks]
+        if own is not None:
+            for n, future in enumerate(as_completed(waiting)):
+                progress(future.result(), n + 1, len(tasks))
+        else:
+            for n, future in enumerate(waiting):
+                progress(future.result(), n + 1, len(tasks))
+    finally:
+        if own is not None:
+            own.shutdown(wait=True, cancel_futures=True)
+    if real:
+        for n, name in enumerate(REAL):
+            file = out / "real" / f"{name}.json"
+            if not file.exists():
+                write_beside(file, json.dumps(diagnose_alone([name], out / "reports" / name), indent=1) + "\n")
+            progress(name, n + 1, len(REAL))
+    return write_score(out)
+
+
+def read_results(out: Path) -> list[dict[str, Any]]:
+    """All results of a folder, by kind and seed."""
+    files = sorted((out / "results").glob("*.json"), key=lambda f: (f.stem.split("-")[0], int(f.stem.split("-")[1])))
+    return [json.loads(file.read_text(encoding="utf-8")) for file in files]
+
+
+def write_score(out: str | Path) -> list[Row]:
+    """score.csv and proof.html from all results in ``out``; the rows."""
+    from .page import write_page
+
+    out = Path(out)
+    results = read_results(out)
+    rows = [score_case(result) for result in results]
+    real = {f.stem: json.loads(f.read_text(encoding="utf-8")) for f in sorted((out / "real").glob("*.json"))}
+    write_beside(out / "score.csv", table_text(rows))
+    write_page(rows, results, real, out / "proof.html")
+    return rows
+
+
+def table_text(rows: Sequence[Row]) -> str:
+    """The rows as CSV."""
+    if not rows:
+        return ""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0].as_dict()), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow(row.as_dict())
+    return text.getvalue()

@@ -1,0 +1,264 @@
+"""Scores: a verdict held against an opened truth, and the sums over many cases."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from .suspects import APPARATUS, fitted
+from .world import Effect
+
+STRONG = 5.0  # standard errors
+APART = 2.0  # d' of the best refitted rival
+NULLS = ("null", "decoy_adjustable", "decoy_camera")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case, scored. ``covered``: for each number with an interval, whether it holds the truth."""
+
+    case: str
+    setup: str
+    category: str
+    truth: tuple[str, ...]
+    other_form: bool
+    sigma: float
+    rival: str
+    d_prime: float
+    verdict: str
+    first: str
+    named: tuple[str, ...]
+    right_name: bool
+    right_class: bool
+    located: bool | None
+    physics_named: bool
+    covered: tuple[bool, ...]
+    errors: Mapping[str, float]  # relative error of numbers
+    held: Mapping[str, float | None]
+    p: float | None
+    seconds: float
+    failed: str = ""
+
+    @property
+    def eligible(self) -> bool:
+        """Strong enough, and far enough from the best rival, to count for the figures on naming."""
+        return self.category == "mechanism" and self.sigma >= STRONG and self.d_prime >= APART
+
+    def as_dict(self) -> dict[str, Any]:
+        """As a line of a table."""
+        return {
+            "case": self.case, "setup": self.setup, "category": self.category, "truth": "+".join(self.truth),
+            "other_form": int(self.other_form), "sigma": _short(self.sigma), "best_rival": self.rival,
+            "d_prime": _short(self.d_prime), "verdict": self.verdict, "named": "+".join(self.named),
+            "right_name": int(self.right_name), "right_class": int(self.right_class),
+            "located": "" if self.located is None else int(self.located), "physics_named": int(self.physics_named),
+            "numbers": len(self.covered), "covered": sum(self.covered),
+            **{f"heldout_{k}": _short(v) for k, v in self.held.items()},
+            "p": _short(self.p), "seconds": _short(self.seconds), "failed": self.failed,
+        }  # fmt: skip
+
+
+def _short(value: float | None) -> str:
+    return "" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def score_case(result: Mapping[str, Any]) -> Row:
+    """Score one result: ``truth`` (opened), ``verdict`` (verdict.json, or None where the diagnosis failed)."""
+    truth, verdict = result["truth"], result["verdict"] or {}
+    effects = truth["effects"]
+    names = tuple(e["name"] for e in effects)
+    rivals = {k: v for k, v in truth["rivals"].items() if v is not None}
+    rival, d_prime = min(rivals.items(), key=lambda item: item[1], default=("", math.inf))
+    mechanisms = verdict.get("mechanisms", [])
+    named = tuple(dict.fromkeys(m["name"] for m in mechanisms))
+    first = named[0] if named else ""
+    kind = verdict.get("verdict", "failed")
+    physics = kind == "missing_physics" and any(n not in (*APPARATUS, "unknown") for n in named)
+    alike = {r["name"] for r in verdict.get("rivals", []) if r.get("indistinguishable")}
+    category = truth["category"]
+    if category == "mechanism":
+        right = kind in ("missing_physics", "measurement") and named == names
+        near = {names[0], *(k for k, v in rivals.items() if v < APART)}
+        # of one class: by the proof's own simulator, or as the verdict itself says
+        in_class = right or (kind in ("missing_physics", "measurement") and (first in near or names[0] in alike))
+    elif category == "decoy_camera":
+        right = kind == "measurement" and named == names
+        near = {names[0], *(k for k, v in rivals.items() if v < APART)}
+        in_class = right or (bool(first) and (first in near or names[0] in alike))
+    elif category == "pair":
+        right = set(named) == set(names)
+        in_class = right
+    elif category == "outside":
+        right = in_class = kind == "unmodelled"
+    else:
+        right = in_class = kind in ("no_mismatch", "recalibrate")
+    covered, errors = _numbers(effects, mechanisms) if right and len(effects) == 1 else ((), {})
+    fit = (verdict.get("fit") or {}).get("heldout") or {}
+    null = verdict.get("null")
+    return Row(
+        case=result["case"], setup=truth["setup"], category=category, truth=names,
+        other_form=any(e["other"] for e in effects), sigma=truth["sigma"], rival=rival, d_prime=d_prime, verdict=kind,
+        first=first, named=named, right_name=bool(right), right_class=bool(in_class),
+        located=_located(truth, verdict) if category in ("mechanism", "outside", "pair") else None,
+        physics_named=bool(physics), covered=covered, errors=errors,
+        held={k: fit.get(k) for k in ("naive", "recalibrated", "revised", "noise_floor")},
+        p=None if null is None else null["p_false_alarm"], seconds=result["seconds"], failed=result.get("failed", ""),
+    )  # fmt: skip
+
+
+def _located(truth: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool | None:
+    """Whether the first place and the bodies of the mechanisms are those concerned; None where nothing was found."""
+    if verdict.get("verdict") in (None, "no_mismatch", "recalibrate"):
+        return None
+    right = set(truth["bodies"])
+    places = verdict.get("mismatch", [])
+    if not places or not set(places[0]["bodies"]) <= right:
+        return False
+    bodies = {b for m in verdict["mechanisms"] for b in m["bodies"]}
+    # an unknown force is located by its place; a named law says on whom it acts
+    return verdict["verdict"] != "missing_physics" or bodies == right
+
+
+def _numbers(effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]]):
+    """Whether each interval holds the truth, and relative errors; nothing where the true form is another one."""
+    effect, entry = effects[0], mechanisms[0]
+    if effect["other"] or len(mechanisms) != 1:
+        return (), {}
+    true = Effect(effect["name"], {k: tuple(v) if isinstance(v, list) else v for k, v in effect["values"].items()})
+    found = entry["parameters"]
+    if (
+        "p" in effect["values"]
+        and len(entry["bodies"]) > 1
+        and found.get("p", {}).get("value") != effect["values"]["p"]
+    ):
+        return (), {}
+    rename = {"camera_scale": lambda v: 1.0 + v}
+    covered: list[bool] = []
+    errors: dict[str, float] = {}
+    for key in fitted(true):
+        if key not in found:
+            continue
+        shift = rename.get(true.name, lambda v: v)
+        wanted = np.atleast_1d(shift(np.asarray(true.values[key], dtype=float)))
+        value = np.atleast_1d(np.asarray(found[key]["value"], dtype=float))
+        low, high = (np.atleast_1d(np.asarray(found[key][end], dtype=object)) for end in ("low", "high"))
+        for k in range(min(len(wanted), len(value))):
+            if low[k] is None or high[k] is None:
+                continue
+            covered.append(bool(low[k] <= wanted[k] <= high[k]))
+            size = float(np.linalg.norm(wanted)) or 1.0
+            errors[f"{key}{k if len(wanted) > 1 else ''}"] = float((value[k] - wanted[k]) / size)
+    return tuple(covered), errors
+
+
+def proportion(hits: int, n: int) -> tuple[float, float, float] | None:
+    """Share and its central 95 % (Clopper & Pearson 1934, Biometrika 26, 404); None without cases."""
+    if n == 0:
+        return None
+    low = float(stats.beta.ppf(0.025, hits, n - hits + 1)) if hits else 0.0
+    high = float(stats.beta.ppf(0.975, hits + 1, n - hits)) if hits < n else 1.0
+    return hits / n, low, high
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One asked figure: what was counted, what came out, and whether the asked bound is reached."""
+
+    what: str
+    asked: str
+    hits: int
+    n: int
+    share: tuple[float, float, float] | None
+    reached: bool | None
+
+
+def _figure(what: str, asked: str, flags: Sequence[bool], bound: float, at_least: bool, top: float = 1.0) -> Figure:
+    n, hits = len(flags), int(sum(flags))
+    share = proportion(hits, n)
+    reached = None if share is None else (bound <= share[0] <= top if at_least else share[0] <= bound)
+    return Figure(what, asked, hits, n, share, reached)
+
+
+def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
+    """The figures that the proof is to show, in their order."""
+    strong = [r for r in rows if r.eligible]
+    nulls = [r for r in rows if r.category in NULLS]
+    outside = [r for r in rows if r.category == "outside" and r.sigma >= STRONG]
+    intervals = [c for r in rows for c in r.covered]
+    return [
+        _figure("right name first (5 standard errors, best rival at d' of 2 or more)", "at least 90 %",
+                [r.right_name for r in strong], 0.9, True),
+        _figure("right name or right class (the same cases)", "at least 97 %",
+                [r.right_class for r in strong], 0.97, True),
+        _figure("located at the right bodies (the same cases, where something was found)", "at least 90 %",
+                [r.located for r in strong if r.located is not None], 0.9, True),
+        _figure("nulls and decoys with physics named", "at most 5 %", [r.physics_named for r in nulls], 0.05, False),
+        _figure("outside the library: unmodelled", "at least 80 %", [r.verdict == "unmodelled" for r in outside], 0.8,
+                True),
+        _figure("outside the library: a confident wrong name", "at most 10 %", [r.physics_named for r in outside], 0.1,
+                False),
+        _figure("95 % intervals that hold the truth", "90 to 99 %", intervals, 0.9, True, 0.99),
+    ]  # fmt: skip
+
+
+def held_out(rows: Sequence[Row]) -> dict[str, float]:
+    """Medians of held-out errors over the floor, of the cases whose physics was named right."""
+    good = [r for r in rows if r.category == "mechanism" and r.right_name and r.held.get("noise_floor")]
+    result: dict[str, float] = {"n": float(len(good))}
+    for key in ("naive", "recalibrated", "revised"):
+        ratios = [r.held[key] / r.held["noise_floor"] for r in good if r.held.get(key)]  # type: ignore[operator]
+        if ratios:
+            result[key] = float(np.median(ratios))
+    return result
+
+
+def detection(rows: Sequence[Row], edges: Sequence[float] = (0, 2.5, 4, 6.5, 10, 16, 30, 60, 1e9)):
+    """(low, high, n, detected, right name) for bins of standard errors, of concealed mechanisms."""
+    out = []
+    for low, high in pairwise(edges):
+        mine = [r for r in rows if r.category == "mechanism" and low <= r.sigma < high]
+        if mine:
+            seen = sum(r.verdict not in ("no_mismatch", "recalibrate", "failed") for r in mine)
+            out.append((low, high, len(mine), seen, sum(r.right_class for r in mine)))
+    return out
+
+
+def confusion(rows: Sequence[Row]) -> tuple[list[str], list[str], np.ndarray]:
+    """Truths, answers, counts (truths, answers); answers with ``none`` and ``unknown``. Effects of 5 and more."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for r in rows:
+        if r.category in ("mechanism", "decoy_camera", "outside") and r.sigma < STRONG:
+            continue
+        truth = "+".join(r.truth) if r.truth else "none"
+        if r.category == "outside":
+            truth = f"outside: {truth}"
+        if r.category == "pair":
+            truth = "two laws"
+        answer = "unknown" if r.verdict == "unmodelled" else "none" if not r.first else r.first
+        if r.category == "pair" and r.right_name:
+            answer = "two laws"
+        counts[truth, answer] += 1
+    truths = sorted({t for t, _ in counts}, key=lambda t: (t == "none", t.startswith("outside"), t))
+    extra = [a for a in ("none", "unknown") if any(x == a for _, x in counts)]
+    answers = [t for t in truths if any(a == t for _, a in counts) and t not in extra]
+    answers += sorted({a for _, a in counts} - set(answers) - set(extra)) + extra
+    table = np.array([[counts[t, a] for a in answers] for t in truths]).reshape(len(truths), len(answers))
+    return truths, answers, table
+
+
+def is_failure(row: Row) -> bool:
+    """What a reader should look at: not silence about what is too weak to be seen, nor a right answer."""
+    if row.failed:
+        return True
+    if row.category == "mechanism":
+        return row.sigma >= STRONG and not row.right_class
+    if row.category in NULLS:
+        return row.physics_named or (row.category != "decoy_camera" and not row.right_name)
+    return not row.right_name
