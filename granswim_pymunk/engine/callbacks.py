@@ -31,8 +31,8 @@ import platformdirs
 from ..errors import InputError
 from ..laws import Law, all_laws
 from . import native, neighbours
-from .motion import MOTION, STATE
-from .native import Offsets
+from .motion import LIMIT, MOTION, columns
+from .native import ROW, Offsets
 
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
@@ -41,25 +41,31 @@ USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "first_run", "last
 
 # slots of the context that the callbacks find behind a pointer: addresses and whole numbers ...
 INTS = (
-    "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds",
+    "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_near", "own_drift", "own_kick",
-    "from_list", "constrained",
-    "bodies", "state", "motion", "place_x", "place_y", "spin", "mass", "inverse_mass", "radius", "given_inertia", "torque",
+    "from_list", "constrained", "fixed_skin", "pushed",
+    "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
-    "near_i", "near_j", "near_shift", "near_touch", "near_mass",
-    "allowance", "far", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts",
+    "near_i", "near_j", "near_shift", "near_touch", "near_square", "near_mass",
+    "allowance", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts", "push",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
-    "order", "listing", "image_shift",
+    "order", "listing", "image_shift", "which", "work",
 )  # fmt: skip
 # ... and floats
 FLOATS = (
-    "t_start", "dt", "step", "skin", "reach", "margin", "near_skin", "pruned",
+    "t_start", "dt", "step", "skin", "least_skin", "most_skin", "reach", "margin", "lasts", "headroom", "pruned",
+    "built",
 )  # fmt: skip
-# steps that a list of near pairs should last: cutting it costs as much as two or three steps
-SHORT_PRUNE = 16
-LONG_PRUNE = 32
-AHEAD = 40  # steps for which a body's own speed is allowed for
+# steps that the list of near pairs should last: cutting it costs about as much as half a step
+NEAR_LASTS = 24
+# steps between two full lists below and above which the skin is made wider and narrower
+SHORT_BUILD = 250
+LONG_BUILD = 1000
+# the pair laws go through the near list in blocks of so many pairs, which stay in the first-level cache;
+# WORK is what is kept of those that touch
+BLOCK = 256
+WORK = ("dx", "dy", "ux", "uy", "touch", "mass", "px", "py", "ri", "rj", "wi", "wj", "ti", "tj")
 # numbers that laws may ask for
 SCALARS = ("length", "gx", "gy", "g", "mean_mass")
 
@@ -133,69 +139,194 @@ def _indent(lines: Sequence[str], depth: int) -> str:
 _SCENE = {"gx": "scalars[1]", "gy": "scalars[2]", "g": "scalars[3]", "mean_mass": "scalars[4]"}
 
 
+def _turns(law: Law) -> bool:
+    """Whether a pair law returns torques of its own."""
+    return bool({"spin_i", "spin_j"} & set(law.arguments))
+
+
+def spins(law: Law) -> bool:
+    """Whether a pair law looks at spins, and so gives torques."""
+    return law.kind == "pair" and (_turns(law) or "vt" in law.arguments)
+
+
+def _work(name: str) -> str:
+    # the number of a column is unsigned: numba then leaves out the test for an index counted from the end
+    return f"work[m + W_{name.upper()}]"
+
+
 def _pair_block(law: Law, code: int) -> str:
-    """Loop over the neighbour list for one pair law."""
+    """One pair law: for a single pair, and for a block of pairs that touch, which the compiler can vectorise."""
     read, names = _parameter_locals(law)
-    spin = "vt" in law.arguments
+    spin = spins(law)
     available = {
         "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
-        "reduced_radius": "radius[i] * radius[j] / touch", "r0": "parameters[o - 1]", **names,
+        "reduced_radius": "ri * rj / touch", "r0": "r0", "radius_i": "ri", "radius_j": "rj", "spin_i": "wi",
+        "spin_j": "wj", **names,
     }  # fmt: skip
     reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
-    lines = [
-        "dy = state[j, Y] - state[i, Y]",
-        "square = dx * dx + dy * dy",
-        f"limit = touch{reach}",
-        "if square < limit * limit and square > 0.0:",
-        "    d = math.sqrt(square)",
-        "    nx = dx / d",
-        "    ny = dy / d",
-        "    gap = d - touch",
-        "    ux = state[j, VX] - state[i, VX]",
-        "    uy = state[j, VY] - state[i, VY]",
-        "    vn = ux * nx + uy * ny",
-    ]
+    lines = ["nx = dx / d", "ny = dy / d", "gap = d - touch", "vn = ux * nx + uy * ny"]
     if spin:
-        lines.append("    vt = uy * nx - ux * ny - spin[j] * radius[j] - spin[i] * radius[i]")
-    lines.append(f"    fn, ft = {_call(law, available)}")
-    force = ["px = fn * nx", "py = fn * ny"]
+        lines.append("vt = uy * nx - ux * ny - wj * rj - wi * ri")
+    lines.append(f"{'fn, ft, mi, mj' if _turns(law) else 'fn, ft'} = {_call(law, available)}")
+    lines += ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx"] if spin else ["px = fn * nx", "py = fn * ny"]
     if spin:
-        force = ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx", "ti = -radius[i] * ft", "tj = -radius[j] * ft"]
-    add = ["state[j, FX] += px", "state[j, FY] += py", "state[i, FX] -= px", "state[i, FY] -= py"]
-    if spin:
-        add += ["torque[i] += ti", "torque[j] += tj"]
-    inner = ["    " + line for line in force]
-    # the same lines twice: a call for each pair with all its arrays costs more than the force
+        lines += ["ti = -ri * ft", "tj = -rj * ft"]
+    if _turns(law):
+        lines += ["ti += mi", "tj += mj"]
+    round_ = spin or "reduced_radius" in law.arguments
+    inputs = ["dx", "dy", "ux", "uy", "touch", "mass", *(["ri", "rj", "wi", "wj"] if round_ else [])]
+    unpack = [f"{'reduced_mass' if name == 'mass' else name} = {_work(name)}" for name in inputs]
+    pack = [f"{_work(name)} = {name}" for name in ("px", "py", *(["ti", "tj"] if spin else []))]
     return f"""
 @njit(**PLAIN)
-def pair_{law.name}(i, j, o, t, state, spin, inverse_mass, radius, parameters, scalars):
+def pair_{law.name}(i, j, o, t, state, inverse_mass, radius, parameters, scalars):
     length = scalars[0]
+    r0 = parameters[o - 1]
     px = 0.0
     py = 0.0
     ti = 0.0
     tj = 0.0
-{_indent(read, 1)}    touch = radius[i] + radius[j]
+{_indent(read, 1)}    ri = radius[i]
+    rj = radius[j]
+    wi = state[i, SPIN]
+    wj = state[j, SPIN]
+    touch = ri + rj
     reduced_mass = 1.0 / (inverse_mass[i] + inverse_mass[j])
     dx = state[j, X] - state[i, X]
     if length > 0.0:
         dx -= length * math.floor(dx / length + 0.5)
-{_indent(lines + inner, 1)}    return px, py, ti, tj
+    dy = state[j, Y] - state[i, Y]
+    square = dx * dx + dy * dy
+    limit = touch{reach}
+    if square < limit * limit and square > 0.0:
+        d = math.sqrt(square)
+        ux = state[j, VX] - state[i, VX]
+        uy = state[j, VY] - state[i, VY]
+{_indent(lines, 2)}    return px, py, ti, tj
 
 
 @njit(**PLAIN)
-def sum_{law.name}(u, t, state, spin, radius, torque, parameters, uses, mask, near_i, near_j, near_shift,
-                   near_touch, near_mass, n_near):
+def each_{law.name}(count, o, t, parameters, work):
+    r0 = parameters[o - 1]
+{_indent(read, 1)}    for m in range(np.uint64(count)):
+{_indent(unpack, 2)}        d = math.sqrt(dx * dx + dy * dy)
+{_indent([*lines, *pack], 2)}
+
+@njit(**PLAIN)
+def sum_{law.name}(u, t, flat, radius, parameters, uses, mask, near_i, near_j, near_shift, near_touch, near_square, near_mass,
+                   n_near, which, work):
     o = uses[u, 1]
-    masked = uses[u, 4]
-{_indent(read, 1)}    for k in range(n_near):
+{_indent(read if reach else [], 1)}    reach = 0.0{reach}
+    for first in range(0, n_near, {BLOCK}):
+        last = min(first + {BLOCK}, n_near)
+        {"if uses[u, 4] == 0:" if not reach else "if False:"}
+            count = touching(first, last, flat, near_i, near_j, near_shift, near_square, which, work)
+        else:
+            count = reached(first, last, reach, uses[u, 4], mask[u], flat, near_i, near_j, near_shift, near_touch, which, work)
+        count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
+        each_{law.name}(count, o, t, parameters, work)
+        scatter(count, {int(spin)}, flat, near_i, near_j, which, work)
+"""
+
+
+_PAIRS = f'''
+
+# Neither a branch nor the place of a store depends on whether a pair touches, which cannot be foreseen: the answers
+# are gathered as the bits of a word, and the bits that are set are then taken one by one. numba counts references
+# to arrays unless a function is one straight line to its end: hence two of them.
+@njit(**PLAIN)
+def touching(first, last, flat, near_i, near_j, near_shift, near_square, which, work):
+    """Which pairs of a block touch: their numbers in the block; of each pair the way from i to j."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    end = np.uint64(last)
+    for low in range(begin, end, np.uint64(64)):
+        word = np.uint64(0)
+        for k in range(low, min(low + np.uint64(64), end)):
+            i = near_i[k]
+            j = near_j[k]
+            dx = flat[j + P_X] - flat[i + P_X] + near_shift[k]
+            dy = flat[j + P_Y] - flat[i + P_Y]
+            work[k - begin + W_DX] = dx
+            work[k - begin + W_DY] = dy
+            word |= np.uint64(dx * dx + dy * dy < near_square[k]) << (k - low)
+        while word != np.uint64(0):
+            which[m] = low - begin + lowest_bit(word)
+            m += np.uint64(1)
+            word &= word - np.uint64(1)
+    return m
+
+
+@njit(**PLAIN)
+def reached(first, last, reach, masked, mask, flat, near_i, near_j, near_shift, near_touch, which, work):
+    """The same for a law that reaches farther, or acts on some bodies only."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    end = np.uint64(last)
+    for low in range(begin, end, np.uint64(64)):
+        word = np.uint64(0)
+        for k in range(low, min(low + np.uint64(64), end)):
+            i = near_i[k]
+            j = near_j[k]
+            dx = flat[j + P_X] - flat[i + P_X] + near_shift[k]
+            dy = flat[j + P_Y] - flat[i + P_Y]
+            work[k - begin + W_DX] = dx
+            work[k - begin + W_DY] = dy
+            limit = near_touch[k] + reach
+            chosen = masked == 0 or (mask[i // P_ROW] and mask[j // P_ROW])
+            word |= np.uint64(chosen and dx * dx + dy * dy < limit * limit) << (k - low)
+        while word != np.uint64(0):
+            which[m] = low - begin + lowest_bit(word)
+            m += np.uint64(1)
+            word &= word - np.uint64(1)
+    return m
+
+
+@njit(**PLAIN)
+def collect(first, count, round_, flat, radius, near_i, near_j, near_touch, near_mass, which, work):
+    """What the laws look at, of the pairs within reach; those at one place, without a direction, are left out."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    for c in range(count):
+        q = which[c]
+        k = begin + q
         i = near_i[k]
         j = near_j[k]
-        touch = near_touch[k]
-        reduced_mass = near_mass[k]
-        dx = state[j, X] - state[i, X] + near_shift[k]
-        if masked and not (mask[u, i] and mask[u, j]):
-            continue
-{_indent([*lines, *inner, *("    " + line for line in add)], 2)}"""
+        dx = work[q + W_DX]
+        dy = work[q + W_DY]
+        which[m] = k
+        {_work("dx")} = dx
+        {_work("dy")} = dy
+        {_work("ux")} = flat[j + P_VX] - flat[i + P_VX]
+        {_work("uy")} = flat[j + P_VY] - flat[i + P_VY]
+        {_work("touch")} = near_touch[k]
+        {_work("mass")} = near_mass[k]
+        if round_ != 0:
+            {_work("ri")} = radius[i // P_ROW]
+            {_work("rj")} = radius[j // P_ROW]
+            {_work("wi")} = flat[i + P_SPIN]
+            {_work("wj")} = flat[j + P_SPIN]
+        m += np.uint64(dx * dx + dy * dy > 0.0)
+    return m
+
+
+@njit(**PLAIN)
+def scatter(count, spin, flat, near_i, near_j, which, work):
+    """Forces and torques to the bodies, in the order of the list."""
+    for m in range(count):
+        k = which[m]
+        i = near_i[k]
+        j = near_j[k]
+        px = {_work("px")}
+        py = {_work("py")}
+        flat[j + P_FX] += px
+        flat[j + P_FY] += py
+        flat[i + P_FX] -= px
+        flat[i + P_FY] -= py
+        if spin != 0:
+            flat[i + P_TORQUE] += {_work("ti")}
+            flat[j + P_TORQUE] += {_work("tj")}
+'''
 
 
 def _slot(law: Law, name: str) -> int:
@@ -232,7 +363,8 @@ def _chain_block(law: Law, code: int) -> list[str]:
         "    for k in range(chains.shape[0]):",
         "        a = chains[k, 0]",
         "        b = chains[k, 1]",
-        f"        {_call(law, available)}",
+        "        if mask[u, a]:",  # a law acts on whole swimmers
+        f"            {_call(law, available)}",
     ]
 
 
@@ -240,13 +372,14 @@ def _context_arrays(used: set[str]) -> str:
     """Lines that turn the context behind a pointer into arrays, those that are used."""
     n = "n"
     shapes = {
-        "state": (f"(n, {len(STATE)})", "f8"), "motion": (str(len(MOTION)), "f8"),
+        "state": (f"(n, {ROW})", "f8"), "push": ("(n, 3)", "f8"), "which": (str(BLOCK + 1), "u8"),
+        "work": (str(BLOCK * len(WORK) + 8), "f8"), "motion": (str(len(MOTION)), "f8"),
         "bodies": (n, "i8"), "mobile": (n, "u1"), "group": (n, "i8"), "old_x": (n, "f8"), "old_y": (n, "f8"),
         "parameters": ("I[N_PARAMETERS]", "f8"), "uses": (f"(I[N_USES], {len(USE_COLUMNS)})", "i8"),
         "runs": ("(I[N_RUNS], 2)", "i8"), "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "u4"),
         "pair_j": ("I[ROOM]", "u4"), "pair_shift": ("I[ROOM]", "f8"), "near_i": ("I[ROOM]", "u4"),
         "near_j": ("I[ROOM]", "u4"), "near_shift": ("I[ROOM]", "f8"), "near_touch": ("I[ROOM]", "f8"),
-        "near_mass": ("I[ROOM]", "f8"), "starts": ("n + 1", "i8"),
+        "near_mass": ("I[ROOM]", "f8"), "near_square": ("I[ROOM]", "f8"), "starts": ("n + 1", "i8"),
         "heads": ("I[N_CELLS]", "i8"), "nexts": (n, "i8"), "chains": ("(I[N_CHAINS], 2)", "i8"),
         "input_t": ("I[N_INPUT]", "f8"), "input_v": ("I[N_INPUT]", "f8"), "input_at": ("(n, 2)", "i8"),
         "scalars": (str(len(SCALARS)), "f8"), "table_keys": ("I[N_TABLE]", "i8"),
@@ -254,7 +387,7 @@ def _context_arrays(used: set[str]) -> str:
         "contact_fx": ("I[ROOM]", "f8"), "contact_fy": ("I[ROOM]", "f8"), "contact_ti": ("I[ROOM]", "f8"),
         "contact_tj": ("I[ROOM]", "f8"), "order": ("I[ROOM]", "i8"), "listing": ("n + 1", "i8"),
     }  # fmt: skip
-    kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u1": "np.uint8"}
+    kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u8": "np.uint64", "u1": "np.uint8"}
     lines = []
     for name in INTS[INTS.index("bodies") :]:
         if name not in used or name == "floats":
@@ -272,7 +405,7 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
     parts = [
         '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
         "import math\n\nimport numpy as np\nfrom numba import carray, cfunc, njit, types\n",
-        "from granswim_pymunk.engine.native import load_float, load_int, pointer_to, store_byte, store_float\n",
+        "from granswim_pymunk.engine.native import load_float, load_int, lowest_bit, pointer_to, store_byte, store_float\n",
         "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
         "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
@@ -284,8 +417,11 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
         parts.append(f"F_{name.upper()} = {slot}\n")
     for slot, name in enumerate(MOTION):
         parts.append(f"M_{name.upper()} = {slot}\n")
-    for slot, name in enumerate(STATE[:6]):
-        parts.append(f"{name.upper()} = {slot}  # column of the state\n")
+    for name, number in columns(offsets).items():
+        parts.append(f"{name.upper()} = {number}  # column of the state\nP_{name.upper()} = np.uint64({number})\n")
+    parts.append(f"P_ROW = np.uint64({ROW})\n")
+    for slot, name in enumerate(WORK):
+        parts.append(f"W_{name.upper()} = np.uint64({BLOCK * slot})\n")
     parts.append("numpy = np\n\n")
     for law in laws:
         text = _law_source(law)
@@ -318,18 +454,19 @@ def interpolate(t, times, values, first, last):
 '''
     )
     pairs = [law for law in laws if law.kind == "pair"]
+    parts.append(_PAIRS)
     parts += [_pair_block(law, codes[law.name]) for law in pairs]
     arguments = (
-        "t, dt, state, spin, mass, inverse_mass, radius, given_inertia, torque, parameters, uses,\n"
-        "    runs, mask, near_i, near_j, near_shift, near_touch, near_mass, n_near, scalars, chains, input_t, input_v, input_at"
+        "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, mask,\n"
+        "    near_i, near_j, near_shift, near_touch, near_square, near_mass, n_near, scalars, chains, input_t, input_v, input_at, which, work"
     )
     pair_sums = []
     for law in pairs:
         pair_sums += [
             f"elif code == {codes[law.name]}:",
             "    if from_list != 0:",
-            f"        sum_{law.name}(u, t, state, spin, radius, torque, parameters, uses, mask,",
-            "            near_i, near_j, near_shift, near_touch, near_mass, n_near)",
+            f"        sum_{law.name}(u, t, flat, radius, parameters, uses, mask,",
+            "            near_i, near_j, near_shift, near_touch, near_square, near_mass, n_near, which, work)",
         ]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
@@ -338,11 +475,12 @@ def interpolate(t, times, values, first, last):
 
 @njit(**PLAIN)
 def add_forces(from_list, constrained, {arguments}):
-    """Add all forces [N] to the columns FX, FY of the state, and torques [N m]. Uses are sorted: pairs, chains, bodies, constraints.
+    """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE. Uses are sorted: pairs, chains, bodies, constraints.
 
     ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
     ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
     """
+    flat = state.reshape(state.size)
     for u in range(uses.shape[0]):
         code = uses[u, 0]
         o = uses[u, 1]
@@ -358,12 +496,12 @@ def add_forces(from_list, constrained, {arguments}):
     for law in pairs:
         pair_calls += [
             f"elif code == {codes[law.name]}:",
-            f"    px, py, ti, tj = pair_{law.name}(i, j, uses[u, 1], t, state, spin, inverse_mass, radius, parameters, scalars)",
+            f"    px, py, ti, tj = pair_{law.name}(i, j, uses[u, 1], t, state, inverse_mass, radius, parameters, scalars)",
         ]
     parts.append(f'''
 
 @njit(**PLAIN)
-def pair_force(i, j, t, state, spin, inverse_mass, radius, parameters, uses, mask, scalars):
+def pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, scalars):
     """Force on j [N] and torques on i and j [N m] by all pair laws; i gets the opposite force."""
     sx = 0.0
     sy = 0.0
@@ -406,9 +544,8 @@ def find(key, keys, values):
 
 
 @njit(**PLAIN)
-def gather(n_mobile, bodies, state, motion, spin, torque, far):
-    """What the drift does besides moving: read the mobile bodies [SI]; True where one left its surroundings."""
-    left = False
+def gather(n_mobile, bodies, state, motion):
+    """What the drift does besides moving: read the mobile bodies [SI]."""
     for i in range(n_mobile):
         at = bodies[i]
         state[i, X] = load_float(at + {o.position}) * motion[M_LENGTH_UNIT]
@@ -417,24 +554,41 @@ def gather(n_mobile, bodies, state, motion, spin, torque, far):
         state[i, VY] = load_float(at + {o.velocity + 8}) * motion[M_VELOCITY_UNIT]
         state[i, FX] = 0.0
         state[i, FY] = 0.0
-        spin[i] = load_float(at + {o.spin}) * motion[M_SPIN_UNIT]
-        torque[i] = 0.0
-        way_x = state[i, X] - state[i, {STATE.index("near_x")}]
-        way_y = state[i, Y] - state[i, {STATE.index("near_y")}]
-        if not way_x * way_x + way_y * way_y <= far[i]:
-            left = True
-    return left
+        state[i, SPIN] = load_float(at + {o.spin}) * motion[M_SPIN_UNIT]
+        state[i, TORQUE] = 0.0
 
 
 @njit(**PLAIN)
-def hand_over(n_mobile, bodies, state, motion, torque):
+def fast(n_mobile, state):
+    """Whether a body is faster than the list of near pairs allows, or is no number."""
+    found = False
+    for i in range(n_mobile):
+        if not state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY] <= state[i, {LIMIT}]:
+            found = True
+    return found
+
+
+@njit(**PLAIN)
+def away(n_mobile, state, margin):
+    """Whether a body left its surroundings, or is no number."""
+    found = False
+    for i in range(n_mobile):
+        way_x = state[i, X] - state[i, NEAR_X]
+        way_y = state[i, Y] - state[i, NEAR_Y]
+        if not way_x * way_x + way_y * way_y <= margin:
+            found = True
+    return found
+
+
+@njit(**PLAIN)
+def hand_over(n_mobile, bodies, state, motion):
     """What the kick does first: add the forces to what the user put on the bodies."""
     for i in range(n_mobile):
         at = bodies[i]
         store_float(at + {o.force}, load_float(at + {o.force}) + state[i, FX] * motion[M_FORCE_SCALE])
         store_float(at + {o.force + 8}, load_float(at + {o.force + 8}) + state[i, FY] * motion[M_FORCE_SCALE])
-        if torque[i] != 0.0:
-            store_float(at + {o.torque}, load_float(at + {o.torque}) + torque[i] * motion[M_TORQUE_SCALE])
+        if state[i, TORQUE] != 0.0:
+            store_float(at + {o.torque}, load_float(at + {o.torque}) + state[i, TORQUE] * motion[M_TORQUE_SCALE])
 
 
 @njit(**PLAIN)
@@ -446,16 +600,27 @@ def finite(state):
 
 
 @njit(**PLAIN)
-def surround(n_mobile, state, radius, allowance, far, reaching, floor, ahead, most, reach):
-    """Give each body an allowance [m] that lasts some steps: the drift says when one has used it up."""
+def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, reach):
+    """Give each body a speed limit, and so a way [m] within which its list of near pairs holds.
+
+    Returns the number of steps for which: fewer where the fastest body would go farther than ``most``.
+    """
+    top = 0.0
     for i in range(n_mobile):
-        state[i, {STATE.index("near_x")}] = state[i, X]
-        state[i, {STATE.index("near_y")}] = state[i, Y]
-        speed = math.sqrt(state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY])
-        way = min(floor + ahead * speed, most)
+        square = state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY]
+        speed = headroom + 1.25 * math.sqrt(square)
+        top = max(top, speed)
+        allowance[i] = speed
+        state[i, {LIMIT}] = speed * speed
+    lasts = {NEAR_LASTS}.0
+    if top * lasts * dt > most:
+        lasts = max(math.floor(most / (top * dt)), 1.0)
+    # a hair more than the way at the limit: rounding in a drift and in the limit itself
+    for i in range(n_mobile):
+        way = allowance[i] * (lasts * dt * 1.000001)
         allowance[i] = way
-        far[i] = way * way
         reaching[i] = radius[i] + 0.5 * reach + way
+    return lasts
 
 
 @cfunc(types.void(types.int64, types.int64), cache=True, error_model='numpy')
@@ -465,27 +630,39 @@ def verlet_step(constraint, space):
     UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
-    if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
-        whole[M_LEFT] = 1
-    if whole[M_LEFT] != 0:
+    if I[OWN_DRIFT] == 0:
+        gather(n_mobile, bodies, state, motion)
+        if fast(n_mobile, state):
+            whole[M_LEFT] = 1
+    lasted = F[F_STEP] - F[F_PRUNED]
+    early = whole[M_LEFT] != 0
+    if early or lasted >= F[F_LASTS]:
         whole[M_LEFT] = 0
-        if not finite(state):
+        if early and not finite(state):
             I[STATUS] = -2
             return
+        # the near list is cut from the long one every few steps, the long one built every few hundred
+        if early and lasted < {NEAR_LASTS // 2}:
+            F[F_HEADROOM] *= 1.3
+        elif not early:
+            F[F_HEADROOM] *= 0.97
+        F[F_PRUNED] = F[F_STEP]
+        most = 0.25 * F[F_SKIN]
+        F[F_HEADROOM] = min(F[F_HEADROOM], 0.5 * most / ({NEAR_LASTS} * F[F_DT]))
+        F[F_LASTS] = surround(n_mobile, state, radius, allowance, reaching, F[F_HEADROOM], F[F_DT], most, F[F_REACH])
         if I[ROOM] > 0:
-            # the near list is cut from the long one every few steps, the long one built every few hundred
-            lasted = F[F_STEP] - F[F_PRUNED]
-            F[F_PRUNED] = F[F_STEP]
-            if lasted < {SHORT_PRUNE}:
-                F[F_NEAR_SKIN] = min(1.2 * F[F_NEAR_SKIN], 0.5 * F[F_SKIN])
-            elif lasted > {LONG_PRUNE}:
-                F[F_NEAR_SKIN] *= 0.8
-            surround(n_mobile, state, radius, allowance, far, reaching, 0.5 * F[F_NEAR_SKIN], {AHEAD} * F[F_DT],
-                     0.25 * F[F_SKIN], F[F_REACH])
+            I[CUTS] += 1
             for i in range(n):
                 place_x[i] = state[i, X]
                 place_y[i] = state[i, Y]
             if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
+                if I[FIXED_SKIN] == 0 and I[REBUILDS] > 0:
+                    # a list that lasts too short was too narrow, one that lasts long has pairs to spare
+                    if F[F_STEP] - F[F_BUILT] < {SHORT_BUILD}:
+                        F[F_SKIN] = min(1.2 * F[F_SKIN], F[F_MOST_SKIN])
+                    elif F[F_STEP] - F[F_BUILT] > {LONG_BUILD}:
+                        F[F_SKIN] = max(0.9 * F[F_SKIN], F[F_LEAST_SKIN])
+                F[F_BUILT] = F[F_STEP]
                 count = build_list(place_x, place_y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
                                    pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
                                    starts)
@@ -498,7 +675,7 @@ def verlet_step(constraint, space):
                     old_x[i] = place_x[i]
                     old_y[i] = place_y[i]
             I[N_NEAR] = prune(place_x, place_y, reaching, inverse_mass, radius, pair_i, pair_j, pair_shift, I[N_PAIRS],
-                              near_i, near_j, near_shift, near_touch, near_mass)
+                              near_i, near_j, near_shift, near_touch, near_square, near_mass, {ROW})
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
@@ -506,10 +683,17 @@ def verlet_step(constraint, space):
     for i in range(n_mobile, n):
         state[i, FX] = 0.0  # of the mobile ones, the drift did it
         state[i, FY] = 0.0
-        torque[i] = 0.0
+        state[i, TORQUE] = 0.0
     add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
+    if I[PUSHED] != 0:
+        # what the user put on the bodies, for this one step
+        I[PUSHED] = 0
+        for i in range(n_mobile):
+            state[i, FX] += push[i, 0]
+            state[i, FY] += push[i, 1]
+            state[i, TORQUE] += push[i, 2]
     if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion, torque)
+        hand_over(n_mobile, bodies, state, motion)
 
 
 @cfunc(types.void(types.int64, types.int64, types.int64), cache=True, error_model='numpy')
@@ -529,7 +713,7 @@ def contact_presolve(arbiter, space, data):
     if not (mobile[i] or mobile[j]) or (group[i] != 0 and group[i] == group[j]):
         return
     t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
-    px, py, ti, tj = pair_force(i, j, t, state, spin, inverse_mass, radius, parameters, uses, mask, scalars)
+    px, py, ti, tj = pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, scalars)
     c = I[N_CONTACTS]
     if c >= I[ROOM]:
         I[STATUS] = -1
@@ -550,8 +734,10 @@ def chipmunk_step(constraint, space):
     UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
-    if I[OWN_DRIFT] == 0 and gather(n_mobile, bodies, state, motion, spin, torque, far):
-        whole[M_LEFT] = 1
+    if I[OWN_DRIFT] == 0:
+        gather(n_mobile, bodies, state, motion)
+        if away(n_mobile, state, motion[M_MARGIN]):
+            whole[M_LEFT] = 1
     if whole[M_LEFT] != 0:
         whole[M_LEFT] = 0
         if not finite(state):
@@ -566,7 +752,7 @@ def chipmunk_step(constraint, space):
     for i in range(n_mobile, n):
         state[i, FX] = 0.0
         state[i, FY] = 0.0
-        torque[i] = 0.0
+        state[i, TORQUE] = 0.0
     count = I[N_CONTACTS]
     for i in range(n + 1):
         listing[i] = 0
@@ -596,14 +782,14 @@ def chipmunk_step(constraint, space):
                 state[j, FY] += contact_fy[c]
                 state[i, FX] -= contact_fx[c]
                 state[i, FY] -= contact_fy[c]
-                torque[i] += contact_ti[c]
-                torque[j] += contact_tj[c]
+                state[i, TORQUE] += contact_ti[c]
+                state[j, TORQUE] += contact_tj[c]
         first = last
     I[N_CONTACTS] = 0
     n_near = I[N_NEAR]
     add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
     if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion, torque)
+        hand_over(n_mobile, bodies, state, motion)
 
 
 @cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')

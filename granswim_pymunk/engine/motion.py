@@ -1,16 +1,18 @@
-"""Drift and kick: what Chipmunk calls for every body in every step, in some twenty instructions each.
+"""Drift and kick: what Chipmunk calls for every body in every step, in some ten to twenty instructions each.
 
-They are written as LLVM instructions because the wrapper that numba puts around a callback costs as much
-as the motion itself, and because a position or a velocity is one register of two floats here.
+They are written as LLVM instructions because the wrapper that numba puts around a callback costs more than
+the motion itself, and because a position or a velocity is one register of two floats here.
 
-The pointers that they need stand in the place of a body's centre of gravity, which is zero for a disk:
-its row of the state, and the numbers in ``MOTION``. Read as floats they are smaller than any length that
-matters (1e-309).
+Two kinds. "In place": bodies are in SI and the laws read and write Chipmunk's own memory, so drift and kick
+are v dt and f dt/m and no more. "Apart": bodies are in engine units (where Chipmunk finds the contacts), the
+laws have rows of their own, and the drift fills them. What they need besides stands in front of each body,
+in the memory that the package puts it into (``native.rows_of_bodies``).
 """
 
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -20,19 +22,41 @@ from llvmlite import ir
 from numba.core.registry import cpu_target
 from pymunk._chipmunk_cffi import ffi, lib
 
-from .native import Offsets, offsets, write_slot
+from .native import LEAD, Offsets, column, offsets, releaser, rows_of_bodies, settle_in
 
-# columns of the state [SI]; one row is one cache line
-STATE = ("x", "y", "vx", "vy", "fx", "fy", "near_x", "near_y")
+# in front of each body: in place, the speed it may reach before the neighbour list is renewed, squared
+# [m2/s2]; apart, the address of its row. Then the address of the numbers in MOTION
+LIMIT = 0
+OWN_ROW = 0
+NUMBERS = 1
 # what drift and kick know besides: floats ...
 MOTION = (
-    "length_unit", "velocity_unit", "spin_unit", "force_scale", "torque_scale",
-    # ... and whole numbers in the same array
-    "left", "turning", "state", "spin", "torque", "far",
+    "length_unit", "velocity_unit", "spin_unit", "force_scale", "torque_scale", "margin",
+    # ... and a whole number in the same array
+    "left",
 )  # fmt: skip
 
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
 _PAIR = ir.VectorType(_FLOAT, 2)
+_NOTHING = ir.Constant(_PAIR, [0.0, 0.0])
+
+
+@functools.cache
+def columns(o: Offsets | None) -> dict[str, int]:
+    """Columns of a row as the laws see it: x, y, vx, vy, fx, fy, spin, torque, and where a list was made."""
+    if o is None:  # nothing native: any will do
+        names = ("near_x", "near_y", "x", "y", "vx", "vy", "fx", "fy", "spin", "torque")
+        return {name: 8 + k for k, name in enumerate(names)}
+    result: dict[str, int] = {}
+    for name, offset in (("x", o.position), ("vx", o.velocity), ("fx", o.force)):
+        result[name] = column(offset)
+        result[name.replace("x", "y")] = column(offset) + 1
+    result["spin"], result["torque"] = column(o.spin), column(o.torque)
+    # in rows apart from the bodies only, so any that are free; if they can, beside x
+    taken = set(result.values())
+    free = [k for k in range(2, 16) if k not in taken]
+    result["near_y"], result["near_x"] = free[-1], free[-2]
+    return result
 
 
 class _Writer:
@@ -55,35 +79,67 @@ class _Writer:
     def store(self, value: Any, base: Any, offset: int) -> None:
         self.builder.store(value, self.at(base, offset, value.type)).align = 8
 
-    def motion(self, name: str, kind: Any = _FLOAT) -> Any:
-        return self.load(self.numbers, 8 * MOTION.index(name), kind)
+    def slot(self, which: int, kind: Any = _INT) -> Any:
+        """What stands in front of the body."""
+        return self.load(self.body, 8 * (which - LEAD), kind)
+
+    def motion(self, name: str) -> Any:
+        return self.load(self.slot(NUMBERS), 8 * MOTION.index(name))
+
+    def mark_left(self) -> None:
+        self.store(ir.Constant(_INT, 1), self.slot(NUMBERS), 8 * MOTION.index("left"))
 
     def both(self, a: Any, b: Any = None) -> Any:
         """Two floats in one register."""
         pair = self.builder.insert_element(ir.Constant(_PAIR, ir.Undefined), a, ir.Constant(_INT, 0))
         return self.builder.insert_element(pair, a if b is None else b, ir.Constant(_INT, 1))
 
-    def slot(self, o: Offsets) -> None:
-        self.row = self.load(self.body, o.center, _INT)
-        self.numbers = self.load(self.body, o.center + 8, _INT)
-
-    def place(self, array: str) -> Any:
-        """Address of the body's element in an array of floats; a row of the state has 64 bytes."""
+    def square(self, pair: Any) -> Any:
         b = self.builder
-        way = b.lshr(b.sub(self.row, self.motion("state", _INT)), ir.Constant(_INT, 3))
-        return b.add(self.motion(array, _INT), way)
+        product = b.fmul(pair, pair)
+        return b.fadd(*(b.extract_element(product, ir.Constant(_INT, k)) for k in (0, 1)))
 
 
-def _column(name: str) -> int:
-    return 8 * STATE.index(name)
-
-
-def _write_drift(module: ir.Module, o: Offsets) -> None:
-    """x += v dt; the state [SI] into its row, force zero; a mark where the body left its surroundings."""
-    w = _Writer(module, "drift", [_FLOAT])
+def _drift_in_place(module: ir.Module, o: Offsets, turning: bool) -> None:
+    """x += v dt, force zero; a mark where the body is faster than its neighbour list allows."""
+    w = _Writer(module, "drift_turning" if turning else "drift", [_FLOAT])
     b = w.builder
     (dt,) = w.arguments
-    w.slot(o)
+    velocity = w.load(w.body, o.velocity, _PAIR)
+    w.store(b.fadd(w.load(w.body, o.position, _PAIR), b.fmul(velocity, w.both(dt))), w.body, o.position)
+    w.store(_NOTHING, w.body, o.force)
+    if turning:
+        w.store(b.fadd(w.load(w.body, o.angle), b.fmul(w.load(w.body, o.spin), dt)), w.body, o.angle)
+        w.store(ir.Constant(_FLOAT, 0.0), w.body, o.torque)
+    # "not below" rather than "above": true for NaN too
+    with b.if_then(b.fcmp_unordered(">", w.square(velocity), w.slot(LIMIT, _FLOAT)), likely=False):
+        w.mark_left()
+    b.ret_void()
+
+
+def _kick_in_place(module: ir.Module, o: Offsets, turning: bool) -> None:
+    """v = v damping + (gravity + f/m) dt as Chipmunk's own; the force stays until the next drift."""
+    # gravity is a cpVect by value: two doubles where such pairs pass in registers
+    w = _Writer(module, "kick_turning" if turning else "kick", [_FLOAT, _FLOAT, _FLOAT, _FLOAT])
+    b = w.builder
+    gravity_x, gravity_y, damping, dt = w.arguments
+    force = b.fmul(w.load(w.body, o.force, _PAIR), w.both(w.load(w.body, o.inverse_mass)))
+    gain = b.fadd(w.both(gravity_x, gravity_y), force)
+    velocity = b.fmul(w.load(w.body, o.velocity, _PAIR), w.both(damping))
+    w.store(b.fadd(velocity, b.fmul(gain, w.both(dt))), w.body, o.velocity)
+    if turning:
+        gain = b.fmul(b.fmul(w.load(w.body, o.torque), w.load(w.body, o.inverse_moment)), dt)
+        w.store(b.fadd(b.fmul(w.load(w.body, o.spin), damping), gain), w.body, o.spin)
+    b.ret_void()
+
+
+def _drift_apart(module: ir.Module, o: Offsets) -> None:
+    """x += v dt; the state [SI] into its row, force zero; a mark where the body left its surroundings."""
+    w = _Writer(module, "drift_apart", [_FLOAT])
+    b = w.builder
+    (dt,) = w.arguments
+    row = w.slot(OWN_ROW)
+    at = {name: 8 * k for name, k in columns(o).items()}
     velocity = w.load(w.body, o.velocity, _PAIR)
     position = b.fadd(w.load(w.body, o.position, _PAIR), b.fmul(velocity, w.both(dt)))
     spin = w.load(w.body, o.spin)
@@ -91,103 +147,91 @@ def _write_drift(module: ir.Module, o: Offsets) -> None:
     w.store(position, w.body, o.transform)  # its rotation stays: a disk needs no sine and cosine
     w.store(b.fadd(w.load(w.body, o.angle), b.fmul(spin, dt)), w.body, o.angle)
     seen = b.fmul(position, w.both(w.motion("length_unit")))
-    way = b.fsub(seen, w.load(w.row, _column("near_x"), _PAIR))
-    w.store(seen, w.row, _column("x"))
-    w.store(b.fmul(velocity, w.both(w.motion("velocity_unit"))), w.row, _column("vx"))
-    w.store(ir.Constant(_PAIR, [0.0, 0.0]), w.row, _column("fx"))
-    square = b.fmul(way, way)
-    total = b.fadd(*(b.extract_element(square, ir.Constant(_INT, k)) for k in (0, 1)))
-    # "not inside" rather than "outside": true for NaN too
-    with b.if_then(b.fcmp_unordered(">", total, w.load(w.place("far"), 0)), likely=False):
-        w.store(ir.Constant(_INT, 1), w.numbers, 8 * MOTION.index("left"))
-    with b.if_then(b.icmp_unsigned("!=", w.motion("turning", _INT), ir.Constant(_INT, 0)), likely=False):
-        w.store(b.fmul(spin, w.motion("spin_unit")), w.place("spin"), 0)
-        w.store(ir.Constant(_FLOAT, 0.0), w.place("torque"), 0)
+    way = b.fsub(seen, w.load(row, at["near_x"], _PAIR))
+    w.store(seen, row, at["x"])
+    w.store(b.fmul(velocity, w.both(w.motion("velocity_unit"))), row, at["vx"])
+    w.store(_NOTHING, row, at["fx"])
+    w.store(b.fmul(spin, w.motion("spin_unit")), row, at["spin"])
+    w.store(ir.Constant(_FLOAT, 0.0), row, at["torque"])
+    with b.if_then(b.fcmp_unordered(">", w.square(way), w.motion("margin")), likely=False):
+        w.mark_left()
     b.ret_void()
 
 
-def _write_kick(module: ir.Module, o: Offsets) -> None:
+def _kick_apart(module: ir.Module, o: Offsets) -> None:
     """v = v damping + (gravity + f/m) dt as Chipmunk's own, f being the user's force and that of the laws."""
-    # gravity is a cpVect by value: two doubles where such pairs pass in registers
-    w = _Writer(module, "kick", [_FLOAT, _FLOAT, _FLOAT, _FLOAT])
+    w = _Writer(module, "kick_apart", [_FLOAT, _FLOAT, _FLOAT, _FLOAT])
     b = w.builder
     gravity_x, gravity_y, damping, dt = w.arguments
-    w.slot(o)
-    law = b.fmul(w.load(w.row, _column("fx"), _PAIR), w.both(w.motion("force_scale")))
+    row = w.slot(OWN_ROW)
+    at = {name: 8 * k for name, k in columns(o).items()}
+    law = b.fmul(w.load(row, at["fx"], _PAIR), w.both(w.motion("force_scale")))
     force = b.fadd(w.load(w.body, o.force, _PAIR), law)
     gain = b.fadd(w.both(gravity_x, gravity_y), b.fmul(force, w.both(w.load(w.body, o.inverse_mass))))
     velocity = b.fmul(w.load(w.body, o.velocity, _PAIR), w.both(damping))
     w.store(b.fadd(velocity, b.fmul(gain, w.both(dt))), w.body, o.velocity)
-    w.store(ir.Constant(_PAIR, [0.0, 0.0]), w.body, o.force)
-    own = w.load(w.body, o.torque)
-    before = b.block
-    with b.if_then(b.icmp_unsigned("!=", w.motion("turning", _INT), ir.Constant(_INT, 0)), likely=False):
-        added = b.fadd(own, b.fmul(w.load(w.place("torque"), 0), w.motion("torque_scale")))
-        inner = b.block
-    torque = b.phi(_FLOAT)
-    torque.add_incoming(own, before)
-    torque.add_incoming(added, inner)
+    w.store(_NOTHING, w.body, o.force)
+    torque = b.fadd(w.load(w.body, o.torque), b.fmul(w.load(row, at["torque"]), w.motion("torque_scale")))
     gain = b.fmul(b.fmul(torque, w.load(w.body, o.inverse_moment)), dt)
     w.store(b.fadd(b.fmul(w.load(w.body, o.spin), damping), gain), w.body, o.spin)
     w.store(ir.Constant(_FLOAT, 0.0), w.body, o.torque)
     b.ret_void()
 
 
+@dataclass(frozen=True)
+class Motion:
+    """Addresses of the compiled functions; ``kicks``: Chipmunk can call the kicks on this machine."""
+
+    drift: int
+    drift_turning: int
+    drift_apart: int
+    kick: int
+    kick_turning: int
+    kick_apart: int
+    kicks: bool
+    engine: Any  # keeps the code
+
+
 @functools.cache
-def motion_functions() -> tuple[int, int | None, Any]:
-    """Addresses of drift and kick (None where Chipmunk cannot call it), and what keeps them alive."""
+def motion_functions() -> Motion:
+    """Compile drifts and kicks, and try a kick. Raises ProbeError where bodies cannot be put into own memory."""
     o = offsets()
     assert cpu_target.target_context is not None  # has LLVM set up
     module = ir.Module(name="granswim_motion")
-    _write_drift(module, o)
-    _write_kick(module, o)
+    for turning in (False, True):
+        _drift_in_place(module, o, turning)
+        _kick_in_place(module, o, turning)
+    _drift_apart(module, o)
+    _kick_apart(module, o)
     parsed = llvm.parse_assembly(str(module))
     parsed.verify()
     # no contraction of product and sum, as in all of the engine: LLVM does that only where it is told to
     machine = llvm.Target.from_default_triple().create_target_machine(opt=2)
     engine = llvm.create_mcjit_compiler(parsed, machine)
     engine.finalize_object()
-    kick: int | None = engine.get_function_address("kick")
-    assert kick is not None
-    if not _kicks(kick, o):
-        kick = None
-    return engine.get_function_address("drift"), kick, engine
+    names = ("drift", "drift_turning", "drift_apart", "kick", "kick_turning", "kick_apart")
+    found = {name: engine.get_function_address(name) for name in names}
+    return Motion(**found, kicks=_kicks(found["kick_turning"], o), engine=engine)
 
 
 def _kicks(kick: int, o: Offsets) -> bool:
     """Try the kick on one body: does its gravity arrive?"""
-    state, torque = np.zeros(8), np.zeros(1)
-    state[STATE.index("fx")], state[STATE.index("fy")], torque[0] = 0.375, -0.625, 1.5
-    numbers = motion_numbers({"force_scale": 2.0, "torque_scale": 4.0}, state, torque, torque, torque, True)
+    memory = rows_of_bodies(1)
     space = pymunk.Space()
     space.gravity = (1.25, -2.5)
     body = pymunk.Body(0.5, 2.0)
+    settle_in(body, memory[0, LEAD:].ctypes.data, releaser(memory))
     body.velocity = (10.0, 20.0)
     space.add(body)
-    write_slot(body, o, state.ctypes.data, numbers.ctypes.data)
+    body.force, body.torque = (0.75, -1.25), 6.0
     lib.cpBodySetVelocityUpdateFunc(body._body, ffi.cast("cpBodyVelocityFunc", kick))
     space.step(0.5)
     return tuple(body.velocity) == (11.375, 17.5) and body.angular_velocity == 1.5
 
 
-def motion_numbers(
-    floats: dict[str, float], state: np.ndarray, spin: np.ndarray, torque: np.ndarray, far: np.ndarray, turning: bool
-) -> np.ndarray:
-    """The array behind ``MOTION``: floats, and whole numbers bit by bit. The caller keeps it and the arrays."""
+def motion_numbers(floats: dict[str, float]) -> np.ndarray:
+    """The array behind ``MOTION``."""
     numbers = np.zeros(len(MOTION))
     for name, value in floats.items():
         numbers[MOTION.index(name)] = value
-    whole = numbers.view(np.int64)
-    for name, number in {
-        "turning": int(turning), "state": state.ctypes.data, "spin": spin.ctypes.data, "torque": torque.ctypes.data,
-        "far": far.ctypes.data,
-    }.items():  # fmt: skip
-        whole[MOTION.index(name)] = number
     return numbers
-
-
-def make_state(n: int) -> np.ndarray:
-    """(n, 8) zeros, a row to a cache line."""
-    raw = np.zeros(8 * n + 8)
-    first = -(raw.ctypes.data // 8) % 8
-    return raw[first : first + 8 * n].reshape(n, 8)

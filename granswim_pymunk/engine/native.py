@@ -9,9 +9,11 @@ from __future__ import annotations
 import ctypes
 import functools
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pymunk
 from numba import types
 from numba.core import cgutils
@@ -35,8 +37,9 @@ class Offsets:
     torque: int
     inverse_mass: int
     inverse_moment: int
-    center: int  # the centre of gravity, zero for a disk
     transform: int
+    kick: int  # the body's velocity function
+    drift: int  # the body's position function
     user_data: int  # of cpConstraint
     body_a: int  # of cpArbiter
     body_b: int
@@ -78,12 +81,14 @@ def offsets() -> Offsets:
     body.torque = 8.015625e7
     torque = _find(memory, _BODY_BYTES, struct.pack("d", 8.015625e7), "the torque")
 
-    body.center_of_gravity = (3.0625e7, -9.25e8)
-    center = _find(memory, _BODY_BYTES, struct.pack("dd", 3.0625e7, -9.25e8), "the centre of gravity")
+    mark = 0x5A5A1234ABCD
+    lib.cpBodySetVelocityUpdateFunc(body._body, ffi.cast("cpBodyVelocityFunc", mark))
+    kick = _find(memory, _BODY_BYTES, struct.pack("q", mark), "the velocity function")
+    lib.cpBodySetPositionUpdateFunc(body._body, ffi.cast("cpBodyPositionFunc", mark + 64))
+    drift = _find(memory, _BODY_BYTES, struct.pack("q", mark + 64), "the position function")
 
     constraint = pymunk.DampedSpring(pymunk.Body(1, 1), pymunk.Body(1, 1), (0, 0), (0, 0), 1, 0, 0)
     kept = lib.cpConstraintGetUserData(constraint._constraint)
-    mark = 0x5A5A1234ABCD
     lib.cpConstraintSetUserData(constraint._constraint, ffi.cast("void *", mark))
     user_data = _find(
         ffi.cast("char *", constraint._constraint), _CONSTRAINT_BYTES, struct.pack("q", mark), "user data"
@@ -92,8 +97,8 @@ def offsets() -> Offsets:
 
     fields = dict(ffi.typeof("cpArbiter").fields)
     found = Offsets(
-        position, velocity, force, angle, spin, torque, inverse_mass, inverse_moment, center, transform, user_data,
-        fields["body_a"].offset, fields["body_b"].offset, fields["processCollision"].offset,
+        position, velocity, force, angle, spin, torque, inverse_mass, inverse_moment, transform, kick, drift,
+        user_data, fields["body_a"].offset, fields["body_b"].offset, fields["processCollision"].offset,
     )  # fmt: skip
 
     other = pymunk.Body(1.0, 1.0)
@@ -123,10 +128,69 @@ def address(pointer: Any) -> int:
     return int(ffi.cast("intptr_t", pointer))
 
 
-def write_slot(body: pymunk.Body, o: Offsets, first: int, second: int) -> None:
-    """Put two addresses where the body's centre of gravity stands (see ``motion``)."""
-    slot = ffi.cast("int64_t *", address(body._body) + o.center)
-    slot[0], slot[1] = first, second
+# ---- bodies in memory of our own ------------------------------------------------------------------
+
+# A row of ROW floats holds two floats of ours and a cpBody. Rows begin where cache lines do, so the functions, the
+# inverse mass and what is ours share one line, position, velocity and force the next.
+LEAD = 2
+ROW = 40
+
+
+def _room_of(body: pymunk.Body) -> int:
+    """Bytes that were allocated for a cpBody."""
+    library = ctypes.CDLL(None)
+    for name in ("malloc_usable_size", "malloc_size"):
+        if hasattr(library, name):
+            measure = getattr(library, name)
+            measure.restype, measure.argtypes = ctypes.c_size_t, [ctypes.c_void_p]
+            return int(measure(address(body._body)))
+    raise ProbeError("the size of a body cannot be found here")
+
+
+@functools.cache
+def body_bytes() -> int:
+    """How much of a fresh body to copy. Raises ProbeError where that is unknown or more than a row holds."""
+    try:
+        size = _room_of(pymunk.Body(1.0, 1.0))
+    except (OSError, TypeError) as error:
+        raise ProbeError(f"the size of a body cannot be found: {error}") from None
+    if not _BODY_BYTES <= size <= 8 * (ROW - LEAD):
+        raise ProbeError(f"a body takes {size} bytes")
+    return size
+
+
+def rows_of_bodies(n: int) -> np.ndarray:
+    """(n, ROW) zeros, each row at the beginning of a cache line."""
+    raw = np.zeros(ROW * n + 8)
+    first = -(raw.ctypes.data // 8) % 8
+    return raw[first : first + ROW * n].reshape(n, ROW)
+
+
+def column(offset: int) -> int:
+    """Column of a row where the field at this offset of a cpBody stands."""
+    return LEAD + offset // 8
+
+
+def settle_in(body: pymunk.Body, at: int, release: Callable[[Any], None]) -> None:
+    """Move a body that is in no Space yet to address ``at``; ``release`` is called when it goes."""
+    size = body_bytes()
+    ffi.memmove(ffi.cast("char *", at), ffi.cast("char *", body._body), size)
+    # what pymunk allocated goes with the handle that is replaced here
+    body._body = ffi.gc(ffi.cast("cpBody *", at), release)
+
+
+def releaser(memory: np.ndarray) -> Callable[[Any], None]:
+    """What pymunk does when a body goes, but for freeing its memory: that goes with the last body."""
+
+    def release(body: Any, memory: np.ndarray = memory) -> None:
+        lib.cpBodyEachShape(body, lib.ext_cpBodyShapeIteratorFunc, ffi.NULL)
+        lib.cpBodyEachConstraint(body, lib.ext_cpBodyConstraintIteratorFunc, ffi.NULL)
+        space = lib.cpBodyGetSpace(body)
+        if space != ffi.NULL:
+            lib.cpSpaceRemoveBody(space, body)
+        lib.cpBodyDestroy(body)
+
+    return release
 
 
 # ---- what compiled code uses --------------------------------------------------------------------
@@ -176,6 +240,16 @@ def store_byte(typingctx, where, value):
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), generate
+
+
+@intrinsic
+def lowest_bit(typingctx, word):
+    """Number of the lowest bit that is set in an uint64, which must not be zero."""
+
+    def generate(context, builder, signature, args):
+        return builder.cttz(args[0], cgutils.true_bit)
+
+    return types.uint64(types.uint64), generate
 
 
 @intrinsic

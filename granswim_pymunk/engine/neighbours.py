@@ -157,11 +157,13 @@ def build_list(
 @njit(cache=True, error_model="numpy")
 def prune(
     x, y, room, inverse_mass, radius, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift,
-    near_touch, near_mass,
+    near_touch, near_square, near_mass, row,
 ):  # fmt: skip
     """Keep the pairs of a list that are closer than the sum of their ``room`` (n,) [m]; their number.
 
-    ``near_touch`` [m] is the sum of radii, ``near_mass`` [kg] the reduced mass. The order stays.
+    ``near_i`` and ``near_j`` are ``row`` times the bodies' numbers: where their rows begin in a flat array.
+    ``near_touch`` [m] is the sum of radii, ``near_square`` [m2] its square, ``near_mass`` [kg] the reduced
+    mass. The order stays.
     """
     near = np.uint64(0)
     one = np.uint64(1)
@@ -179,7 +181,11 @@ def prune(
     for k in range(near):
         i = near_i[k]
         j = near_j[k]
-        near_touch[k] = radius[i] + radius[j]
+        touch = radius[i] + radius[j]
+        near_i[k] = i * np.uint32(row)
+        near_j[k] = j * np.uint32(row)
+        near_touch[k] = touch
+        near_square[k] = touch * touch
         near_mass[k] = 1.0 / (inverse_mass[i] + inverse_mass[j])
     return near
 

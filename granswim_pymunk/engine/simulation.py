@@ -19,9 +19,32 @@ from ..errors import InputError, SimulationError
 from ..scene import Scene
 from . import events, neighbours, stepping
 from .advice import advise_dt
-from .callbacks import FLOATS, INTS, KIND_ORDER, SCALARS, USE_COLUMNS, Kernel, compile_laws
-from .motion import STATE, make_state, motion_functions, motion_numbers
-from .native import Offsets, ProbeError, address, offsets, step_address, write_slot
+from .callbacks import (
+    BLOCK,
+    FLOATS,
+    INTS,
+    KIND_ORDER,
+    SCALARS,
+    USE_COLUMNS,
+    WORK,
+    Kernel,
+    compile_laws,
+    spins,
+)  # fmt: skip
+from .motion import MOTION, NUMBERS, OWN_ROW, Motion, columns, motion_functions, motion_numbers
+from .native import (
+    LEAD,
+    ROW,
+    Offsets,
+    ProbeError,
+    address,
+    column,
+    offsets,
+    releaser,
+    rows_of_bodies,
+    settle_in,
+    step_address,
+)  # fmt: skip
 from .units import Units
 
 log = logging.getLogger("granswim")
@@ -106,7 +129,6 @@ class Simulation:
             if body.initial is None:
                 raise InputError("needs initial = [x, y, vx, vy]", where=f"body {body.id}")
         self.scene = scene
-        self.units = units or Units.for_scene(scene)
         self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
         if self.impulse and scene.periodic_x:
             raise InputError(
@@ -131,6 +153,10 @@ class Simulation:
             far = ", ".join(item.name for item in scene.laws if item.law.reach)
             raise InputError(f"{far} acts before contact, which Chipmunk does not report; use mode verlet")
         self.mode = mode
+        self._motion = self._own_motion()
+        # in place: the laws read and write Chipmunk's own memory, which is in SI where its collision is not used
+        self._in_place = mode == "verlet" and self._motion is not None and units in (None, Units(1.0, 1.0, 1.0))
+        self.units = units or (Units(1.0, 1.0, 1.0) if self._in_place else Units.for_scene(scene))
         self.dt = float(dt if dt is not None else scene.time.dt or advise_dt(scene))
         if not (math.isfinite(self.dt) and self.dt > 0):
             raise InputError(f"dt should be above zero [s], got {dt!r}")
@@ -155,6 +181,17 @@ class Simulation:
 
     # ---- set-up -------------------------------------------------------------------------------
 
+    def _own_motion(self) -> Motion | None:
+        """Compiled drifts and kicks; None where Chipmunk's own must do."""
+        if self._offsets is None or self.impulse:  # its own position function knows about its overlap correction
+            return None
+        try:
+            found = motion_functions()
+        except ProbeError as error:
+            log.debug("bodies stay where Chipmunk puts them: %s", error)
+            return None
+        return found if found.kicks else None
+
     def _arrays(self, skin: float | None) -> None:
         scene = self.scene
         # inside, chains come first, then the other mobile bodies, then walls; neighbours near in memory
@@ -172,19 +209,28 @@ class Simulation:
 
         initial = np.array([b.initial for b in bodies], dtype=float).reshape(n, 4)
         a: dict[str, np.ndarray] = {}
-        a["state"] = make_state(n)
-        a["state"][:, :4] = initial
-        self._initial_v = initial[:, 2:]
-        for k, name in enumerate(STATE):
+        self._initial = initial
+        self._columns = columns(self._offsets)
+        self._memory = rows_of_bodies(n) if self._motion is not None else None
+        a["state"] = self._memory if self._in_place and self._memory is not None else rows_of_bodies(n)
+        for name, k in self._columns.items():
             a[name] = a["state"][:, k]
+        if self._in_place:
+            # of the last force call; the next one begins in Chipmunk's memory
+            for name in ("fx", "fy", "torque"):
+                a[name] = np.zeros(n)
+        else:
+            for k, name in enumerate(("x", "y", "vx", "vy")):
+                a[name][:] = initial[:, k]
+        a["push"] = np.zeros((n, 3))
+        a["which"] = np.zeros(BLOCK + 1, dtype=np.uint64)
+        a["work"] = np.zeros(BLOCK * len(WORK) + 8)
         a["place_x"], a["place_y"] = np.zeros(n), np.zeros(n)  # for building a list
-        a["spin"] = np.zeros(n)
         a["mass"] = np.array([b.mass for b in bodies])
         a["mobile"] = np.array([b.mobile for b in bodies], dtype=np.uint8)
         a["inverse_mass"] = np.where(a["mobile"] == 1, 1.0 / a["mass"], 0.0)
         a["radius"] = np.array([b.radius for b in bodies])
         a["given_inertia"] = np.array([b.inertia or 0.0 for b in bodies])
-        a["torque"] = np.zeros(n)
         a["old_x"] = np.full(n, np.inf)  # forces the first list
         a["old_y"] = np.full(n, np.inf)
         a["group"] = np.zeros(n, dtype=np.int64)
@@ -259,7 +305,6 @@ class Simulation:
         a["heads"] = np.zeros(4 * n + 256, dtype=np.int64)
         a["nexts"] = np.zeros(n, dtype=np.int64)
         a["starts"] = np.zeros(n + 1, dtype=np.int64)
-        a["far"] = np.full(n, np.inf)
         a["allowance"] = np.zeros(n)
         a["reaching"] = a["radius"] + 0.5 * reach
         for name in ("sorted_x", "sorted_y", "sorted_reach"):
@@ -280,8 +325,10 @@ class Simulation:
             "t_start": scene.time.start,
             "dt": self.dt,
             "skin": self._skin,
+            "least_skin": 0.1 * smallest,
+            "most_skin": 1.5 * smallest,
             "reach": reach,
-            "near_skin": 0.1 * self._skin,
+            "headroom": 0.001 * self._skin / self.dt,
         }.items():
             floats[_FLOAT_SLOT[name]] = number
         self._floats = floats
@@ -290,8 +337,9 @@ class Simulation:
             "length_unit": own.length, "velocity_unit": own.velocity, "spin_unit": 1.0 / own.time,
             "force_scale": 1.0 / own.force, "torque_scale": 1.0 / own.torque,
         }  # fmt: skip
-        turning = any("vt" in item.law.arguments for item in uses if item.law.kind == "pair")
-        a["motion"] = motion_numbers(units, a["state"], a["spin"], a["torque"], a["far"], turning)
+        self._fixed_skin = skin is not None
+        self._turning = any(spins(item.law) for item in uses)
+        a["motion"] = motion_numbers({**units, "margin": math.inf})
         self._forget_lists()
         self._inverse_moment = np.array([1.0 / b.moment if b.mobile else 0.0 for b in bodies])
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
@@ -302,8 +350,8 @@ class Simulation:
         for name in ("contact_i", "contact_j", "order"):
             a[name] = np.zeros(self._room, dtype=np.int64)
         for name in (
-            "pair_shift", "near_shift", "near_touch", "near_mass", "contact_fx", "contact_fy", "contact_ti",
-            "contact_tj",
+            "pair_shift", "near_shift", "near_touch", "near_square", "near_mass", "contact_fx", "contact_fy",
+            "contact_ti", "contact_tj",
         ):  # fmt: skip
             a[name] = np.zeros(self._room)
 
@@ -324,14 +372,17 @@ class Simulation:
             touching |= set(item.bodies or self.scene.ids)
         self._bodies: list[pymunk.Body] = []
         self._circles: list[pymunk.Circle] = []
-        for k in range(self._n):
+        release = releaser(self._memory) if self._memory is not None else None
+        for k, (x, y, vx, vy) in enumerate(self._initial.tolist()):
             body = self.scene.bodies[self._rows_of[k]]
             if body.mobile:
                 own = pymunk.Body(body.mass / u.mass, body.moment / u.moment)
-                own.velocity = (a["vx"][k] / u.velocity, a["vy"][k] / u.velocity)
+                own.velocity = (vx / u.velocity, vy / u.velocity)
             else:
                 own = pymunk.Body(body_type=pymunk.Body.STATIC)
-            own.position = (a["x"][k] / u.length, a["y"][k] / u.length)
+            own.position = (x / u.length, y / u.length)
+            if self._memory is not None and release is not None:
+                settle_in(own, self._memory.ctypes.data + 8 * (ROW * k + LEAD), release)
             self._bodies.append(own)
         # bodies first, all circles afterwards: what a step touches lies close together
         for k, own in enumerate(self._bodies):
@@ -368,7 +419,7 @@ class Simulation:
         ints = np.zeros(len(INTS), dtype=np.int64)
         counts = {
             "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_runs": len(a["runs"]),
-            "from_list": int(self.mode != "chipmunk"), "constrained": 1,
+            "from_list": int(self.mode != "chipmunk"), "constrained": 1, "fixed_skin": int(self._fixed_skin),
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
         }  # fmt: skip
@@ -392,29 +443,40 @@ class Simulation:
         lib.cpConstraintSetPreSolveFunc(hook, ffi.cast("cpConstraintPreSolveFunc", which.address))
         lib.cpConstraintSetUserData(hook, ffi.cast("void *", self._ints.ctypes.data))
         lib.cpSpaceAddConstraint(self._space._space, hook)
-        if not self.impulse:  # Chipmunk's own position function knows about its overlap correction
-            drift, kick, _ = motion_functions()
-            self._ints[_SLOT["own_drift"]] = 1
-            self._ints[_SLOT["own_kick"]] = int(kick is not None)
-            state = self._a["state"].ctypes.data
-            for row, body in enumerate(self._bodies[: self._n_mobile]):
-                write_slot(body, self._offsets, state + 8 * len(STATE) * row, self._a["motion"].ctypes.data)
-                lib.cpBodySetPositionUpdateFunc(body._body, ffi.cast("cpBodyPositionFunc", drift))
-                if kick is not None:
-                    lib.cpBodySetVelocityUpdateFunc(body._body, ffi.cast("cpBodyVelocityFunc", kick))
+        if self._motion is not None and self._memory is not None and (self._in_place or self.mode == "chipmunk"):
+            self._ints[_SLOT["own_drift"]] = self._ints[_SLOT["own_kick"]] = 1
+            front = self._memory.view(np.int64)
+            front[:, NUMBERS] = self._a["motion"].ctypes.data
+            if not self._in_place:
+                front[:, OWN_ROW] = self._a["state"].ctypes.data + 8 * ROW * np.arange(self._n)
+            self._moving = "turning" if self._in_place else "apart"
+            self._let_move(self._moving)
         handler = before = None
         if self.mode == "chipmunk" and not self.impulse:
             handler = lib.cpSpaceAddGlobalCollisionHandler(self._space._space)
             before = handler.preSolveFunc
             handler.preSolveFunc = ffi.cast("cpCollisionPreSolveFunc", kernel.contact_presolve.address)
             handler.userData = ffi.cast("void *", self._ints.ctypes.data)
-        keep = (self._a, self._floats, self._ints, kernel)
+        keep = (self._a, self._floats, self._ints, kernel, self._motion)
         self._close = weakref.finalize(
             self, _uninstall, self._space, hook, anchors, (handler, before), self._bodies[: self._n_mobile],
             self._ghosts, self._offsets, keep,
         )  # fmt: skip
         if self.mode == "chipmunk":
             self._lay_out_seam()
+
+    def _let_move(self, how: str) -> None:
+        """Which drift and kick Chipmunk calls: in place "turning" or "still" (disks keep their angle), or "apart"."""
+        assert self._motion is not None and self._offsets is not None and self._memory is not None
+        m = self._motion
+        drift, kick = {
+            "still": (m.drift, m.kick),
+            "turning": (m.drift_turning, m.kick_turning),
+            "apart": (m.drift_apart, m.kick_apart),
+        }[how]
+        rows = self._memory[: self._n_mobile].view(np.int64)
+        rows[:, column(self._offsets.drift)] = drift
+        rows[:, column(self._offsets.kick)] = kick
 
     # ---- the seam (Chipmunk knows no periodic boundary) --------------------------------------------
 
@@ -435,7 +497,7 @@ class Simulation:
             position = body.position
             turns = math.floor(position.x / period)
             if turns:
-                self._place(k, position.x - turns * period, position.y)
+                body.position = (position.x - turns * period, position.y)
                 self._images[k] += turns
                 if self._shapes_in:
                     self._space.reindex_shapes_for_body(body)
@@ -467,7 +529,7 @@ class Simulation:
         x, y = self._positions_inner()
         a["near_x"][:] = x - self._images * length
         a["near_y"][:] = y
-        a["far"][:] = self._floats_margin() ** 2
+        a["motion"][MOTION.index("margin")] = self._floats_margin() ** 2
         a["image_shift"][:] = self._images * length
 
     def _floats_margin(self) -> float:
@@ -505,26 +567,40 @@ class Simulation:
             return self._event_time
         return self.scene.time.start + self.step * self.dt
 
-    def _array_forces(self, constrained: bool, t: float) -> None:
-        """Forces at the arrays' positions and velocities, into fx, fy, torque [N, N m]."""
+    def _array_forces(
+        self, constrained: bool, t: float, state: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forces and torques [N, N m] at the positions and velocities in ``state``; left out, those of now."""
         a = self._a
         assert self._kernel is not None
+        c = self._columns
+        if state is None:
+            state = self._rows_of_now()
         for name in ("fx", "fy", "torque"):
-            a[name][:] = 0.0
+            state[:, c[name]] = 0.0
         reach = float(self._floats[_FLOAT_SLOT["reach"]])
-        x, y = a["x"].copy(), a["y"].copy()
+        x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
         count = self._fresh_list(x, y, reach) if self._room else 0
         near = neighbours.prune(
             x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["pair_i"], a["pair_j"], a["pair_shift"],
-            count, a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"],
+            count, a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_square"], a["near_mass"], ROW,
         )  # fmt: skip
         self._forget_lists()
         self._kernel.add_forces(
-            1, int(constrained), t, self.dt, a["state"], a["spin"], a["mass"], a["inverse_mass"],
-            a["radius"], a["given_inertia"], a["torque"], a["parameters"], a["uses"], a["runs"],
-            a["mask"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_mass"], int(near),
-            a["scalars"], a["chains"], a["input_t"], a["input_v"], a["input_at"],
+            1, int(constrained), t, self.dt, state, a["mass"], a["inverse_mass"], a["radius"], a["given_inertia"],
+            a["parameters"], a["uses"], a["runs"], a["mask"], a["near_i"], a["near_j"], a["near_shift"],
+            a["near_touch"], a["near_square"], a["near_mass"], int(near), a["scalars"], a["chains"], a["input_t"],
+            a["input_v"], a["input_at"], a["which"], a["work"],
         )  # fmt: skip
+        return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
+
+    def _rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
+        """Rows as the laws see them, apart from Chipmunk's memory, at the present positions and velocities."""
+        state = np.zeros((self._n, ROW))
+        for name, values in (raw or self._raw_inner()).items():
+            if name in self._columns:
+                state[:, self._columns[name]] = values
+        return state
 
     def _fresh_list(self, x: np.ndarray, y: np.ndarray, extra: float) -> int:
         a = self._a
@@ -553,9 +629,7 @@ class Simulation:
     def _forget_lists(self) -> None:
         """The next step builds the neighbour lists anew."""
         self._a["old_x"][:] = np.inf
-        if self._room and self.mode != "chipmunk":
-            self._a["near_x"][:] = np.inf
-            self._a["far"][:] = 0.0
+        self._floats[_FLOAT_SLOT["lasts"]] = -np.inf
 
     def _begin(self) -> None:
         """The first kick: velocities half a step ahead of the positions."""
@@ -567,30 +641,31 @@ class Simulation:
         if self.mode == "python":
             self._python.begin()
             return
-        a = self._a
         half = 0.5 * self.dt
-        weight = a["inverse_mass"]
-        start_x, start_y = a["vx"].copy(), a["vy"].copy()
+        weight = self._a["inverse_mass"]
+        state = self._rows_of_now()
+        c = self._columns
+        start_x, start_y = state[:, c["vx"]].copy(), state[:, c["vy"]].copy()
         held = self._held_rows()
-        self._array_forces(True, self.t)
+        fx, fy, torque = (f.copy() for f in self._array_forces(True, self.t, state))
         # bodies that no constraint holds: half a kick
-        a_x, a_y, torque = a["fx"] * weight, a["fy"] * weight, a["torque"].copy()
-        vx, vy = start_x + half * a_x, start_y + half * a_y
+        vx, vy = start_x + half * (fx * weight), start_y + half * (fy * weight)
         if held.any():
             # a constraint sees the velocity half a step behind, here as in every later step: that velocity
             # is what the force of the constraint itself leads to, found in two rounds
-            self._array_forces(False, self.t)
+            fx, fy, _ = self._array_forces(False, self.t, state)
             for _ in range(2):
-                a["vx"][:] = np.where(held, start_x - half * a["fx"] * weight, start_x)
-                a["vy"][:] = np.where(held, start_y - half * a["fy"] * weight, start_y)
-                self._array_forces(True, self.t)
-            vx = np.where(held, a["vx"] + self.dt * a["fx"] * weight, vx)
-            vy = np.where(held, a["vy"] + self.dt * a["fy"] * weight, vy)
+                state[:, c["vx"]] = np.where(held, start_x - half * fx * weight, start_x)
+                state[:, c["vy"]] = np.where(held, start_y - half * fy * weight, start_y)
+                fx, fy, _ = self._array_forces(True, self.t, state)
+            vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
+            vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
         u = self.units
         for k in range(self._n_mobile):
             self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
             if torque[k]:
                 self._bodies[k].angular_velocity = half * torque[k] * self._inverse_moment[k] * u.time
+        self._a["fx"][:], self._a["fy"][:] = fx, fy
 
     def _held_rows(self) -> np.ndarray:
         """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
@@ -608,23 +683,24 @@ class Simulation:
         """
         if self.mode != "verlet" or self.impulse:
             raise InputError("only a simulation in mode verlet, without impulses, can begin again")
-        a, u, o = self._a, self.units, self._offsets
+        u, o = self.units, self._offsets
         assert o is not None
         rows = self._rows_of
-        a["state"][:] = 0.0
-        a["state"][:, :2] = xy[rows]
-        a["state"][: self._n_mobile, 2:4] = v[rows[: self._n_mobile]]
-        self._initial_v = a["state"][:, 2:4].copy()
-        for name in ("spin", "torque"):
-            a[name][:] = 0.0
-        place, speed = a["state"][:, :2] / u.length, a["state"][:, 2:4] / u.velocity
+        self._initial = np.column_stack([xy, v])[rows]
+        self._initial[self._n_mobile :, 2:] = 0.0
+        place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
+        self._images[:] = 0.0
         zeros = np.zeros(self._n)
-        for fields, columns in (
-            ((o.position, o.position + 8, o.transform, o.transform + 8), (*place.T, *place.T)),
-            ((o.velocity, o.velocity + 8), tuple(speed.T)),
-            ((o.angle, o.spin, o.force, o.force + 8, o.torque), (zeros,) * 5),
-        ):
-            stepping.write_fields(a["bodies"], np.array(fields), np.ascontiguousarray(columns))
+        self._write(
+            {
+                o.position: place[:, 0], o.position + 8: place[:, 1], o.transform: place[:, 0],
+                o.transform + 8: place[:, 1], o.velocity: speed[:, 0], o.velocity + 8: speed[:, 1],
+                **dict.fromkeys((o.angle, o.spin, o.force, o.force + 8, o.torque), zeros),
+            }
+        )  # fmt: skip
+        if not self._in_place:
+            for k, name in enumerate(("x", "y")):
+                self._a[name][:] = self._initial[:, k]  # walls are not read again
         self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
         self._floats[_FLOAT_SLOT["t_start"]] = t
         self._floats[_FLOAT_SLOT["step"]] = 0.0
@@ -648,11 +724,13 @@ class Simulation:
             self._remove_shapes()
         left = steps
         while left > 0:
+            self._take()
             saved = self._save()
             done = stepping.advance(
                 step_address(), address(self._space._space), self.dt / self.units.time, left, self._ints,
                 _SLOT["status"], _SLOT["margin_crossed"],
             )  # fmt: skip
+            self._settle()
             if self._interrupted(saved):
                 continue
             self.step += int(done)
@@ -676,6 +754,37 @@ class Simulation:
         self.step = max(round((reached - self.scene.time.start) / self.dt), 1)
         self._interrupted(())
         return out
+
+    def _take(self) -> None:
+        """Before Chipmunk steps in place: what the user put on the bodies goes to the coming force call."""
+        if not self._in_place:
+            return
+        a, o = self._a, self._offsets
+        assert o is not None and self._memory is not None
+        turns, pushed = stepping.take(
+            self._memory, self._n_mobile, column(o.force), column(o.torque), column(o.spin), a["push"]
+        )
+        self._ints[_SLOT["pushed"]] = int(pushed)
+        how = "turning" if turns or self._turning else "still"
+        if how != self._moving:
+            self._moving = how
+            self._let_move(how)
+
+    def _settle(self) -> None:
+        """After steps in place: the forces of the last one to their arrays, Chipmunk's transforms renewed."""
+        if not self._in_place:
+            return
+        a, o = self._a, self._offsets
+        assert o is not None and self._memory is not None
+        stepping.settle(
+            self._memory, self._n_mobile, column(o.force), column(o.torque), column(o.position), column(o.transform),
+            a["fx"], a["fy"], a["torque"],
+        )  # fmt: skip
+
+    def _write(self, fields: dict[int, np.ndarray]) -> None:
+        """Fields of all bodies by their offsets, in engine units."""
+        values = np.ascontiguousarray(np.stack(list(fields.values())))
+        stepping.write_fields(self._a["bodies"], np.array(list(fields)), values)
 
     def _save(self) -> tuple[Any, ...]:
         # what a neighbour list that overflowed in the middle of a block goes back to
@@ -758,6 +867,7 @@ class Simulation:
         addresses = self._a["bodies"][inner].copy()
         sample = 0
         while sample < len(times):
+            self._take()
             saved = self._save()
             at = self.step
             shift = self._images[inner] * (self.scene.periodic_x or 0.0)
@@ -766,6 +876,7 @@ class Simulation:
                 ahead, self._ints, _SLOT["status"], _SLOT["margin_crossed"], addresses, shift,
                 self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, out,
             )  # fmt: skip
+            self._settle()
             if self._interrupted(saved):
                 sample = int(np.searchsorted(steps, at))
                 continue
@@ -805,28 +916,26 @@ class Simulation:
         return result
 
     def _restore_inner(self, raw: dict[str, np.ndarray]) -> None:
-        u = self.units
+        u, o = self.units, self._offsets
         period = self.scene.periodic_x or 0.0
-        for k, body in enumerate(self._bodies):
-            self._place(k, (raw["x"][k] - self._images[k] * period) / u.length, raw["y"][k] / u.length)
-            if k < self._n_mobile:
-                body.velocity = (raw["vx"][k] / u.velocity, raw["vy"][k] / u.velocity)
-                body.angle = raw["angle"][k]
-                body.angular_velocity = raw["spin"][k] * u.time
-                body.force = (0.0, 0.0)
-                body.torque = 0.0
+        x, y = (raw["x"] - self._images * period) / u.length, raw["y"] / u.length
+        if o is None:
+            for k, body in enumerate(self._bodies):
+                body.position = (x[k], y[k])
+                if k < self._n_mobile:
+                    body.velocity = (raw["vx"][k] / u.velocity, raw["vy"][k] / u.velocity)
+                    body.angle, body.angular_velocity = raw["angle"][k], raw["spin"][k] * u.time
+                    body.force, body.torque = (0.0, 0.0), 0.0
+        else:
+            self._write(
+                {
+                    o.position: x, o.position + 8: y, o.transform: x, o.transform + 8: y,
+                    o.velocity: raw["vx"] / u.velocity, o.velocity + 8: raw["vy"] / u.velocity,
+                    o.angle: raw["angle"], o.spin: raw["spin"] * u.time,
+                    **dict.fromkeys((o.force, o.force + 8, o.torque), np.zeros(self._n)),
+                }
+            )  # fmt: skip
         self._forget_lists()
-
-    def _place(self, k: int, x: float, y: float) -> None:
-        """Put a body there [engine units]. Chipmunk's own setter would add what stands for its centre of gravity."""
-        body = self._bodies[k]
-        if self._offsets is None or k >= self._n_mobile:
-            body.position = (x, y)
-            return
-        base = address(body._body)
-        for offset in (self._offsets.position, self._offsets.transform):
-            place = ffi.cast("double *", base + offset)
-            place[0], place[1] = x, y
 
     def raw(self) -> dict[str, np.ndarray]:
         """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
@@ -846,7 +955,7 @@ class Simulation:
                 raw["vy"][m] -= half * a["fy"][m] * a["inverse_mass"][m]
                 raw["spin"][m] -= half * a["torque"][m] * self._inverse_moment[m]
             else:
-                raw["vx"], raw["vy"] = self._initial_v.T.copy()
+                raw["vx"], raw["vy"] = self._initial[:, 2:].T.copy()
                 raw["spin"][:] = 0.0
         return raw
 
@@ -878,8 +987,9 @@ class Simulation:
         if self.mode == "python":
             return self._python.forces()[self._inner]
         if self.step == 0:
-            self._array_forces(True, self.t)
-        result = np.column_stack([self._a["fx"], self._a["fy"]])
+            result = np.column_stack(self._array_forces(True, self.t)[:2])
+        else:
+            result = np.column_stack([self._a["fx"], self._a["fy"]])
         result[self._n_mobile :] = 0.0
         return result[self._inner]
 
@@ -899,17 +1009,15 @@ class Simulation:
         dy = raw["y"][j] - raw["y"][i]
         distance = np.hypot(dx, dy)
         normal = np.column_stack([dx, dy]) / np.where(distance > 0, distance, 1.0)[:, None]
-        state = np.zeros((self._n, len(STATE)))
-        for column, name in enumerate(STATE[:4]):
-            state[:, column] = raw[name]
+        state = self._rows_of_now(raw)
         force = np.empty(count)
         for k in range(count):
             if self._kernel is None:
                 px, py, _, _ = self._python.pair_force(int(i[k]), int(j[k]), self.t, raw)
             else:
                 px, py, _, _ = self._kernel.pair_force(
-                    int(i[k]), int(j[k]), self.t, state, raw["spin"],
-                    a["inverse_mass"], a["radius"], a["parameters"], a["uses"], a["mask"], a["scalars"],
+                    int(i[k]), int(j[k]), self.t, state, a["inverse_mass"], a["radius"], a["parameters"], a["uses"],
+                    a["mask"], a["scalars"],
                 )  # fmt: skip
             force[k] = px * normal[k, 0] + py * normal[k, 1]
         rows = self._rows_of
@@ -926,10 +1034,8 @@ class Simulation:
         In verlet mode the circles are in the Space while you look, and out of it while it runs fast.
         """
         self._add_shapes()
-        for k, body in enumerate(self._bodies[: self._n_mobile]):
-            x, y = body.position
+        for body in self._bodies[: self._n_mobile]:
             body.angle = body.angle  # renews Chipmunk's rotation, which the lean drift leaves alone
-            self._place(k, x, y)
         self._space.reindex_shapes_for_body(self._space.static_body)
         for circle in self._circles[: self._n_mobile]:
             circle.cache_bb()
@@ -990,7 +1096,6 @@ def _uninstall(
     for body in bodies:
         lib.cpBodySetPositionUpdateFunc(body._body, plain)
         lib.cpBodySetVelocityUpdateFunc(body._body, plain_kick)
-        write_slot(body, o, 0, 0)
     for ghost, circle in ghosts:
         space.remove(ghost, circle)
     if handler[0] is not None:

@@ -63,3 +63,36 @@ def write_fields(addresses, field_offsets, values):
     for k in range(addresses.shape[0]):
         for f in range(field_offsets.shape[0]):
             store_float(addresses[k] + field_offsets[f], values[f, k])
+
+
+@njit(cache=True, nogil=True)
+def take(memory, n_mobile, force, torque, spin, push):
+    """Forces and torques that stand in rows of bodies, into ``push`` (n, 3). Returns (one turns, one is pushed)."""
+    turns = False
+    pushed = False
+    for i in range(n_mobile):
+        fx = memory[i, force]
+        fy = memory[i, force + 1]
+        moment = memory[i, torque]
+        push[i, 0] = fx
+        push[i, 1] = fy
+        push[i, 2] = moment
+        if moment != 0.0 or memory[i, spin] != 0.0:
+            turns = True
+        if fx != 0.0 or fy != 0.0 or moment != 0.0:
+            pushed = True
+    return turns, pushed
+
+
+@njit(cache=True, nogil=True)
+def settle(memory, n_mobile, force, torque, position, transform, fx, fy, moment):
+    """The counterpart: forces of the last step out of the rows, and the place where Chipmunk shows it."""
+    for i in range(n_mobile):
+        fx[i] = memory[i, force]
+        fy[i] = memory[i, force + 1]
+        moment[i] = memory[i, torque]
+        memory[i, force] = 0.0
+        memory[i, force + 1] = 0.0
+        memory[i, torque] = 0.0
+        memory[i, transform] = memory[i, position]
+        memory[i, transform + 1] = memory[i, position + 1]
