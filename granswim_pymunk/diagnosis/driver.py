@@ -620,21 +620,9 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
 
 
 def check_kind(recordings: Sequence[Recording]) -> None:
-    """Raise InputError for recordings that this diagnosis cannot take: no tracks at all."""
+    """Raise InputError for recordings that this diagnosis cannot take."""
     for recording in recordings:
-        if not len(recording.t):
-            raise InputError(
-                "has no tracks; a speed curve alone cannot be diagnosed yet",
-                file=recording.folder,
-                where=recording.name,
-            )
         scene = recording.scene
-        if scene.bed is not None and not any(b.role == "grain" for b in scene.bodies):
-            raise InputError(
-                "the bed is not listed body by body; a swimmer in an unseen bed cannot be diagnosed yet",
-                file=recording.folder,
-                where=recording.name,
-            )
         if scene.chains and any(b.role == "grain" for b in scene.bodies):
             # a bed is chaotic: a run over the whole track would say nothing
             raise InputError(

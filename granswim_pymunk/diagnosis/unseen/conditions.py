@@ -1,0 +1,274 @@
+"""Recordings of an unseen bed as conditions: a scene to be packed, frames to be looked at, numbers that were seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...errors import InputError
+from ...recording import Recording
+from ...scene import Scene
+from ..data import TRAINING_SHARE, choose_held_out, estimate_noise
+from .observe import LEAST_CYCLES, Number, View
+
+CURVE_START = 0.5  # s, what a curve's speed leaves out (contract)
+CURVE_END = 1.1  # s, where the recording does not say how long it was
+FRAME = 2e-3  # s, between two looks at a simulated swimmer of a curve
+
+
+@dataclass(frozen=True)
+class Shim:
+    """What lists of candidates ask of a recording."""
+
+    recording: Recording
+    held_out: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.recording.name
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One swimmer-only recording, or one row of a curve.
+
+    scene : naive, the bed not packed yet; ``time.start`` is where a run begins
+    frames : (T,) times [s] at which a run is looked at;  view, test : what counts in training, and held out
+    seen, seen_test : the measured numbers;  error : (p, p) covariance of the measurement (tracking noise, sem)
+    averaged : the measured number is a mean whose spread is in ``error`` already (a curve)
+    """
+
+    name: str
+    recording: Recording
+    scene: Scene
+    frames: np.ndarray
+    view: View | None
+    seen: np.ndarray
+    error: np.ndarray
+    test: View | None
+    seen_test: np.ndarray
+    error_test: np.ndarray
+    averaged: bool = False
+    layers: float | None = None
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of the scene's bodies that a run keeps: the swimmer's disks."""
+        return self.scene.chains[0]
+
+    @property
+    def frequency(self) -> float:
+        return float(self.scene.laws_named("bending")[0].values["frequency"])
+
+    @property
+    def any_view(self) -> View:
+        view = self.view or self.test
+        assert view is not None
+        return view
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        return self.any_view.numbers()
+
+
+def conditions_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], seed: int) -> list[Condition]:
+    """All conditions, those of training recordings first. Raises InputError where one cannot be used."""
+    rng = np.random.default_rng(seed)
+    for recording in (*recordings, *hold_out):
+        check(recording)
+    held = {r.name for r in hold_out}
+    if not held:
+        with_tracks = [r for r in recordings if len(r.t)]
+        held = choose_held_out(with_tracks) if len(recordings) >= 3 else set()
+    every = [*recordings, *hold_out]
+    if all(r.name in held for r in every):
+        raise InputError("every recording is held out: nothing is left to learn from")
+    result = []
+    split = not held
+    for recording in sorted(every, key=lambda r: r.name in held):
+        if len(recording.t):
+            result.append(_from_tracks(recording, recording.name in held, split, rng))
+        if recording.curve is not None:
+            result += _from_curve(recording, recording.name in held, split)
+    if all(c.view is None for c in result):
+        raise InputError("nothing is left to learn from: all that was seen is held out")
+    return result
+
+
+def check(recording: Recording) -> None:
+    """Raise InputError where the swimmer, its drive or what is known of its bed is missing."""
+    scene = recording.scene
+
+    def error(message: str, where: str) -> InputError:
+        return InputError(message, file=recording.folder, where=where)
+
+    if not len(recording.t) and recording.curve is None:
+        raise error("has neither tracks nor a curve", recording.name)
+    if len(scene.chains) != 1 or len(scene.chains[0]) < 2:
+        raise error(f"needs one swimmer (a head and its tail), has {len(scene.chains)}", "body")
+    if not scene.laws_named("bending"):
+        raise error("needs the law that drives the swimmer", "law bending")
+    grains = [b for b in scene.bodies if b.role == "grain"]
+    if scene.bed is None and not grains:
+        raise error("says nothing about the bed: it needs height, packing_fraction, grain_diameter, density",
+                    "scene.bed")  # fmt: skip
+    if grains and any(b.initial is None for b in grains):
+        raise error("a grain that is listed but not seen needs its place at the start", f"body {grains[0].id}")
+    if scene.bed is not None and scene.periodic_x is None:
+        raise error("a bed needs periodic_x, the width of its box [m]", "scene")
+    if recording.curve is not None:
+        for k, row in enumerate(recording.curve):
+            if not row["frequency"] > 0:
+                raise error("frequency should be above zero [Hz]", f"curve.csv, row {k + 2}")
+            if row["layers"] > 0 and not scene.laws_named("confinement"):
+                raise error("there are layers above the swimmer, but the scene has no law confinement",
+                            f"curve.csv, row {k + 2}")  # fmt: skip
+    if len(recording.t):
+        missing = [scene.bodies[k].id for k in scene.chains[0] if scene.bodies[k].id not in recording.ids]
+        if missing:
+            raise error("is never seen; all disks of the swimmer have to be tracked", f"body {missing[0]}")
+
+
+def _start(recording: Recording, xy: np.ndarray) -> tuple[Scene, bool]:
+    """The scene with the swimmer placed, and whether it rests there.
+
+    Where the start is not given it is the first frame's shape at the disks' own distance, at rest: the frames
+    that follow at once are not compared.
+    """
+    scene = recording.scene
+    rows = scene.chains[0]
+    if all(scene.bodies[k].initial is not None for k in rows):
+        return scene, True
+    if len(xy):
+        whole = np.flatnonzero(np.isfinite(xy).all(axis=(1, 2)))
+        if not len(whole):
+            raise InputError("no frame shows the whole swimmer", file=recording.folder, where=recording.name)
+        place = xy[whole[0]]
+        step = np.diff(place, axis=0)
+        angle = np.arctan2(step[:, 1], step[:, 0])
+        straight = float(np.abs(angle).max()) < 0.1
+        head = place[0]
+    else:
+        bed = scene.bed
+        assert bed is not None and scene.periodic_x is not None
+        length = sum(2 * scene.bodies[k].radius for k in rows)
+        head = np.array([(scene.periodic_x - length) / 2, bed.height / 2])
+        angle, straight = np.zeros(len(rows) - 1), True
+    if straight:
+        angle = np.zeros_like(angle)
+    states = {}
+    here = np.array(head, dtype=float)
+    for k, row in enumerate(rows):
+        body = scene.bodies[row]
+        if k:
+            apart = scene.bodies[rows[k - 1]].radius + body.radius
+            here = here + apart * np.array([math.cos(angle[k - 1]), math.sin(angle[k - 1])])
+        states[body.id] = (float(here[0]), float(here[1]), 0.0, 0.0)
+    return scene.with_initial(states), straight
+
+
+def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.Generator) -> Condition:
+    scene = recording.scene
+    columns = [recording.column(scene.bodies[k].id) for k in scene.chains[0]]
+    xy = recording.unwrapped().xy[:, columns]
+    if scene.periodic_x is not None:
+        # neighbours stand on the same side of the seam
+        for k in range(1, xy.shape[1]):
+            apart = xy[:, k, 0] - xy[:, k - 1, 0]
+            xy[:, k, 0] -= scene.periodic_x * np.round(apart / scene.periodic_x)
+    placed, rests = _start(recording, xy)
+    t = recording.t
+    bending = scene.laws_named("bending")[0].values
+    f, phase = float(bending["frequency"]), float(bending["phase"])
+    if not f > 0:
+        raise InputError("frequency should be above zero [Hz]", file=recording.folder, where="law bending")
+    duration = float(t[-1] - t[0])
+    # a swimmer filmed on its way has a bed that remembers; one filmed from rest starts as the simulation does
+    skip = min(max(0.1, 0.5 / f) if rests else max(0.3, 2.0 / f), 0.4 * duration)
+    begin = float(t[0]) + skip
+    cut = float(t[0]) + TRAINING_SHARE * duration
+    masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
+    enough = (t[-1] - cut) * f >= LEAST_CYCLES and (cut - begin) * f >= LEAST_CYCLES
+    before, after = (t >= begin) & (t <= cut), t > cut
+    every = t >= begin
+    if held:
+        view, test = None, View(t, every, f, phase, masses)
+    elif split and enough:
+        view, test = View(t, before, f, phase, masses), View(t, after, f, phase, masses)
+    else:
+        view, test = View(t, every, f, phase, masses), None
+    noise = recording.position_noise
+    if noise is None:
+        noise = _noise(t, xy)
+    nothing = np.zeros(0), np.zeros((0, 0))
+    measured = []
+    for looked in (view, test):
+        if looked is None:
+            measured.append(nothing)
+            continue
+        if looked.cycles < LEAST_CYCLES:
+            raise InputError(
+                f"shows {looked.cycles:.2g} cycles of {f:g} Hz after the start; {LEAST_CYCLES:g} are needed",
+                file=recording.folder,
+                where=recording.name,
+            )
+        few = np.isfinite(xy[looked.keep]).all(axis=2).sum(axis=0)
+        if few.min() < 16:
+            row = scene.chains[0][int(np.argmin(few))]
+            raise InputError(f"is seen in {few.min()} of the frames that count; 16 are needed", file=recording.folder,
+                             where=f"body {scene.bodies[row].id}")  # fmt: skip
+        measured.append((looked.observe(xy, noise), looked.noise_covariance(xy, noise, rng)))
+    start = replace(placed, time=replace(placed.time, start=float(t[0])), adjustable=())
+    return Condition(
+        recording.name, recording, start, t, view, measured[0][0], measured[0][1], test, measured[1][0], measured[1][1]
+    )
+
+
+def _noise(t: np.ndarray, xy: np.ndarray) -> float:
+    """Tracking noise [m] where it was not given."""
+    sizes = []
+    for k in range(xy.shape[1]):
+        for axis in (0, 1):
+            seen = np.isfinite(xy[:, k, axis])
+            sizes.append(estimate_noise(t[seen], xy[seen, k, axis]))
+    return float(np.median(sizes))
+
+
+def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition]:
+    scene, _ = _start(recording, np.zeros((0, 7, 2)))
+    curve = recording.curve
+    assert curve is not None
+    end = float(scene.time.duration or CURVE_END)
+    if not end > CURVE_START + 0.1:
+        raise InputError("a curve's speed is that after 0.5 s: it has to last 0.6 s or more", file=recording.folder,
+                         where="time.duration")  # fmt: skip
+    frames = np.arange(0.0, end + 0.5 * FRAME, FRAME)
+    masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
+    result = []
+    for k, row in enumerate(curve):
+        f, layers = float(row["frequency"]), float(row["layers"])
+        own = scene.with_parameter("bending.frequency", f)
+        if own.laws_named("confinement"):
+            own = own.with_parameter("confinement.layers", layers)
+        own = replace(own, adjustable=(), time=replace(own.time, start=0.0))
+        phase = float(scene.laws_named("bending")[0].values["phase"])
+        view = View(frames, frames >= CURVE_START - 1e-9, f, phase, masses, curve=True)
+        sem = float(row["speed_sem"])
+        speed = np.array([float(row["speed"])])
+        error = np.array([[sem**2 if math.isfinite(sem) else 0.0]])
+        # every third speed tests what the others said
+        test = held or (split and len(curve) >= 6 and k % 3 == 1)
+        name = f"{recording.name}, {f:g} Hz" + (f", {layers:g} layers" if math.isfinite(layers) else "")
+        none, empty = np.zeros(0), np.zeros((0, 0))
+        result.append(
+            Condition(
+                name, recording, own, frames,
+                view=None if test else view, seen=none if test else speed, error=empty if test else error,
+                test=view if test else None, seen_test=speed if test else none, error_test=error if test else empty,
+                averaged=math.isfinite(sem), layers=layers if math.isfinite(layers) else None,
+            )
+        )  # fmt: skip
+    return result

@@ -1,0 +1,618 @@
+"""The search: recalibrate, run every suspect, hold signatures against innovations, refit the leaders by simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import stats
+
+from ...errors import InputError
+from ...scene import Scene
+from ..hypothesis import NO_CAMERA, Term, adjustable_terms
+from .conditions import Condition, Shim
+from .response import Fit, Means, Model, Sum, add, fit
+from .runs import Change, Job, Runner
+from .suspects import Suspect, suspects_of
+
+ALARM = 0.01  # share of recordings of the naive physics that may be called a mismatch
+SAME = 4.0  # two laws whose objectives differ by less (d' below 2) cannot be told apart on these data
+SURVIVES = 0.02  # of a signature, below which recalibration imitates it
+VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
+REPLICATES = 299
+NAIVE = "naive"
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many runs of each kind for every condition: a budget cuts these down before anything else."""
+
+    true: int = 8  # with the scene's own contacts
+    soft: int = 8
+    adjustable: int = 4
+    screen: int = 2
+    more: int = 2
+    leader: int = 4
+    final: int = 6
+    leaders: int = 5
+
+
+@dataclass
+class Trial:
+    """A suspect after its fit. ``gain``: fall of the objective;  ``reason``: why it was not fitted, if so."""
+
+    suspect: Suspect
+    surviving: float
+    gain: float
+    fit: Fit | None = None
+    refitted: int = 0
+    reason: str = ""
+
+    @property
+    def worth(self) -> float:
+        return self.gain - 2 * self.suspect.size
+
+    def values(self) -> np.ndarray:
+        """(k,) the suspect's own numbers, those of the recalibration left out."""
+        assert self.fit is not None
+        return self.fit.u[-self.suspect.size :]
+
+    def own_covariance(self) -> np.ndarray:
+        assert self.fit is not None
+        n = self.suspect.size
+        wide = max(self.fit.chi2 / max(self.fit.count - len(self.fit.u), 1), 1.0)
+        t = float(stats.t.ppf(0.975, max(self.fit.dof, 2))) / 1.96
+        return self.fit.covariance[-n:, -n:] * wide * t**2
+
+
+@dataclass
+class Nulls:
+    """What the search finds in runs of the recalibrated physics seen as if they were the recording."""
+
+    chi2: np.ndarray  # (r,) of the naive or recalibrated prediction
+    recalibration: np.ndarray  # (r,) gain of the adjustables
+    best: np.ndarray  # (r,) the best worth of all suspects
+    left: np.ndarray  # (r,) chi2 after recalibration
+    drawn: np.ndarray  # (r, n) whitened innovations
+
+    @staticmethod
+    def p(value: float, sample: np.ndarray) -> float:
+        return float((1 + np.sum(sample >= value)) / (len(sample) + 1))
+
+
+@dataclass
+class Search:
+    """Everything that the search knows."""
+
+    conditions: list[Condition]
+    runner: Runner
+    sizes: Sizes
+    rng: np.random.Generator
+    progress: Progress
+    means: Means
+    test: Means
+    adjust: tuple[Term, ...]
+    theta: np.ndarray
+    naive: Fit
+    base: Fit
+    trials: list[Trial] = field(default_factory=list)
+    nulls: Nulls | None = None
+    notes: list[str] = field(default_factory=list)
+    factors: dict[str, float] = field(default_factory=dict)
+    p_naive: float = 1.0
+    p_recalibration: float = 1.0
+    p_search: float = 1.0
+
+    @property
+    def training(self) -> list[Condition]:
+        return [c for c in self.conditions if c.view is not None]
+
+    @property
+    def testing(self) -> list[Condition]:
+        return [c for c in self.conditions if c.test is not None]
+
+
+# ---- scenes ------------------------------------------------------------------------------------
+
+
+def bears_on(term: Term, condition: Condition) -> bool:
+    return not term.free or any(f.cases is None or condition.recording.name in f.cases for f in term.free)
+
+
+def change_of(
+    condition: Condition, adjust: Sequence[Term], theta: np.ndarray, extra: Sequence[tuple[Term, np.ndarray]] = ()
+) -> Change:
+    """The scene's change under values of the adjustables and of further terms."""
+
+    def change(scene: Scene) -> Scene:
+        for term, value in zip(adjust, theta, strict=True):
+            if bears_on(term, condition):
+                scene, _ = term.apply(scene, NO_CAMERA, [float(value)])
+        for term, values in extra:
+            if bears_on(term, condition):
+                scene, _ = term.apply(scene, NO_CAMERA, values)
+        return scene
+
+    return change
+
+
+def label_of(adjust: Sequence[Term], theta: np.ndarray, extra: Sequence[tuple[Term, np.ndarray]] = ()) -> str:
+    parts = [f"{t.label}={v:.9g}" for t, v in zip(adjust, theta, strict=True)]
+    parts += [f"{t.label}({', '.join(f'{v:.9g}' for v in values)})" for t, values in extra]
+    return "; ".join(parts) or NAIVE
+
+
+def jobs_for(
+    conditions: Sequence[Condition], adjust: Sequence[Term], theta: np.ndarray,
+    extra: Sequence[tuple[Term, np.ndarray]], count: int, soft: bool, label: str | None = None,
+) -> list[Job]:  # fmt: skip
+    name = label or label_of(adjust, theta, extra)
+    return [
+        Job(c, name, change_of(c, adjust, theta, extra), k, soft) for k in range(count) for c in conditions
+    ]
+
+
+# ---- the steps ---------------------------------------------------------------------------------
+
+
+def begin(
+    conditions: list[Condition], runner: Runner, sizes: Sizes, rng: np.random.Generator, progress: Progress
+) -> Search:
+    """Naive runs of all conditions, and how far off they are."""
+    recordings = {c.recording.name: c.recording for c in conditions}
+    adjust = adjustable_terms([Shim(r) for r in recordings.values()])  # type: ignore[misc]
+    theta = np.array([t.free[0].first for t in adjust])
+    means = Means(runner, [c for c in conditions if c.view is not None])
+    test = Means(runner, [c for c in conditions if c.test is not None], test=True)
+    training = [c for c in conditions if c.view is not None]
+    only_test = [c for c in conditions if c.view is None]
+    jobs = jobs_for(training, (), np.zeros(0), (), sizes.true, False, NAIVE)
+    jobs += jobs_for(training, (), np.zeros(0), (), sizes.soft, True, NAIVE)
+    jobs += jobs_for(only_test, (), np.zeros(0), (), max(sizes.true // 2, 3), False, NAIVE)
+    jobs += jobs_for(only_test, (), np.zeros(0), (), max(sizes.soft // 2, 3), True, NAIVE)
+    runner.do(jobs, lambda k, n: progress("naive scene in other packings", 0.02 + 0.18 * k / n))
+    for c in conditions:
+        for soft in (False, True):
+            done = runner.tracks.get((c.name, NAIVE, soft), {})
+            if len(done) < 2:
+                why = runner.failures.get((c.name, NAIVE, soft), "the time was up before two runs were done")
+                raise InputError(f"the naive scene could not be run: {why}", file=c.recording.folder, where=c.name)
+    means.refresh()
+    test.refresh()
+    model = Model("naive", (), np.zeros(0), {c.name: {(NAIVE, False): 1.0} for c in training}, (), ())
+    naive = fit(model, means, training)
+    return Search(conditions, runner, sizes, rng, progress, means, test, adjust, theta, naive, naive)
+
+
+def recalibrate(s: Search) -> None:
+    """Gauss-Newton on simulated differences; the adjustables' slopes are taken once, the anchor follows."""
+    if not s.adjust:
+        return
+    first = s.theta.copy()
+    steps = []
+    for k, term in enumerate(s.adjust):
+        f = term.free[0]
+        step = 0.15 * (f.high - f.low)
+        steps.append(step if f.high - first[k] > first[k] - f.low else -step)
+    jobs = []
+    points = []
+    for k, term in enumerate(s.adjust):
+        theta = first.copy()
+        theta[k] += steps[k]
+        where = [c for c in s.training if bears_on(term, c)]
+        jobs += jobs_for(where, s.adjust, theta, (), s.sizes.adjustable, True)
+        points.append(label_of(s.adjust, theta))
+    s.runner.do(jobs, lambda k, n: s.progress("recalibrating", 0.2 + 0.06 * k / n))
+    s.means.refresh()
+    slopes = []
+    for k, term in enumerate(s.adjust):
+        slope: dict[str, Sum] = {}
+        for c in s.training:
+            if bears_on(term, c) and (points[k], True) in s.means.mean[c.name]:
+                slope[c.name] = {(points[k], True): 1 / steps[k], (NAIVE, True): -1 / steps[k]}
+        slopes.append(slope)
+    free = tuple(
+        replace(t.free[0], scale=abs(step), first=float(v))
+        for t, step, v in zip(s.adjust, steps, first, strict=True)
+    )
+    anchor: dict[str, Sum] = {c.name: {(NAIVE, False): 1.0} for c in s.training}
+    model = Model("recalibrated", free, first, anchor, tuple(slopes), (None,) * len(free))
+    s.base = fit(model, s.means, s.training)
+    for _ in range(3):
+        moved = np.abs(s.base.u - s.base.model.centre) / np.abs(steps)
+        sigma = np.sqrt(np.diag(s.base.covariance)) / np.abs(steps)
+        if not np.any((moved > 0.25) & (moved > 0.5 * sigma)):
+            break
+        theta = rounded(s.base.u)
+        label = label_of(s.adjust, theta)
+        s.runner.do(
+            jobs_for(s.training, s.adjust, theta, (), s.sizes.soft, True),
+            lambda k, n: s.progress("recalibrated scene in other packings", 0.26 + 0.04 * k / n),
+        )
+        s.means.refresh()
+        if any((label, True) not in s.means.mean[c.name] for c in s.training):
+            s.notes.append("recalibration stopped early: a recalibrated scene could not be run")
+            break
+        anchor = {
+            c.name: add((1.0, {(NAIVE, False): 1.0}), (1.0, {(label, True): 1.0}), (-1.0, {(NAIVE, True): 1.0}))
+            for c in s.training
+        }
+        s.base = fit(replace(model, centre=theta, anchor=anchor), s.means, s.training)
+    s.theta = s.base.model.centre.copy()
+
+
+def base_point(s: Search) -> str:
+    """Label of the soft runs around which suspects are tried."""
+    if not s.adjust or np.allclose(s.theta, [t.free[0].first for t in s.adjust]):
+        return NAIVE
+    return label_of(s.adjust, s.theta)
+
+
+def try_all(s: Search) -> list[Suspect]:
+    """Run every suspect at a first amount that shows and does not overturn everything."""
+    every = suspects_of(s.training)
+    adjustable = {t.label for t in s.adjust}
+    every = [x for x in every if not any(f.name in adjustable for f in x.term.free)]
+    result = []
+    base = base_point(s)
+    probe = s.training[:1]
+    physical = [x for x in every if not x.apparatus]
+    result += [x for x in every if x.apparatus]
+    chance = math.sqrt(len(probe[0].numbers) * 2.0)
+    factor = dict.fromkeys((x.label for x in physical), 1.0)
+    for attempt in range(4):
+        # one run tells whether an amount is far too small, or too much to be survived
+        jobs = []
+        trying = []
+        for x in physical:
+            if x.label in s.factors:
+                continue
+            scaled = x.scaled(factor[x.label])
+            trying.append((x, scaled))
+            values = scaled.neutral + scaled.design[0]
+            jobs += jobs_for(probe, s.adjust, s.theta, [(x.term, values)], 1, True)
+        if not jobs:
+            break
+        begun = 0.3 + 0.02 * attempt
+        s.runner.do(jobs, lambda k, n, at=begun: s.progress("trying the suspects", at + 0.02 * k / n))  # type: ignore[misc]
+        s.means.refresh()
+        for x, scaled in trying:
+            label = label_of(s.adjust, s.theta, [(x.term, scaled.neutral + scaled.design[0])])
+            found = s.means.mean[probe[0].name].get((label, True))
+            if found is None:
+                if s.runner.late or attempt == 3:
+                    continue
+                factor[x.label] *= 0.25  # the run did not survive it
+                continue
+            shift = found[0] - s.means.mean[probe[0].name][base, True][0]
+            size = math.sqrt(float(shift @ np.linalg.solve(s.means.covariance[probe[0].name], shift)))
+            bigger = x.scaled(4 * factor[x.label])
+            if size < 2.0 * chance and attempt < 3 and not np.allclose(bigger.design, scaled.design):
+                factor[x.label] *= 4.0
+            elif size > 25.0 * chance and attempt < 3:
+                factor[x.label] *= 0.3
+            else:
+                s.factors[x.label] = factor[x.label]
+    result += [x.scaled(s.factors[x.label]) for x in physical if x.label in s.factors]
+    for x in physical:
+        if x.label not in s.factors:
+            label = label_of(s.adjust, s.theta, [(x.term, x.neutral + x.design[0])])
+            why = s.runner.failures.get((probe[0].name, label, True), "not run: the time was up")
+            s.trials.append(Trial(x, 0.0, 0.0, None, 0, why))
+    jobs = []
+    for k in range(s.sizes.screen):
+        for x in result:
+            for row in x.design:
+                jobs += [
+                    Job(c, label_of(s.adjust, s.theta, [(x.term, x.neutral + row)]),
+                        change_of(c, s.adjust, s.theta, [(x.term, x.neutral + row)]), k, True)
+                    for c in s.training
+                ]  # fmt: skip
+    s.runner.do(jobs, lambda k, n: s.progress("signatures of the suspects", 0.38 + 0.22 * k / n))
+    s.means.refresh()
+    return result
+
+
+def model_of(s: Search, suspects: Sequence[Suspect], name: str = "") -> Model | None:
+    """The recalibrated model with these suspects added, linear through their first points; None where not run."""
+    base = s.base.model
+    free, centre = list(base.free), list(s.base.u)
+    slopes, camera = list(base.slopes), list(base.camera)
+    around = base_point(s)
+    for x in suspects:
+        if x.apparatus:
+            free += [x.term.free[0]]
+            centre += [x.term.free[0].neutral]
+            slopes += [{}]
+            camera += [x.term.free[0].name.removeprefix("camera.")]
+            continue
+        inverse = np.linalg.inv(x.design)
+        points = [label_of(s.adjust, s.theta, [(x.term, x.neutral + row)]) for row in x.design]
+        if any((p, True) not in s.means.mean[c.name] for p in points for c in s.training if bears_on(x.term, c)):
+            return None
+        for k, f in enumerate(x.term.free):
+            # du_k: sum over the points of inverse[k, i] (mean_i - base)
+            slope = {
+                c.name: add(*[
+                    (float(inverse[k, i]), {(p, True): 1.0, (around, True): -1.0}) for i, p in enumerate(points)
+                ])
+                for c in s.training if bears_on(x.term, c)
+            }  # fmt: skip
+            free.append(replace(f, scale=float(np.abs(x.design[:, k]).max())))
+            centre.append(f.neutral)
+            slopes.append(slope)
+            camera.append(None)
+    anchor = {c.name: base.sums(c.name, s.base.u) for c in s.training}
+    return Model(name or " + ".join(x.label for x in suspects), tuple(free), np.array(centre), anchor,
+                 tuple(slopes), tuple(camera))  # fmt: skip
+
+
+@dataclass
+class Bank:
+    """Whitened signatures around the recalibrated fit."""
+
+    factors: dict[str, np.ndarray]
+    left: np.ndarray
+    adjust: np.ndarray  # orthonormal basis of the adjustables
+    columns: dict[str, np.ndarray]  # of each suspect, adjustables projected out
+    directions: dict[str, np.ndarray]  # orthonormal
+    signs: dict[str, tuple[float, float]]  # of single numbers: on which side of neutral there is room
+    surviving: dict[str, float]
+    visible: dict[str, float]
+    inflate: dict[str, float]
+
+
+def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
+    factors, left = {}, []
+    for c in s.training:
+        r, v = s.base.left[c.name]
+        factors[c.name] = np.linalg.cholesky(v)
+        left.append(np.linalg.solve(factors[c.name], r))
+    r = np.concatenate(left)
+    adjust = np.zeros((len(r), 0))
+    if s.base.model.free:
+        adjust = _basis(_columns(s, s.base.model, s.base.u, factors))
+    bank = Bank(factors, r, adjust, {}, {}, {}, {}, {}, {})
+    n = len(s.base.u)
+    for x in suspects:
+        model = model_of(s, [x])
+        if model is None:
+            continue
+        a = _columns(s, model, model.centre, factors)[:, n:]
+        after = a - adjust @ (adjust.T @ a)
+        scale = np.array([f.scale for f in model.free[n:]])
+        before, behind = float(np.linalg.norm(a * scale)), float(np.linalg.norm(after * scale))
+        bank.columns[x.label] = after
+        bank.directions[x.label] = _basis(after * scale)
+        bank.surviving[x.label] = behind / before if before > 0 else 0.0
+        # how long a signature of nothing would be: the noise of the means that it is made of
+        noise = 0.0
+        for c in s.training:
+            for k in range(n, len(model.free)):
+                total = model.slopes[k].get(c.name, {})
+                variance = sum(q * q / s.means.mean[c.name][p][1] for p, q in total.items())
+                solved = np.linalg.solve(factors[c.name], s.means.covariance[c.name])
+                size = float(np.trace(np.linalg.solve(factors[c.name], solved.T)))
+                noise += variance * size * model.free[k].scale ** 2
+        bank.visible[x.label] = before / math.sqrt(noise) if noise > 0 else math.inf
+        f = x.term.free[0]
+        bank.signs[x.label] = (f.low - f.neutral, f.high - f.neutral)
+    return bank
+
+
+def gains(bank: Bank, suspect: Suspect, r: np.ndarray) -> np.ndarray:
+    """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; none on the side that a bound forbids."""
+    left = r - bank.adjust @ (bank.adjust.T @ r)
+    directions = bank.directions[suspect.label]
+    if not directions.shape[1]:
+        return np.zeros(r.shape[1])
+    found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
+    if suspect.size == 1:
+        amount = bank.columns[suspect.label][:, 0] @ left
+        low, high = bank.signs[suspect.label]
+        found = np.where(((amount > 0) & (high <= 0)) | ((amount < 0) & (low >= 0)), 0.0, found)
+    return found
+
+
+def _basis(a: np.ndarray) -> np.ndarray:
+    u, w, _ = np.linalg.svd(a, full_matrices=False)
+    return u[:, w > 1e-8 * max(w[0], 1e-300)] if len(w) else u
+
+
+def _columns(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(n, k) whitened derivatives of the prediction by the model's numbers."""
+    blocks = []
+    for c in s.training:
+        base, _ = model.predict(s.means, c, u)
+        columns = []
+        for k, f in enumerate(model.free):
+            step = 0.05 * f.scale * (-1.0 if u[k] + 0.05 * f.scale > f.high else 1.0)
+            moved = u.copy()
+            moved[k] += step
+            columns.append((model.predict(s.means, c, moved)[0] - base) / step)
+        blocks.append(np.linalg.solve(factors[c.name], np.array(columns).T))
+    return np.concatenate(blocks)
+
+
+def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
+    """Every run in turn seen as if it were the recording: its own packing's numbers, with tracking noise.
+
+    Where there are several recordings each gets a run of its own, drawn at random.
+    """
+    replicates = REPLICATES
+    drawn = []
+    for c in s.training:
+        residuals = s.means.residuals[c.name]
+        _, variance = s.base.model.predict(s.means, c, s.base.u)
+        own = (0.0 if c.averaged else 1.0) + variance
+        chosen = residuals[s.rng.integers(len(residuals), size=replicates)] * math.sqrt(own)
+        if np.any(np.diag(c.error) > 0):
+            values, vectors = np.linalg.eigh(c.error)
+            chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        drawn.append(np.linalg.solve(bank.factors[c.name], chosen.T))
+    r = np.concatenate(drawn)
+    alive = [x for x in suspects if counts(bank, x)]
+    best = np.zeros(replicates)
+    for x in alive:
+        best = np.maximum(best, gains(bank, x, r) - 2 * (x.size - 1))
+    along = np.sum((bank.adjust.T @ r) ** 2, axis=0) if bank.adjust.shape[1] else np.zeros(replicates)
+    whole = np.sum(r**2, axis=0)
+    return Nulls(whole, along, best, whole - along, r.T)
+
+
+def counts(bank: Bank, x: Suspect) -> bool:
+    return x.label in bank.directions and bank.surviving[x.label] > SURVIVES and bank.visible[x.label] > VISIBLE
+
+
+def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
+    """First-order gains of all suspects, and the nulls of that search."""
+    # the spread is better known now than before the suspects were run
+    s.naive = fit(s.naive.model, s.means, s.training)
+    s.base = fit(s.base.model, s.means, s.training) if s.adjust else s.naive
+    bank = bank_of(s, suspects)
+    s.trials = [t for t in s.trials if t.reason and not t.fit and t.suspect.label not in bank.directions]
+    for x in suspects:
+        if x.label not in bank.directions:
+            s.trials.append(Trial(x, 0.0, 0.0, None, 0, "not run everywhere"))
+            continue
+        reason = ""
+        if bank.surviving[x.label] <= SURVIVES:
+            reason = "recalibration imitates it"
+        elif bank.visible[x.label] <= VISIBLE:
+            reason = "no amount of it shows in these recordings"
+        gain = 0.0 if reason else float(gains(bank, x, bank.left[:, None])[0])
+        s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
+    s.nulls = draw_nulls(s, bank, suspects)
+    apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
+    s.p_naive = Nulls.p(float(apart @ apart), s.nulls.chi2)
+    along = bank.adjust.T @ apart
+    s.p_recalibration = Nulls.p(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
+    top = max((t.gain - 2 * (t.suspect.size - 1) for t in s.trials if not t.reason), default=0.0)
+    s.p_search = Nulls.p(top, s.nulls.best)
+    s.trials.sort(key=lambda t: -t.worth)
+    return bank
+
+
+def more_runs(s: Search, chosen: Sequence[Suspect], share: float) -> None:
+    """Sharper signatures of those that are still in question."""
+    jobs = []
+    for k in range(s.sizes.screen, s.sizes.screen + s.sizes.more):
+        for x in chosen:
+            for row in x.design:
+                extra = [(x.term, x.neutral + row)]
+                jobs += [
+                    Job(c, label_of(s.adjust, s.theta, extra), change_of(c, s.adjust, s.theta, extra), k, True)
+                    for c in s.training
+                ]
+    s.runner.do(jobs, lambda k, n: s.progress("sharper signatures of the best", share + 0.04 * k / n))
+    s.means.refresh()
+
+
+def refit(
+    s: Search, suspects: Sequence[Suspect], share: float, rounds: int = 2, count: int | None = None,
+    start: Fit | None = None,
+) -> tuple[Fit | None, int, str]:  # fmt: skip
+    """Fit suspects by simulation: run at the fitted numbers, put the anchor there, fit again.
+
+    The slope of a single number becomes the chord from its absence to where it was run. ``count`` runs a
+    condition; ``start``: an earlier fit of the same suspects to go on from.
+    """
+    model = model_of(s, suspects) if start is None else start.model
+    if model is None:
+        return None, 0, "not run everywhere"
+    found = fit(model, s.means, s.training)
+    physical = [x for x in suspects if not x.apparatus]
+    if not physical:
+        return found, 1, ""
+    n = len(s.base.u)
+    done = 0
+    for _ in range(rounds):
+        extra = []
+        at = n
+        here = rounded(found.u)
+        for x in suspects:
+            if not x.apparatus:
+                extra.append((x.term, here[at : at + x.size].copy()))
+            at += x.size
+        theta = here[:n].copy()
+        label = label_of(s.adjust, theta, extra)
+        s.runner.do(
+            jobs_for(s.training, s.adjust, theta, extra, count or s.sizes.leader, True),
+            lambda k, m: s.progress(f"refitting {suspects[-1].label}", share),
+        )
+        s.means.refresh()
+        if any((label, True) not in s.means.mean[c.name] for c in s.training):
+            why = next((s.runner.failures[key] for key in s.runner.failures if key[1] == label), "the time was up")
+            return found, done, why
+        done += 1
+        model = anchored(s, model, suspects, here, label)
+        before = found.u
+        found = fit(model, s.means, s.training)
+        wide = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        if np.all(np.abs(found.u - before) <= np.maximum(0.5 * wide, 0.1 * np.abs(before - _absent(s, suspects)))):
+            break
+    return found, done, ""
+
+
+def rounded(u: np.ndarray) -> np.ndarray:
+    """To four digits: a scene that is run again after an interruption is the same scene."""
+    return np.array([float(f"{v:.4g}") for v in u])
+
+
+def _absent(s: Search, suspects: Sequence[Suspect]) -> np.ndarray:
+    return np.concatenate([np.zeros(len(s.base.u)), *[x.neutral for x in suspects]])
+
+
+def anchored(
+    s: Search, model: Model, suspects: Sequence[Suspect], u: np.ndarray, label: str, soft: bool = True
+) -> Model:
+    """The model with its anchor in runs at u; the chord replaces the slope of a single physical number."""
+    n = len(s.base.u)
+    anchor = {}
+    slopes = list(model.slopes)
+    physical = [k for k in range(n, len(u)) if model.camera[k] is None]
+    for c in s.training:
+        if soft:
+            here = add((1.0, {(NAIVE, False): 1.0}), (1.0, {(label, True): 1.0}), (-1.0, {(NAIVE, True): 1.0}))
+        else:
+            here = {(label, False): 1.0}
+        anchor[c.name] = here
+    if len(physical) == 1 and soft:
+        k = physical[0]
+        neutral = model.free[k].neutral
+        amount = u[k] - neutral
+        if abs(amount) > 0.1 * model.free[k].scale:
+            around = base_point(s)
+            chord = {}
+            for c in s.training:
+                if c.name not in model.slopes[k]:
+                    continue
+                shifted = [
+                    (-float(u[j] - s.theta[j]), model.slopes[j].get(c.name, {})) for j in range(n)
+                ]
+                there = add((1.0, {(label, True): 1.0, (around, True): -1.0}), *shifted)
+                chord[c.name] = add((1 / amount, there))
+            slopes[k] = chord
+            free = list(model.free)
+            free[k] = replace(free[k], scale=abs(amount))
+            model = replace(model, free=tuple(free))
+    return replace(model, centre=u.copy(), anchor=anchor, slopes=tuple(slopes))
+
+
+def goodness(s: Search, found: Fit, free_numbers: int) -> tuple[float, float]:
+    """Two p-values of what a fit leaves: its rank among whole runs seen as recordings, and the F tail.
+
+    T^2 (nu - n + 1)/(nu n) of n numbers against F(n, nu - n + 1) (Hotelling 1931, Ann. Math. Stat. 2, 360), with nu
+    the runs' degrees of freedom, at least n + 3.
+    """
+    assert s.nulls is not None
+    n = max(found.count - free_numbers, 1)
+    scaled = np.sort(s.nulls.left) * n / max(found.count - len(s.base.u), 1)
+    rank = Nulls.p(found.chi2, scaled)
+    nu = max(sum(s.means.dof[c.name] for c in s.training), n + 3)
+    f = found.chi2 * (nu - n + 1) / (nu * n)
+    return rank, float(stats.f.sf(f, n, nu - n + 1))

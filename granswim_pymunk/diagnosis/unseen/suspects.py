@@ -1,0 +1,209 @@
+"""What may be missing where the bed is not seen, and how much of it a first run tries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...laws import all_laws
+from ...scene import Scene, use
+from ..candidates import APPARATUS, applies
+from ..hypothesis import Free, Term
+from ..swimmer_terms import swimmer_terms
+from .conditions import Condition, Shim
+
+UNLIMITED = math.inf
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A candidate and the points at which it is run first.
+
+    design : (n, n) rows are amounts (value less neutral) of its n numbers; empty for the apparatus, which needs
+    no runs;  extent : the class of bodies it acts on, for the verdict
+    """
+
+    term: Term
+    design: np.ndarray
+    extent: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return self.term.mechanism
+
+    @property
+    def label(self) -> str:
+        return self.term.label
+
+    @property
+    def apparatus(self) -> bool:
+        return self.term.mechanism in APPARATUS
+
+    @property
+    def neutral(self) -> np.ndarray:
+        return np.array([f.neutral for f in self.term.free])
+
+    @property
+    def size(self) -> int:
+        return len(self.term.free)
+
+    def scaled(self, factor: float) -> Suspect:
+        """The same, first tried at another amount, inside its bounds."""
+        design = self.design * factor
+        for k, f in enumerate(self.term.free):
+            room = (f.low - f.neutral, f.high - f.neutral)
+            design[:, k] = np.clip(design[:, k], 0.95 * room[0], 0.95 * room[1])
+        return replace(self, design=design)
+
+
+def suspects_of(conditions: Sequence[Condition]) -> list[Suspect]:
+    """Apparatus first, then laws on bodies and pairs, then what the swimmer itself may have."""
+    recordings = {c.recording.name: c.recording for c in conditions}
+    shims = [Shim(r) for r in recordings.values()]
+    scenes = [c.scene for c in conditions]
+    found = _camera(conditions)
+    found += _contacts(scenes[0], {a.name for s in shims for a in s.recording.scene.adjustable})
+    found += _fields(conditions, shims)
+    for term in swimmer_terms(scenes):
+        # the side on which there is room: a joint gets weaker, a limit comes nearer
+        amounts = [0.4 * f.scale if f.name.startswith("weak_joint") else f.scale for f in term.free]
+        signs = [-1.0 if f.neutral >= f.high or f.name.startswith("weak_joint") else 1.0 for f in term.free]
+        whole = term.bodies is None or len(term.bodies) == len(scenes[0].chains[0])
+        bodies = ("swimmer",) if whole else tuple(term.bodies or ())
+        found.append(Suspect(term, np.diag([a * s for a, s in zip(amounts, signs, strict=True)]), bodies))
+    return found
+
+
+def _camera(conditions: Sequence[Condition]) -> list[Suspect]:
+    def put(key: str):
+        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+            return scene, {**camera, key: float(values[0])}
+
+        return apply
+
+    rows = [("camera_scale", "scale", "1", 0.5, 2.0, 1.0, 1e-2, "seen = s true", "s")]
+    if any(not c.any_view.curve for c in conditions):
+        rows += [
+            ("camera_tilt", "tilt", "rad", -0.8, 0.8, 0.0, 1e-2, "seen = R(+angle) true", "angle"),
+            ("time_offset", "time_offset", "s", -0.2, 0.2, 0.0, 1e-3,
+             "a frame stamped t shows the state at t + offset", "offset"),
+        ]  # fmt: skip
+    return [
+        Suspect(
+            Term(name, name, (Free(f"camera.{key}", unit, low, high, neutral, scale, None, neutral),), put(key),
+                 expression=expression, groups=((said, (0,)),)),
+            np.zeros((0, 0)), (),
+        )
+        for name, key, unit, low, high, neutral, scale, expression, said in rows
+    ]  # fmt: skip
+
+
+def _contacts(scene: Scene, adjustable: set[str]) -> list[Suspect]:
+    """Contacts that lose more, or less, than believed."""
+    found = []
+    for law in ("contact_linear", "contact_hertz"):
+        name = f"{law}.damping"
+        if not scene.laws_named(law) or name in adjustable:
+            continue
+        use_ = scene.laws_named(law)[0]
+        believed = float(use_.values["damping"])
+
+        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray, name: str = name):
+            return scene.with_parameter(name, float(values[0])), camera
+
+        first = believed if believed > 0 else 1e4
+        free = Free(name, "1/s", 0.0, math.inf, believed, first, None, believed)
+        term = Term("restitution", f"restitution ({name})", (free,), apply, expression=use_.law.expression,
+                    groups=(("damping", (0,)),))  # fmt: skip
+        found.append(Suspect(term, np.array([[first]]), ("swimmer", "grains")))
+    return found
+
+
+def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Suspect]:
+    """Laws on all mobile bodies and all pairs, at amounts that suit this bed and this swimmer."""
+    scene = conditions[0].scene
+    bed = scene.bed
+    grain = [b.mass for b in scene.bodies if b.role == "grain"]
+    if bed is not None:
+        a, b = bed.grain_diameter
+        mass = bed.density * math.pi / 6 * ((b**4 - a**4) / (4 * (b - a)) if b > a else a**3)
+    else:
+        mass = float(np.mean(grain))
+    frequency = float(np.mean([c.frequency for c in conditions]))
+    length = sum(2 * scene.bodies[k].radius for k in scene.chains[0])
+    amplitude = abs(float(scene.laws_named("bending")[0].values["amplitude"])) or 1.0
+    # the swimmer's typical speed sideways, and a force that stops a grain at it within a tenth of a cycle
+    speed = 0.15 * amplitude * 2 * math.pi * frequency * length
+    rate = 1.5 * frequency
+    force = mass * rate * speed
+    amounts: dict[str, tuple[float, ...]] = {
+        "linear_drag": (mass * rate,), "quadratic_drag": (mass * rate / speed,), "coulomb_substrate": (0.15,),
+        "added_mass": (0.2,), "uniform_force": (0.3, 0.3), "contact_friction": (0.2,), "cohesion": (force,),
+        "distance_force": (force,), "wall_drag": (4 * mass * rate,), "pair_lubrication": (1e3,),
+    }  # fmt: skip
+    found = []
+    laws = all_laws()
+    for name, sizes in amounts.items():
+        law = laws.get(name)
+        if law is None or law.candidate != "named" or not applies(law, shims):  # type: ignore[arg-type]
+            continue
+        if any(c.scene.laws_named(name) for c in conditions):
+            continue  # it is known already; its strength is the adjustables' business
+        strength = law.parameter(law.strength[0])
+        free = tuple(
+            Free(f"{name}.{argument}", strength.unit, strength.low, strength.high, strength.neutral, size, None,
+                 strength.neutral)
+            for argument, size in zip(strength.arguments, sizes, strict=True)
+        )  # fmt: skip
+        term = Term(
+            law.mechanism, name, free, _Adder(name, strength.name, strength.size), expression=law.expression,
+            groups=((strength.name, tuple(range(len(free)))),), choices=_fixed(law, strength.name),
+        )  # fmt: skip
+        found.append(Suspect(term, np.diag(sizes), ("swimmer", "grains")))
+    if "ambient_flow" in laws and not any(c.scene.laws_named("ambient_flow") for c in conditions):
+        law = laws["ambient_flow"]
+        c0, u0 = mass * rate, 0.3 * speed
+        # linear in c and in the push c u: u itself means nothing where c is zero
+        free = (
+            Free("ambient_flow.c", "kg/s", 0.0, math.inf, 0.0, c0),
+            *[Free(f"ambient_flow.push_{k}", "N", -math.inf, math.inf, 0.0, c0 * u0) for k in "xy"],
+        )
+        term = Term("ambient_flow", "ambient_flow", free, _flow, expression=law.expression,
+                    groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
+        design = np.array([[c0, 0.0, 0.0], [c0, c0 * u0, 0.0], [c0, 0.0, c0 * u0]])
+        found.append(Suspect(term, design, ("swimmer", "grains")))
+    return found
+
+
+def _fixed(law, strength: str) -> dict[str, Any]:
+    """Numbers of a law that are not looked for here, at their usual sizes."""
+    fixed: dict[str, Any] = {}
+    for p in law.parameters:
+        if p.name == strength:
+            continue
+        if p.choices:
+            fixed[p.name] = p.default if p.default is not None else p.choices[0]
+        elif p.typical is not None and p.size == 1:
+            fixed[p.name] = float(p.typical)
+    return fixed
+
+
+class _Adder:
+    """Adds a law with one strength, a number or a vector, the rest at usual sizes."""
+
+    def __init__(self, name: str, strength: str, size: int) -> None:
+        self.name, self.strength, self.size = name, strength, size
+        self.fixed = _fixed(all_laws()[name], strength)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        value = float(values[0]) if self.size == 1 else tuple(float(v) for v in values)
+        return scene.with_laws(use(self.name, **{**self.fixed, self.strength: value})), camera
+
+
+def _flow(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+    c = max(float(values[0]), 1e-15)
+    return scene.with_laws(use("ambient_flow", c=c, u=(float(values[1]) / c, float(values[2]) / c))), camera

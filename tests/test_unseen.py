@@ -1,0 +1,251 @@
+"""A bed that is not seen: what is compared, how it is fitted, what is named and what is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.diagnosis.diagnose import diagnose
+from granswim_pymunk.diagnosis.hypothesis import Free
+from granswim_pymunk.diagnosis.unseen.conditions import Condition, conditions_of
+from granswim_pymunk.diagnosis.unseen.observe import View
+from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
+from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softened
+from granswim_pymunk.diagnosis.unseen.suspects import suspects_of
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording.recording import CURVE
+from granswim_pymunk.scene import Scene, use
+from granswim_pymunk.validation.unseen_cases import toy_scene
+
+F = 10.0
+T = np.arange(250) * 2e-3
+MASSES = np.array([7.0, 1, 1, 1, 1, 1, 1])
+
+
+def swimming(
+    t: np.ndarray, amplitude: float = 0.6, lag: float = 0.7, drift: float = -0.02, seed: int | None = None
+) -> np.ndarray:
+    """Tracks of a chain whose segments follow the head with a lag each; a seed makes a packing of its own."""
+    rng = np.random.default_rng(seed)
+    wobble = 0.0 if seed is None else 0.02
+    xy = np.zeros((len(t), 7, 2))
+    xy[:, 0, 0] = 0.01 + (drift + 0.1 * wobble * rng.normal()) * t
+    xy[:, 0, 1] = 0.008 + 1e-3 * np.sin(2 * math.pi * F * t)
+    for s in range(6):
+        size, turn = amplitude + wobble * rng.normal(), lag * s + wobble * rng.normal()
+        angle = wobble * rng.normal() + size * np.sin(2 * math.pi * F * t - turn)
+        angle = angle + 0.05 * np.cos(6 * math.pi * F * t + wobble * rng.normal())
+        xy[:, s + 1] = xy[:, s] + 3e-3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    return xy
+
+
+def recording(xy: np.ndarray, scene: Scene | None = None, **changes) -> Recording:
+    scene = scene or toy_scene(F)
+    given = {"name": "one", "t": T, "ids": scene.ids, "position_noise": 2e-5, **changes}
+    return Recording(scene=scene, xy=xy, **given)
+
+
+def view(**changes) -> View:
+    return View(**{"t": T, "keep": T > 0.1, "frequency": F, "phase": 0.0, "masses": MASSES, **changes})
+
+
+# ---- what is compared ----------------------------------------------------------------------------
+
+
+def test_numbers_of_a_known_motion():
+    names = [(n.kind, n.place, n.harmonic) for n in view().numbers()]
+    found = dict(zip(names, view().observe(swimming(T)), strict=True))
+    for s in range(6):
+        # 0.6 sin(theta - 0.7 s)
+        assert found["sin", s, 1] == pytest.approx(0.6 * math.cos(0.7 * s), abs=1e-9)
+        assert found["cos", s, 1] == pytest.approx(-0.6 * math.sin(0.7 * s), abs=1e-9)
+        assert found["cos", s, 3] == pytest.approx(0.05, abs=1e-9)
+        assert found["mean", s, 0] == pytest.approx(0.0, abs=1e-9)
+    assert found["drift", 0, 0] == pytest.approx(-0.02, abs=2e-4)
+    assert found["head_sin", 1, 1] == pytest.approx(1e-3, rel=1e-9)
+    assert found["length", 0, 0] == pytest.approx(3e-3, rel=1e-9)
+
+
+def test_noise_is_taken_off_the_distance_and_its_size_is_known():
+    xy = swimming(T)
+    rng = np.random.default_rng(1)
+    draws = np.array([view().observe(xy + rng.normal(0, 5e-5, xy.shape), 5e-5) for _ in range(80)])
+    clean = view().observe(xy)
+    assert draws[:, -1].mean() == pytest.approx(clean[-1], abs=3 * draws[:, -1].std() / 8)
+    expected = np.sqrt(np.diag(view().noise_covariance(xy, 5e-5, rng)))
+    assert np.all(np.abs(draws.std(axis=0) / expected - 1) < 0.5)
+
+
+def test_a_frame_that_misses_a_disk_changes_nothing():
+    xy = swimming(T)
+    xy[60:70, 3] = np.nan
+    assert view().observe(xy) == pytest.approx(view().observe(swimming(T)), abs=2e-4)
+
+
+@pytest.mark.parametrize("fault", [{"scale": 1.02}, {"tilt": 0.03}, {"time_offset": 0.004}])
+def test_the_camera_changes_numbers_as_it_changes_tracks(fault):
+    """Turning the numbers is the same as filming the motion with the faulty camera."""
+    seen = swimming(T + fault.get("time_offset", 0.0))
+    c, s = math.cos(fault.get("tilt", 0.0)), math.sin(fault.get("tilt", 0.0))
+    seen = fault.get("scale", 1.0) * seen @ np.array([[c, s], [-s, c]])
+    numbers, names = view().filmed(view().observe(swimming(T)), **fault), view().numbers()
+    expected = view().observe(seen)
+    # tilt mixes a little of the head's sideways stroke into the other axis, which is not among the numbers
+    size = [1e-3 if n.kind.startswith("head") else 2e-3 for n in names]
+    assert np.all(np.abs(numbers - expected) < np.maximum(size, 1e-3) * (0.1 if "tilt" not in fault else 1.0))
+
+
+def test_a_curve_is_the_speed_of_the_centre_of_mass_head_first():
+    # the body lies behind the head along +x: going to -x is head first
+    assert view(curve=True).observe(swimming(T))[0] == pytest.approx(0.02, abs=3e-3)
+
+
+def test_distance_is_that_of_the_disks():
+    v = view()
+    here = v.observe(swimming(T))
+    assert v.distance(here, here) == 0.0
+    bent = v.observe(swimming(T, amplitude=0.61))
+    a, b = (swimming(T, amplitude=x) - swimming(T, amplitude=x).mean(axis=1, keepdims=True) for x in (0.6, 0.61))
+    assert v.distance(here, bent) == pytest.approx(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=-1))), rel=0.05)
+
+
+# ---- the fit ---------------------------------------------------------------------------------------
+
+
+def _runner(condition: Condition, runs: dict[tuple[str, bool], list[np.ndarray]]) -> Runner:
+    runner = Runner()
+    for (label, soft), tracks in runs.items():
+        runner.tracks[condition.name, label, soft] = dict(enumerate(tracks))
+    return runner
+
+
+def test_an_amount_is_found_from_differences_with_its_error():
+    """Softness shifts every soft run alike; the amount comes from differences, so it drops out."""
+    true, off = 0.63, 0.05
+    seen = swimming(T, amplitude=true, seed=99)
+    condition = conditions_of([recording(seen)], [], 0)[0]
+    runs = {
+        ("naive", False): [swimming(T, seed=k) for k in range(8)],
+        ("naive", True): [swimming(T, lag=0.7 + off, seed=10 + k) for k in range(8)],
+        ("more", True): [swimming(T, amplitude=0.7, lag=0.7 + off, seed=20 + k) for k in range(8)],
+    }
+    means = Means(_runner(condition, runs), [condition])
+    means.refresh()
+    free = Free("amplitude", "rad", 0.0, 2.0, 0.6, 0.1, None, 0.6)
+    slope = {condition.name: {("more", True): 10.0, ("naive", True): -10.0}}
+    model = Model("m", (free,), np.array([0.6]), {condition.name: {("naive", False): 1.0}}, (slope,), (None,))
+    found = fit(model, means, [condition])
+    low, high = found.interval(0)
+    assert low < true < high and high - low < 0.12
+    assert found.chi2 < 2.5 * found.count
+    naive = fit(Model("n", (), np.zeros(0), model.anchor, (), ()), means, [condition])
+    assert naive.objective > found.objective
+
+
+def test_camera_scale_is_told_from_the_distance_of_disks():
+    seen = 1.01 * swimming(T, seed=99)
+    condition = conditions_of([recording(seen)], [], 0)[0]
+    runs = {("naive", False): [swimming(T, seed=k) for k in range(10)]}
+    means = Means(_runner(condition, runs), [condition])
+    means.refresh()
+    free = Free("camera.scale", "1", 0.5, 2.0, 1.0, 1e-2, None, 1.0)
+    model = Model("s", (free,), np.array([1.0]), {condition.name: {("naive", False): 1.0}}, ({},), ("scale",))
+    found = fit(model, means, [condition])
+    assert found.u[0] == pytest.approx(1.01, abs=5e-4)
+
+
+# ---- scenes and suspects ------------------------------------------------------------------------------
+
+
+def test_softer_contacts_keep_the_restitution():
+    def rebound(scene: Scene) -> float:
+        a, b = (replace(scene.bodies[0], id=i, role="free", mass=1e-5) for i in "ab")
+        pair = Scene((replace(a, initial=(0.0, 0.0, 0.1, 0.0)), replace(b, initial=(3.1e-3, 0.0, -0.1, 0.0))),
+                     scene.laws_named("contact_linear"))  # fmt: skip
+        sim = Simulation(pair, dt=1e-7)
+        sim.advance(60_000)
+        return float(sim.state().v[1, 0] - sim.state().v[0, 0]) / 0.2
+
+    scene = toy_scene(F)
+    assert rebound(softened(scene)) == pytest.approx(rebound(scene), rel=0.01)
+    stiffness = softened(scene).laws_named("contact_linear")[0].values["stiffness"]
+    assert stiffness == 2.2e2 / SOFTER
+
+
+def test_every_suspect_can_be_put_into_the_scene_and_known_ones_are_no_suspects():
+    condition = conditions_of([recording(swimming(T))], [], 0)[0]
+    suspects = suspects_of([condition])
+    names = {x.name for x in suspects}
+    assert {"linear_drag", "coulomb_substrate", "contact_friction"} <= names
+    assert {"actuator_lag", "weak_joint", "camera_scale"} <= names
+    for x in suspects:
+        for row in x.design:
+            changed, _ = x.term.apply(condition.scene, {}, x.neutral + row)
+            assert changed.hash != condition.scene.hash
+            for law in changed.laws:
+                if law.name != "wall_drag":
+                    changed.resolved(law)
+    known = toy_scene(F).with_laws(use("linear_drag", c=1e-5))
+    known_names = {x.name for x in suspects_of(conditions_of([recording(swimming(T), known)], [], 0))}
+    assert "linear_drag" not in known_names
+
+
+def test_runs_are_kept_and_found_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.runs.cache_folder", lambda: tmp_path)
+    short = T[:16]
+    scene = toy_scene(F)
+    condition = replace(conditions_of([recording(swimming(T), scene)], [], 0)[0], frames=short)
+    job = Job(condition, "naive", lambda scene: scene, 0, True)
+    first, second = Runner(), Runner()
+    first.do([job])
+    second.do([job])
+    assert (first.runs, first.cached, second.runs, second.cached) == (1, 0, 0, 1)
+    a, b = (r.tracks[condition.name, "naive", True][0] for r in (first, second))
+    assert np.array_equal(a, b) and a.shape == (16, 7, 2)
+    # a file that was cut short is made anew
+    file = next(tmp_path.glob("runs/*/*.npy"))
+    file.write_bytes(file.read_bytes()[:100])
+    third = Runner()
+    third.do([job])
+    assert third.runs == 1 and np.array_equal(third.tracks[condition.name, "naive", True][0], a)
+
+
+def test_a_run_that_fails_is_a_reason():
+    condition = replace(conditions_of([recording(swimming(T))], [], 0)[0], frames=T[:16])
+    runner = Runner()
+    burst = Job(condition, "burst", lambda s: s.with_parameter("union.damping", 1e9), 0, True)
+    runner.do([burst])
+    assert (condition.name, "burst", True) in runner.failures and not runner.tracks
+
+
+# ---- what is refused ------------------------------------------------------------------------------------
+
+
+def curve(*rows: tuple[float, ...]) -> np.ndarray:
+    return np.array([tuple(row) for row in rows], dtype=CURVE)
+
+
+def only_curve(scene: Scene, *rows: tuple[float, ...]) -> Recording:
+    return Recording("curve", scene, np.empty(0), (), np.empty((0, 0, 2)), curve=curve(*rows))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: recording(swimming(T)[:40], t=T[:40]), "cycles"),
+        (lambda: recording(swimming(T)[:, :6], ids=toy_scene(F).ids[:6]), "never seen"),
+        (lambda: recording(swimming(T), replace(toy_scene(F), laws=toy_scene(F).laws[:2])), "drives the swimmer"),
+        (lambda: recording(swimming(T), replace(toy_scene(F), periodic_x=None)), "periodic_x"),
+        (lambda: only_curve(toy_scene(F), (9.0, 11.0, 0.01, 1e-3, 3)), "confinement"),
+        (lambda: only_curve(toy_scene(F), (0.0, 0.0, 0.01, 1e-3, 3)), "frequency"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_said_in_one_line(make, said, tmp_path):
+    with pytest.raises(InputError, match=said) as error:
+        diagnose([make()], tmp_path / "out")
+    assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
