@@ -264,6 +264,7 @@ def try_all(s: Search) -> list[Suspect]:
     result += [x for x in every if x.apparatus]
     chance = math.sqrt(len(probe[0].numbers) * 2.0)
     factor = dict.fromkeys((x.label for x in physical), 1.0)
+    survived: dict[str, float] = {}
     for attempt in range(4):
         # one run tells whether an amount is far too small, or too much to be survived
         jobs = []
@@ -284,10 +285,13 @@ def try_all(s: Search) -> list[Suspect]:
             label = label_of(s.adjust, s.theta, [(x.term, scaled.neutral + scaled.design[0])])
             found = s.means.mean[probe[0].name].get((label, True))
             if found is None:
-                if s.runner.late or attempt == 3:
-                    continue
-                factor[x.label] *= 0.25  # the run did not survive it
+                # the run did not survive it
+                if x.label in survived:
+                    s.factors[x.label] = survived[x.label]
+                elif not s.runner.late and attempt < 3:
+                    factor[x.label] *= 0.25
                 continue
+            survived[x.label] = factor[x.label]
             shift = found[0] - s.means.mean[probe[0].name][base, True][0]
             size = math.sqrt(float(shift @ np.linalg.solve(s.means.covariance[probe[0].name], shift)))
             bigger = x.scaled(4 * factor[x.label])
