@@ -4,4 +4,6 @@ A command module has ``HELP`` (one line), ``add_arguments(parser)`` and ``main(a
 does is a plain function elsewhere in the package that a script can call.
 """
 
-COMMANDS = ("run", "sweep", "diagnose", "conceal", "prove", "import", "validate", "crosscheck", "benchmark", "laws")
+COMMANDS = (
+    "run", "sweep", "diagnose", "conceal", "prove", "import", "validate", "crosscheck", "benchmark", "laws", "paper",
+)  # fmt: skip

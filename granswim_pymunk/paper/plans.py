@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from .measure import Plan
@@ -42,12 +43,14 @@ class Setting:
     """How much is run: seeds of the packings, how each run is measured, how soft the contacts are.
 
     order : blocks with seeds of packings, the most telling ones first
+    usual : values of ``paper_scene`` that differ from the paper's everywhere
     """
 
     name: str
     order: tuple[tuple[str, tuple[int, ...]], ...]
     plan: Plan
     softness: float
+    usual: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -58,10 +61,8 @@ BLOCKS = ("free", "k_B", "friction", "heights", "readings", "convergence", "size
 POCKET = Setting(
     "pocket",
     (
-        ("free", (1, 2, 3, 4)),
-        *((name, (1, 2)) for name in ("k_B", "friction", "heights")),
-        ("free", (5, 6, 7, 8)),
-        *((name, (1, 2)) for name in ("readings", "convergence", "sizes")),
+        ("free", (1, 2, 3, 4, 5, 6, 7, 8)),
+        *((name, (1, 2)) for name in ("k_B", "friction", "heights", "readings", "convergence", "sizes")),
         *((name, (3, 4)) for name in BLOCKS),
         *((name, (5, 6, 7, 8)) for name in BLOCKS),
     ),
@@ -105,5 +106,5 @@ def complete(point: Point, setting: Setting, seed: int) -> Point:
         "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": 0.11, "form": "leader", "gamma_B": 1.0e2,
         "k_B_scale": 1.0,
         "grain_diameter": 1.5e-3, "width": 0.100, "height": 0.050, "softness": setting.softness, "dt": 0.0,
-        **point, "seed": seed,
+        **setting.usual, **point, "seed": seed,
     }  # fmt: skip

@@ -94,7 +94,7 @@ def _read(folder: Path) -> Recording:
         raise InputError("should be above zero [Hz]", file=file, where="sampling")
     if (folder / "input.csv").exists():
         scene = _with_inputs(scene, folder / "input.csv")
-    curve = _read_curve(folder / "curve.csv") if (folder / "curve.csv").exists() else None
+    curve = read_curve(folder / "curve.csv") if (folder / "curve.csv").exists() else None
     tracks = _read_tracks(folder, scene, needed=curve is None)
     recording = Recording(
         name=folder.resolve().name,
@@ -420,7 +420,7 @@ def _read_npz(path: Path, scene: Scene) -> _Tracks:
     return _Tracks(t, tuple(names[c] for c in columns), xy[picked], None if angle is None else angle[picked])
 
 
-def _read_curve(path: Path) -> np.ndarray:
+def read_curve(path: Path) -> np.ndarray:
     """``frequency,layers,speed[,speed_sem,n]``: structured (k,), NaN where speed_sem or n are not given."""
     required, optional = CURVE_FIELDS[:3], CURVE_FIELDS[3:]
     parts = []

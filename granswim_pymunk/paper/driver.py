@@ -1,0 +1,267 @@
+"""The claims, run, judged, drawn and written down."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..errors import InputError
+from ..recording.folder import read_curve
+from ..sweep import run_jobs, write_dataset
+from . import f2, f3, f4, f5, f6, f7, f8, f9, f10, readings, t1
+from .calibrate import Calibration, calibrate
+from .claim import CALIBRATED, FAILS, HOLDS, OPEN, Claim, Verdict
+from .plans import SETTINGS, Setting, points_of
+from .results import Results, jobs_of, keep, kept_rows, labelled, load, measuring
+from .scenes import paper_scene
+
+CLAIMS: dict[str, Claim] = {
+    c.name: c
+    for c in (
+        t1.CLAIM, f2.CLAIM, f3.CLAIM_A, f3.CLAIM_B, f4.CLAIM, f5.CLAIM, f6.CLAIM, f7.CLAIM, f8.CLAIM, f9.CLAIM,
+        f10.CLAIM, readings.READING, readings.CONVERGED,
+    )
+}  # fmt: skip
+Say = Callable[[str], None]
+
+
+def choose(names: Sequence[str]) -> list[Claim]:
+    """Claims by name, in the paper's order; F3 is F3a and F3b; none: all. Raises InputError."""
+    if not names:
+        return list(CLAIMS.values())
+    wanted = set()
+    for name in names:
+        found = [c for c in CLAIMS if c.lower() == name.lower() or (name.upper() == "F3" and c.startswith("F3"))]
+        if not found:
+            raise InputError(f"unknown claim {name!r}; known: {', '.join(CLAIMS)}")
+        wanted |= set(found)
+    return [c for c in CLAIMS.values() if c.name in wanted]
+
+
+def paper(
+    claims: Sequence[str] = (),
+    *,
+    setting: str | Setting = "pocket",
+    out: str | Path = "out/paper",
+    runs: str | Path | None = None,
+    pages: str | Path | None = None,
+    json_file: str | Path | None = None,
+    curve: str | Path | None = None,
+    run: bool = True,
+    say: Say = print,
+    **how: Any,
+) -> list[Verdict]:
+    """Compute what the claims need, judge and draw them.
+
+    claims : names (default: all);  setting : "pocket", "paper" or a Setting
+    out : figures, sweep.nc (labelled arrays), runs.nc (every run's numbers);  runs : run files (default: OUT/runs)
+    pages : where paper.md and readings.md go (default: OUT);  json_file : verdicts with every number
+    curve : a curve.csv to which mu_eff is calibrated besides;  run : False takes only what is finished
+    how : executor, processes, dask, retry_failed, quiet, as ``sweep.run_jobs``
+
+    Raises InputError before anything is run.
+    """
+    chosen = choose(claims)
+    if isinstance(setting, str):
+        if setting not in SETTINGS:
+            raise InputError(f"setting should be one of {', '.join(SETTINGS)}, got {setting!r}")
+        setting = SETTINGS[setting]
+    measured = read_curve(Path(curve)) if curve is not None else None
+    out = Path(out)
+    folder = Path(runs) if runs is not None else out / "runs"
+    pages = Path(pages) if pages is not None else out
+    if json_file is not None and not Path(json_file).resolve().parent.is_dir():
+        raise InputError("its folder does not exist", file=json_file)
+    for place in (out, pages):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make this folder: {error.strerror}", file=place) from None
+
+    everything = jobs_of(points_of(setting), setting, folder)
+    wanted = {b for claim in chosen for b in claim.blocks}
+    names = {tuple(p.values()) for p in points_of(setting, sorted(wanted))} if wanted else set()
+    jobs = [job for job in everything if tuple(job.point.values()) in names]
+    kept = kept_rows(out / "runs.nc")
+    missing = [job for job in jobs if not job.done and job.key not in kept]
+    if jobs:
+        say(f"{setting.name}: {len(jobs)} runs of {setting.plan.duration:g} s, {len(jobs) - len(missing)} finished")
+    again = how.get("retry_failed", False)
+    if run and (missing or again):
+        run_jobs([j for j in jobs if again or j in missing], paper_scene, measuring(setting), **how)
+    # what other claims have left there comes along
+    results = load(everything, setting, folder, kept)
+    calibrated = None
+    if measured is not None:
+        calibrated = calibrate(measured, setting, folder, **how)
+        say(
+            f"mu_eff for {curve}: {calibrated.text}, rms misfit {1e3 * calibrated.rms:.2f} mm/s, "
+            f"{calibrated.packings} packings"
+        )
+    verdicts = [_judge(claim, results, out) for claim in chosen]
+    for verdict in verdicts:
+        say(in_words(verdict))
+    if results.runs:
+        keep(results, everything, out / "runs.nc")
+        write_dataset(labelled(results), out / "sweep.nc")
+    record = {
+        "format": "granswim-paper/1", "version": __version__, "setting": setting.name, "packings": len(setting.seeds),
+        "duration_s": setting.plan.duration, "settle_s": setting.plan.settle, "softness": setting.softness,
+        "claims": [v.to_dict() for v in verdicts],
+    }  # fmt: skip
+    if calibrated is not None:
+        record["calibration"] = _calibration(calibrated, str(curve))
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    _write(Path(json_file) if json_file is not None else out / "claims.json", text)
+    _write(pages / "paper.md", page(verdicts, setting, out, pages))
+    if any(v.claim is readings.READING for v in verdicts):
+        figure = next(v.figure for v in verdicts if v.claim is readings.READING)
+        _write(pages / "readings.md", readings_page(results, figure, out, pages))
+    return verdicts
+
+
+def _judge(claim: Claim, results: Results, out: Path) -> Verdict:
+    mine = {tuple(p.values()) for p in _points(claim, results.setting)}
+    have = {tuple(p.values()) for p, _ in results.runs}
+    failed = [f"{_differs(p)}: {reason}" for p, reason in results.failed if tuple(p.values()) in mine]
+    missing = len(mine - have) - len(failed)
+    figure = claim.draw(results)
+    name = ""
+    if figure is not None:
+        name = f"{claim.name}.png"
+        beside = out / f".{claim.name}.part.png"
+        # without a date or a version, so that equal numbers give an equal file
+        figure.savefig(beside, metadata={"Software": None})
+        os.replace(beside, out / name)
+    return Verdict(claim, claim.judge(results), name, missing, failed)
+
+
+def _points(claim: Claim, setting: Setting) -> list[dict[str, Any]]:
+    return points_of(setting, list(claim.blocks)) if claim.blocks else []
+
+
+def _differs(point: dict[str, Any]) -> str:
+    return ", ".join(f"{k} {v}" for k, v in point.items() if k in ("frequency", "k_B", "layers", "seed", "form"))
+
+
+def _calibration(found: Calibration, file: str) -> dict[str, Any]:
+    return {
+        "file": file, "mu_eff_s_per_m": found.mu_eff, "error": found.error if np.isfinite(found.error) else None,
+        "rms_m_per_s": found.rms, "packings": found.packings,
+    }  # fmt: skip
+
+
+def _write(file: Path, text: str) -> None:
+    beside = file.with_name(f".{file.name}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, file)
+    except OSError as error:
+        raise InputError(f"cannot write it: {error.strerror}", file=file) from None
+
+
+# ---- words ------------------------------------------------------------------------------------
+
+
+def in_words(verdict: Verdict) -> str:
+    """A claim as the command prints it."""
+    lines = [f"{verdict.claim.name}  {verdict.claim.title} ({verdict.claim.where}): {verdict.verdict}"]
+    for f in verdict.findings:
+        lines.append(f"  the paper: {f.says}")
+        packings = f", {f.packings} packings" if f.packings else ""
+        lines.append(f"    measured: {f.measured}{packings}: {f.verdict}")
+        if f.note:
+            lines.append(f"    ({f.note})")
+    if verdict.missing > 0:
+        lines.append(f"  {verdict.missing} runs are missing")
+    lines += [f"  failed: {reason}" for reason in verdict.failed]
+    return "\n".join(lines)
+
+
+MARK = {HOLDS: "**holds**", FAILS: "**does not hold**", OPEN: "not decided", CALIBRATED: "calibrated"}
+
+
+def page(verdicts: Sequence[Verdict], setting: Setting, out: Path, pages: Path) -> str:
+    """The page of all claims, in Markdown."""
+    plan = setting.plan
+    lines = [
+        "# The paper's claims, measured",
+        "",
+        f"Made by `granswim paper --setting {setting.name}`; do not edit. The paper is Echeverría-Huarte, Telo da Gama "
+        "& Araújo, *Optimal frequency for undulatory motion in granular media*.",
+        "",
+        f"Up to {len(setting.seeds)} packings, {plan.duration:g} s each, the first {plan.settle:g} s left out; "
+        f"contacts {setting.softness:g} times softer than the paper's. Errors are 95 % (Student t over packings; "
+        "differences packing by packing). A statement holds or fails where its interval is on one side; else it is "
+        "not decided. "
+        "Nothing here uses the experiment's curves, which are not available.",
+        "",
+        "| claim | | verdict | fewest packings | runs missing |",
+        "|---|---|---|---|---|",
+    ]
+    for v in verdicts:
+        name = v.claim.name
+        lines.append(
+            f"| [{name}](#{name.lower()}) | {v.claim.title} | {v.verdict} | {v.packings or '–'} | {v.missing or '–'} |"
+        )
+    for v in verdicts:
+        lines += ["", f"## {v.claim.name}", "", f"{v.claim.title}, {v.claim.where}: {v.verdict}.", ""]
+        if v.figure:
+            lines += [f"![{v.claim.name}: {v.claim.title}]({_link(out / v.figure, pages)})", ""]
+        lines += ["| the paper says | measured | packings | verdict |", "|---|---|---|---|"]
+        for f in v.findings:
+            note = f" ({f.note})" if f.note else ""
+            cells = [f.says, f.measured + note, str(f.packings or "–"), MARK.get(f.verdict, f.verdict)]
+            lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+        lines += ["", *[f"Failed: {reason}" for reason in v.failed]]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _link(file: Path, pages: Path) -> str:
+    return Path(os.path.relpath(file, pages)).as_posix()
+
+
+def readings_page(results: Results, figure: str, out: Path, pages: Path) -> str:
+    """Which reading of the bending law gives which claim, in Markdown."""
+    columns = {name: readings.statements(results, reading) for name, reading in readings.NAMES.items()}
+    lines = [
+        "# Readings of the bending law",
+        "",
+        "Made by `granswim paper readings`; do not edit.",
+        "",
+        "The paper's Eq. 3 can be read in several ways. `leader`: each pair of disks is turned towards the segment "
+        "before it. `elastic`: forces of a bending energy, on trimers. `head_axis`: each pair towards the head's axis. "
+        "γ_B is printed as 10³ 1/s, but the table of resonances needs 10². The scale of k_B is not given in SI: "
+        "2·10⁻³ N per radian for the label 100 is taken; 0.17 of it puts the second mode of the law as simulated "
+        "at the table's 9.1 Hz.",
+        "",
+        "Second modes of the straight swimmer, linearised: `leader` 22, `elastic` 17, `head_axis` 25 Hz (T1 in "
+        "[paper.md](paper.md#t1)).",
+        "",
+    ]
+    if figure:
+        lines += [f"![speeds and shapes of each reading]({_link(out / figure, pages)})", ""]
+    names = list(columns)
+    lines += ["| statement | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for k in range(len(columns[names[0]])):
+        cells = []
+        for name in names:
+            _, measured, verdict, n = columns[name][k]
+            cells.append(f"{MARK.get(verdict, verdict)}: {measured} (n = {n})" if n else "no runs")
+        lines.append(f"| {columns[names[0]][k][0]} | " + " | ".join(cells) + " |")
+    score = {
+        name: (sum(v == HOLDS for _, _, v, _ in rows), sum(v == FAILS for _, _, v, _ in rows), len(rows))
+        for name, rows in columns.items()
+    }
+    lines += ["", "| reading | holds | does not hold | not decided |", "|---|---|---|---|"]
+    lines += [f"| {name} | {h} | {f} | {n - h - f} |" for name, (h, f, n) in score.items()]
+    best = max(h - f for h, f, _ in score.values())
+    leaders = [name for name, (h, f, _) in score.items() if h - f == best]
+    lines += ["", f"Most statements, refuted ones counted against: {' and '.join(leaders)}."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,109 @@
+"""Readings of the bending law, and convergence: not figures of the paper, but what its figures rest on."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..analysis.speed import mean_error
+from .claim import OPEN, Claim, Finding, above, number, within
+from .draw import curve, frequency_axis, styled
+from .f3 import peaked
+from .plans import CONVERGENCE, READINGS, THREE, Point
+from .results import Results
+
+NAMES: dict[str, Point] = {
+    "leader, gamma_B 100 1/s (default)": {},
+    "elastic": {"form": "elastic"},
+    "head_axis": {"form": "head_axis"},
+    "gamma_B 1000 1/s, as printed": {"gamma_B": 1.0e3},
+    "k_B times 0.17": {"k_B_scale": 0.17},
+}
+assert [r for r in NAMES.values() if r] == list(READINGS)
+
+
+def statements(results: Results, reading: Point) -> list[tuple[str, str, str, int]]:
+    """(statement, measured, verdict, packings) of what a reading gives."""
+    rows = []
+    verdict, text, n = peaked(results, dict(reading))
+    rows.append(("F4: fastest at 9 Hz of 4, 9, 15 Hz", text, verdict, n))
+    speed = results.mean("speed", **reading, frequency=9.0)
+    rows.append(("swims head first at 9 Hz", number(*speed[:2], "mm/s", 1e3), above(speed[0], speed[1]), speed[2]))
+    for f, says, test in (
+        (4.0, "F2: rod at 4 Hz (lag below pi/4)", lambda m, e: within(m, e, -np.pi / 4, np.pi / 4)),
+        (9.0, "F2: wavy at 9 Hz (lag above pi/2)", lambda m, e: above(m, e, np.pi / 2)),
+    ):
+        lags = results.values("segment_lag", **reading, frequency=f)
+        mean, error = map(float, mean_error(lags[:, -1] - lags[:, 0])) if len(lags) else (np.nan, np.nan)
+        rows.append((says, number(mean, error, "rad"), test(mean, error) if len(lags) else OPEN, len(lags)))
+    d, e, n = results.difference("tail_swing", {**reading, "frequency": 9.0}, {**reading, "frequency": 15.0})
+    rows.append(("F2: tail quieter at 15 than at 9 Hz", f"by {number(d, e, 'mm', 1e3)}", above(d, e), n))
+    d, e, n = results.difference("swimmer_energy", {**reading, "frequency": 15.0}, {**reading, "frequency": 9.0})
+    rows.append(("F7: swimmer's energy rises from 9 to 15 Hz", f"by {number(d, e, 'µJ', 1e6)}", above(d, e), n))
+    return rows
+
+
+def judge(results: Results) -> list[Finding]:
+    return [
+        Finding(says=f"{says} [{name}]", measured=measured, verdict=verdict, packings=n)
+        for name, reading in NAMES.items()
+        for says, measured, verdict, n in statements(results, reading)
+        if n
+    ]
+
+
+@styled
+def draw(results: Results) -> Figure | None:
+    figure = Figure(figsize=(6.8, 5.6), layout="constrained")
+    rows = figure.subplots(len(NAMES), 4, width_ratios=(1.5, 1, 1, 1))
+    drawn = False
+    for line, (name, reading) in zip(rows, NAMES.items(), strict=True):
+        curve(line[0], results, "speed", 1e3, color="#0072b2", **reading)
+        line[0].axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
+        line[0].set_xlim(0, 21)
+        line[0].set_title(name, fontsize=8)
+        line[0].set_ylabel("mm/s")
+        for axis, f in zip(line[1:], sorted(THREE), strict=True):
+            shapes = results.shapes(**reading, frequency=f)
+            if shapes:
+                drawn = True
+                for k, shape in enumerate(shapes[0]):
+                    axis.plot(*(1e3 * shape.T), color="#0072b2", alpha=0.15 + 0.85 * k / len(shapes[0]), linewidth=0.8)
+            axis.set_xlim(-9, 21)
+            axis.set_ylim(-9, 9)
+            axis.set_xticks([])
+            axis.set_yticks([])
+            axis.set_title(f"{f:g} Hz", fontsize=8)
+    frequency_axis(rows[-1][0], "mm/s")
+    return figure if drawn else None
+
+
+def judge_convergence(results: Results) -> list[Finding]:
+    usual = results.mean("speed", frequency=9.0)
+    findings = [
+        Finding(
+            says="free speed at 9 Hz", measured=number(*usual[:2], "mm/s", 1e3),
+            verdict="used" if usual[2] else OPEN, value=usual[0], error=usual[1], unit="m/s", packings=usual[2],
+            note=f"contacts {results.setting.softness:g} times softer than the paper's",
+        )
+    ]  # fmt: skip
+    for change in CONVERGENCE:
+        if change.get("softness") == results.setting.softness:
+            continue
+        d, e, n = results.difference("speed", {**change, "frequency": 9.0}, {"frequency": 9.0})
+        own = results.mean("speed", **change, frequency=9.0)
+        what = ", ".join(f"{k} {v:g}" for k, v in change.items())
+        findings.append(
+            Finding(
+                says="the free speed does not depend on step, stiffness and size of the box",
+                measured=f"{what}: {number(*own[:2], 'mm/s', 1e3)}, differs by {number(d, e, 'mm/s', 1e3)}",
+                verdict=OPEN if not np.isfinite(e) else "no difference seen" if abs(d) <= e else "differs",
+                value=d, error=e, unit="m/s", packings=n,
+            )
+        )  # fmt: skip
+    return findings
+
+
+READING = Claim("readings", "Readings of the bending law", "Eq. 3, section II", ("free", "readings"), judge, draw)
+CONVERGED = Claim(
+    "convergence", "Step, stiffness and size of the box", "section II", ("free", "convergence"), judge_convergence,
+    lambda results: None,
+)  # fmt: skip

@@ -1,0 +1,200 @@
+"""Claims of the paper: plans, statistics, calibration, and a small run of the whole command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.paper import driver, plans, t1
+from granswim_pymunk.paper.calibrate import fit_curve, third_of_free
+from granswim_pymunk.paper.claim import FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
+from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
+from granswim_pymunk.paper.measure import Plan
+from granswim_pymunk.paper.plans import PAPER, POCKET, Setting, blocks, complete, points_of
+from granswim_pymunk.paper.results import Results
+from granswim_pymunk.paper.scenes import paper_scene
+from granswim_pymunk.recording.recording import CURVE
+from granswim_pymunk.sweep import read_dataset
+
+# a bed of a few hundred grains, short runs: what comes out is no physics, but everything is used
+TINY = Setting(
+    "tiny", (("free", (1, 2)),), Plan(duration=0.64, settle=0.1, spacing=1e-3), 25.0,
+    usual={"width": 0.036, "height": 0.024},
+)  # fmt: skip
+
+
+def synthetic(values: dict[tuple[float, float, float], list[float]], **more: float) -> Results:
+    """Results with given speeds for (frequency, layers, mu_eff)."""
+    results = Results(POCKET, Path("."))
+    for (f, layers, mu), speeds in values.items():
+        for seed, speed in enumerate(speeds):
+            point = complete({"frequency": f, "layers": layers, "mu_eff": mu, **more}, POCKET, seed)
+            results.runs.append((point, xr.Dataset({"speed": speed})))
+    return results
+
+
+# ---- plans ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("setting", [POCKET, PAPER], ids=lambda s: s.name)
+def test_plans(setting: Setting) -> None:
+    points = points_of(setting)
+    assert len({tuple(p.values()) for p in points}) == len(points)
+    assert len(setting.seeds) == (8 if setting is POCKET else 20)
+    # every block has every packing, and every point builds
+    for name, block in blocks().items():
+        mine = points_of(setting, [name])
+        assert {p["seed"] for p in mine} == set(setting.seeds)
+        assert len(mine) == len({tuple(complete(b, setting, 1).values()) for b in block}) * len(setting.seeds)
+    assert all(paper_scene(**p).seed == p["seed"] for p in points[:: len(points) // 20])
+    assert {c for claim in driver.CLAIMS.values() for c in claim.blocks} == set(plans.BLOCKS)
+
+
+def test_paper_scene_is_the_papers() -> None:
+    scene = paper_scene(softness=1.0, layers=11, mu_eff=0.22)
+    law = {item.name: item.values for item in scene.laws}
+    assert law["contact_linear"]["stiffness"] == 2.2e3 and law["contact_linear"]["damping"] == 1e4
+    assert law["union"]["stiffness"] == 1e3 and law["bending"]["stiffness"] == pytest.approx(2e-3)
+    assert law["confinement"]["mu_eff"] == 0.22 and scene.bed is not None
+    assert scene.bed.grain_diameter == pytest.approx((1e-3, 2e-3))
+    assert scene.bodies[0].mass == pytest.approx(7 * scene.bodies[1].mass)
+    # softer contacts keep the restitution: gamma^2 m/k stays
+    soft = {item.name: item.values for item in paper_scene(softness=25.0).laws}["contact_linear"]
+    assert soft["damping"] ** 2 / soft["stiffness"] == pytest.approx(1e8 / 2.2e3)
+
+
+# ---- statistics -------------------------------------------------------------------------------
+
+
+def test_verdicts() -> None:
+    assert [above(2, 1), above(-2, 1), above(0.5, 1), above(np.nan, 1), above(2, np.nan)] == [
+        HOLDS, FAILS, OPEN, OPEN, OPEN,
+    ]  # fmt: skip
+    assert [within(0, 1, -2, 2), within(4, 1, -2, 2), within(2, 1, -2, 2)] == [HOLDS, FAILS, OPEN]
+    assert number(8.021e-3, 4.1e-4, "mm/s", 1e3) == "8.02 ± 0.41 mm/s"
+
+    def worst(*verdicts: str) -> str:
+        return Verdict(t1.CLAIM, [Finding("", "", v) for v in verdicts]).verdict
+
+    assert worst(HOLDS, HOLDS) == HOLDS and worst(FAILS, FAILS) == FAILS and worst(OPEN) == OPEN
+    assert worst(HOLDS, FAILS) == "holds in part" and worst(HOLDS, OPEN) == "holds as far as decided"
+
+
+def test_peak_of_a_parabola_and_its_interval() -> None:
+    frequency = np.array([4.0, 6.0, 9.0, 11.0, 15.0])
+    rng = np.random.default_rng(0)
+    exact = [np.full(3, 10 - (f - 9.6) ** 2) for f in frequency]
+    assert peak(frequency, exact, rng) == pytest.approx((9.6, 9.6, 9.6), abs=1e-9)
+    inside = 0
+    for _ in range(60):
+        noisy = [s + rng.normal(0, 4.0, 3) for s in exact]
+        _, low, high = peak(frequency, noisy, rng, draws=300)
+        inside += low <= 9.6 <= high
+    assert inside >= 54
+    rising = [np.full(2, f) for f in frequency]
+    assert peak(frequency, rising, rng)[0] == 15.0
+
+
+def test_interface_of_a_profile() -> None:
+    profile = 1e-3 * 10 ** (2.0 - np.abs(HEIGHTS))  # crosses 1e-3 at two diameters
+    assert at(profile, 5.0) == pytest.approx(1e-6)
+    assert interface(profile) == pytest.approx(2.0)
+    assert np.isnan(interface(np.full(len(HEIGHTS), 1.0)))
+
+
+# ---- calibration ------------------------------------------------------------------------------
+
+
+def test_a_third_of_the_free_speed() -> None:
+    # 9 mm/s falling by 60 mm/s for each s/m: a third at mu = 0.1
+    rng = np.random.default_rng(2)
+    values = {(9.0, 0.0, 0.11): list(9e-3 + rng.normal(0, 1e-4, 6))}
+    for mu in plans.FRICTION:
+        values[9.0, 11.0, mu] = list(9e-3 - 60e-3 * mu + rng.normal(0, 1e-4, 6))
+    found = third_of_free(synthetic(values))
+    assert found.mu_eff == pytest.approx(0.1, abs=3 * found.error) and 0 < found.error < 0.02
+    assert found.packings == 6 and found.ratio == pytest.approx(9 / 2.4, rel=0.1)
+    assert np.isnan(third_of_free(synthetic({(9.0, 0.0, 0.11): [1.0, 2.0]})).mu_eff)
+
+
+def test_a_curve_is_fitted() -> None:
+    mu = np.array([0.0, 0.055, 0.11, 0.22])
+    curve = np.zeros(3, dtype=CURVE)
+    curve["frequency"], curve["layers"] = [4.0, 9.0, 15.0], 11.0
+    top = np.array([6e-3, 9e-3, 4e-3])
+    curve["speed"], curve["speed_sem"] = top - 0.03 * 0.08, np.nan
+    rng = np.random.default_rng(3)
+    speeds = [[v - 0.03 * m + rng.normal(0, 2e-4, 8) for v in top] for m in mu]
+    found = fit_curve(curve, mu, speeds)
+    assert found.mu_eff == pytest.approx(0.08, abs=2 * found.error) and found.error < 0.02 and found.packings == 8
+    # a row that is known much better decides
+    curve["speed"][0], curve["speed_sem"] = top[0] - 0.03 * 0.18, [1e-6, 1e-3, 1e-3]
+    assert fit_curve(curve, mu, speeds).mu_eff == pytest.approx(0.18, abs=0.02)
+    with pytest.raises(InputError, match="two values"):
+        fit_curve(curve, mu, [[np.zeros(0)] * 3] * 4)
+
+
+# ---- the whole --------------------------------------------------------------------------------
+
+
+def test_a_small_run_of_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs, figures, verdicts, pages; a second call runs nothing; kept numbers stand in for lost run files."""
+    monkeypatch.setitem(plans.FREE, 100.0, (4.0, 9.0, 15.0))
+    said: list[str] = []
+    names = ["F2", "F4", "F5", "F6", "F7", "F8", "F9", "T1"]
+    out = tmp_path / "out"
+    verdicts = driver.paper(names, setting=TINY, out=out, processes=1, quiet=True, say=said.append)
+    assert [v.claim.name for v in verdicts] == ["T1", "F2", "F4", "F5", "F6", "F7", "F8", "F9"]
+    assert "runs of 0.64 s, 0 finished" in said[0] and not any(v.failed for v in verdicts)
+    for v in verdicts:
+        assert v.findings and (out / f"{v.claim.name}.png").stat().st_size > 5000, v.claim.name
+    record = json.loads((out / "claims.json").read_text())
+    by_name = {c["claim"]: c for c in record["claims"]}
+    assert by_name["F7"]["packings"] == 2 and by_name["F7"]["runs_missing"] == 0
+    text = (out / "paper.md").read_text()
+    assert "![F8" in text and "| [F9](#f9)" in text
+    table = read_dataset(out / "sweep.nc")
+    assert table["speed"].dims == ("frequency", "k_B", "layers", "seed") and table["speed"].shape == (3, 1, 1, 2)
+    run = read_dataset(next((out / "runs").glob("*.nc")))
+    # the swimmer's own account: what the bending law did is what the fields and contacts were fed by
+    assert float(run["bending_power"].mean()) > 0
+    assert float(run["packed_fraction"]) == pytest.approx(0.80, abs=2e-3)
+
+    stamps = {f: f.stat().st_mtime_ns for f in (out / "runs").iterdir()}
+    again = driver.paper(["F7"], setting=TINY, out=out, processes=1, quiet=True, say=said.append)
+    assert {f: f.stat().st_mtime_ns for f in (out / "runs").iterdir()} == stamps
+    for file in stamps:
+        file.unlink()
+    kept = driver.paper(["F7"], setting=TINY, out=out, run=False, say=said.append)
+    assert [f.verdict for f in kept[0].findings] == [f.verdict for f in again[0].findings]
+    for a, b in zip(kept[0].findings, again[0].findings, strict=True):
+        assert (a.value is None) == (b.value is None)
+        assert a.value is None or a.value == pytest.approx(b.value, rel=1e-5)
+
+
+def test_the_command_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, report = tmp_path / "out", tmp_path / "t1.json"
+    assert main(["paper", "T1", "F10", "--no-run", "--out", str(out), "--json", str(report)]) == 0
+    said = capsys.readouterr().out
+    assert "26.37, 62.59, 32.30, 76.66, 37.30, 88.52, 58.98, 139.96 rad/s" in said and "misprints" in said
+    record = json.loads(report.read_text())
+    assert record["claims"][0]["findings"][0]["verdict"] == HOLDS
+    assert record["claims"][1]["verdict"] == OPEN and record["claims"][1]["runs_missing"] > 0
+    assert not (out / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["F11"], "unknown claim"),
+        (["T1", "--curve", "nowhere.csv"], "nowhere.csv"),
+        (["T1", "--json", "nowhere/at/all.json"], "does not exist"),
+    ],
+)
+def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str) -> None:
+    assert main(["paper", *arguments, "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err and not (tmp_path / "out").exists()
