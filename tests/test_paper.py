@@ -169,7 +169,9 @@ def test_a_small_run_of_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert {f: f.stat().st_mtime_ns for f in (out / "runs").iterdir()} == stamps
     for file in stamps:
         file.unlink()
-    kept = driver.paper(["F7"], setting=TINY, out=out, run=False, say=said.append)
+    before = (out / "F8.png").read_bytes()
+    kept = driver.paper(["F7", "F8", "F2"], setting=TINY, out=out, run=False, say=said.append)[1:2]
+    assert (out / "F8.png").read_bytes() == before
     assert [f.verdict for f in kept[0].findings] == [f.verdict for f in again[0].findings]
     for a, b in zip(kept[0].findings, again[0].findings, strict=True):
         assert (a.value is None) == (b.value is None)

@@ -13,12 +13,12 @@ import numpy as np
 from .. import __version__
 from ..errors import InputError
 from ..recording.folder import read_curve
-from ..sweep import run_jobs, write_dataset
+from ..sweep import read_dataset, run_jobs, write_dataset
 from . import f2, f3, f4, f5, f6, f7, f8, f9, f10, readings, t1
 from .calibrate import Calibration, calibrate
 from .claim import CALIBRATED, FAILS, HOLDS, OPEN, Claim, Verdict
 from .plans import SETTINGS, Setting, points_of
-from .results import Results, jobs_of, keep, kept_rows, labelled, load, measuring
+from .results import Results, jobs_of, keep, kept_rows, labelled, load, mean_maps, measuring
 from .scenes import paper_scene
 
 CLAIMS: dict[str, Claim] = {
@@ -60,7 +60,8 @@ def paper(
     """Compute what the claims need, judge and draw them.
 
     claims : names (default: all);  setting : "pocket", "paper" or a Setting
-    out : figures, sweep.nc (labelled arrays), runs.nc (every run's numbers);  runs : run files (default: OUT/runs)
+    out : figures, sweep.nc (labelled arrays), runs.nc (every run's numbers), maps.nc (mean fields)
+    runs : run files (default: OUT/runs); what runs.nc has is not run again
     pages : where paper.md and readings.md go (default: OUT);  json_file : verdicts with every number
     curve : a curve.csv to which mu_eff is calibrated besides;  run : False takes only what is finished
     how : executor, processes, dask, retry_failed, quiet, as ``sweep.run_jobs``
@@ -97,6 +98,8 @@ def paper(
         run_jobs([j for j in jobs if again or j in missing], paper_scene, measuring(setting), **how)
     # what other claims have left there comes along
     results = load(everything, setting, folder, kept)
+    if (out / "maps.nc").exists():
+        results.maps = read_dataset(out / "maps.nc")
     calibrated = None
     if measured is not None:
         calibrated = calibrate(measured, setting, folder, **how)
@@ -110,6 +113,9 @@ def paper(
     if results.runs:
         keep(results, everything, out / "runs.nc")
         write_dataset(labelled(results), out / "sweep.nc")
+        maps = mean_maps(results, [name for name, *_ in f8.ROWS], f8.THREE) if f8.CLAIM in chosen else None
+        if maps is not None:
+            write_dataset(maps, out / "maps.nc")
     record = {
         "format": "granswim-paper/1", "version": __version__, "setting": setting.name, "packings": len(setting.seeds),
         "duration_s": setting.plan.duration, "settle_s": setting.plan.settle, "softness": setting.softness,

@@ -82,7 +82,7 @@ def draw(results: Results) -> Figure | None:
     axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
     axis.set_xlim(0, 30)
     frequency_axis(axis, "speed, head first [mm/s]")
-    axis.set_title("solid: second resonance of the table; dotted: second mode of the law as simulated")
+    axis.set_title("lines: second resonance of the table; dotted: second mode as simulated", fontsize=8)
     legend(axis)
     return figure if axis.containers else None
 

@@ -89,8 +89,8 @@ def draw(results: Results) -> Figure | None:
     legend(series, ncols=3, fontsize=7)
     curve(bed, results, "bed_energy", 1e6, color="#0072b2")
     curve(body, results, "swimmer_energy", 1e6, color="#d55e00")
-    frequency_axis(bed, "mean energy of the bed [µJ]")
-    frequency_axis(body, "mean energy of the swimmer [µJ]")
+    frequency_axis(bed, "bed, mean [µJ]")
+    frequency_axis(body, "swimmer, mean [µJ]")
     return figure
 
 

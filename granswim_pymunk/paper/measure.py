@@ -44,7 +44,8 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     ``bending_power`` (time): power of the bending law on the swimmer [W]
     ``direction_count``, ``direction_force`` (disk, angle): contacts on the disks after ``settle``
     ``coordination``, ``anisotropy``, ``branch_anisotropy``, ``overlap``, ``contact_force`` ...: means over the bed
-    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields around the head.
+    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields of the grains around the head, contacts
+    between grains only.
 
     Raises InputError where the scene has no swimmer, SimulationError where the run cannot go on.
     """
@@ -88,7 +89,6 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
         if state.t < plan.settle or k % bed_stride:
             continue
         contacts = find(state.xy, state.v)
-        # the heading is that of the chain, so that a swimmer that has turned is counted in its own frame
         seen = contact_directions(contacts, rows.tolist(), bins=36)
         directions = seen if directions is None else directions + seen
         distance = radius[contacts.i] + radius[contacts.j] - contacts.overlap

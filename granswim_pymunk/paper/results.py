@@ -23,9 +23,10 @@ from .measure import measure
 from .plans import Point, Setting, complete
 from .scenes import DENSITY, DISKS, RADIUS, paper_scene
 
-SUMMARY = 1  # version of ``summarise``; kept numbers of another one are not used
+SUMMARY = 2  # version of ``summarise``; kept numbers of another one are not used
 HEAD, CENTRE, TAIL = 0, DISKS // 2, DISKS - 1
 LENGTH, WIDTH = 2 * RADIUS * DISKS, 2 * RADIUS  # L_s, D_s of the swimmer [m]
+SHAPES = 24  # in a cycle
 HEIGHTS = np.arange(-6.0, 6.01, 0.5)  # y/D_s of the vertical profiles
 
 
@@ -74,6 +75,7 @@ def summarise(run: xr.Dataset) -> xr.Dataset:
         data["direction_count"] = (("disk", "angle"), run["direction_count"].values)
         data["lean_x"] = ("disk", mean_direction(edges, run["direction_count"].values)[:, 0])
         data["lean_x_force"] = ("disk", mean_direction(edges, run["direction_force"].values)[:, 0])
+    data["shape"] = (("phase", "disk", "axis"), comoving_shapes(t, xy, mass, f, 1.0, SHAPES))
     if "field_fraction" in run:
         data |= {f"profile_{k}": ("height", value) for k, value in profiles(run).items()}
     coords: dict[str, Any] = {"height": HEIGHTS, "segment": np.arange(DISKS - 1), "disk": np.arange(DISKS)}
@@ -125,13 +127,23 @@ def fields_of(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def profiles(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """(len(HEIGHTS),) means over cells of L_s x D_s, one above the other, that begin at the head."""
+    """(len(HEIGHTS),) means over cells of L_s x D_s, one above the other, that begin at the head.
+
+    The inertial numbers are those of a cell's mean shear rate and mean pressure: point by point they have no
+    bound where a swimmer has left nothing to press.
+    """
     x, y = run["x"].values, run["y"].values
     columns = (x >= -RADIUS) & (x <= LENGTH - RADIUS)
-    result = {}
-    for name, value in fields_of(run).items():
-        cells = [value[np.ix_(np.abs(y - h * WIDTH) <= WIDTH / 2, columns)] for h in HEIGHTS]
-        result[name] = np.array([nan_mean(c) for c in cells])
+    rows = [np.abs(y - h * WIDTH) <= WIDTH / 2 for h in HEIGHTS]
+    maps = fields_of(run)
+    result = {
+        name: np.array([nan_mean(maps[name][np.ix_(row, columns)]) for row in rows])
+        for name in ("fraction", "kinetic", "stated_kinetic", "contact", "shear")
+    }
+    diameter = 2 * float(run.attrs["grain_radius"])
+    pressure = 0.5 * (result["kinetic"] + result["contact"])
+    result["inertial"] = inertial_number(result["shear"], pressure, diameter, DENSITY, depth=2 * diameter / 3)
+    result["stated_inertial"] = inertial_number(result["shear"], pressure, diameter, DENSITY)
     return result
 
 
@@ -147,6 +159,7 @@ class Results:
     runs: list[tuple[Point, xr.Dataset]] = field(default_factory=list)
     failed: list[tuple[Point, str]] = field(default_factory=list)
     files: dict[tuple[Any, ...], Path] = field(default_factory=dict)
+    maps: xr.Dataset | None = None
 
     def select(self, **conditions: Any) -> list[tuple[Point, xr.Dataset]]:
         """Runs with these values; what is not named has its usual one, the seed is free."""
@@ -193,22 +206,22 @@ class Results:
         file = self.files.get(_key(point))
         return _remembered(file, file.stat().st_mtime_ns) if file is not None and file.exists() else None
 
-    def averaged(self, name: str, **conditions: Any) -> tuple[np.ndarray, int] | None:
-        """Mean map of ``fields_of`` over packings, from the run files."""
-        maps = [fields_of(run)[name] for p, _ in self.select(**conditions) if (run := self.full(p)) is not None]
-        return (nan_mean(maps, axis=0), len(maps)) if maps else None
+    def averaged(self, name: str, frequency: float) -> tuple[np.ndarray, int] | None:
+        """Mean map of ``fields_of`` over packings of the free swimmer, and their number.
 
-    def shapes(self, count: int = 24, **conditions: Any) -> list[np.ndarray]:
-        """Co-moving shapes (count, n, 2) [m] over the last cycle, one array for each packing whose file is here."""
-        result = []
-        for p, _ in self.select(**conditions):
-            run = self.full(p)
-            if run is not None:
-                xy = run["xy"].values.astype(float)
-                result.append(
-                    comoving_shapes(run["time"].values, xy, run["disk_mass"].values, p["frequency"], 1.0, count)
-                )
-        return result
+        From the run files; where more packings stand in the maps that were kept, from those.
+        """
+        files = [run for p, _ in self.select(frequency=frequency) if (run := self.full(p)) is not None]
+        old = self.maps
+        if old is not None and frequency in old["frequency"].values:
+            row = old.sel(frequency=frequency)
+            if name in row and int(row["packings"]) > len(files):
+                return row[name].values, int(row["packings"])
+        return (nan_mean([fields_of(run)[name] for run in files], axis=0), len(files)) if files else None
+
+    def shapes(self, **conditions: Any) -> list[np.ndarray]:
+        """Co-moving shapes (``SHAPES``, n, 2) [m] over the last cycle, one array a packing."""
+        return list(self.values("shape", **conditions))
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -279,6 +292,20 @@ def keep(results: Results, jobs: Sequence[Job], file: Path) -> None:
     table["point"] = ("run", np.array([json.dumps(p) for p, _ in rows]))
     table.attrs |= {"setting": results.setting.name, "summary": SUMMARY}
     write_dataset(table, file)
+
+
+def mean_maps(results: Results, names: Sequence[str], frequencies: Sequence[float]) -> xr.Dataset | None:
+    """Mean maps (frequency, y, x) as ``averaged`` gives them, to be kept; None where there are none."""
+    found = {f: {n: results.averaged(n, frequency=f) for n in names} for f in frequencies}
+    have = [f for f in frequencies if all(v is not None for v in found[f].values())]
+    if not have:
+        return None
+    data: dict[str, Any] = {
+        n: (("frequency", "y", "x"), np.array([found[f][n][0] for f in have], dtype=np.float32))  # type: ignore[index]
+        for n in names
+    }
+    data["packings"] = ("frequency", [found[f][names[0]][1] for f in have])  # type: ignore[index]
+    return xr.Dataset(data, coords={"frequency": list(have)})
 
 
 def labelled(results: Results) -> xr.Dataset:
