@@ -91,14 +91,14 @@ def draw(results: Results) -> Figure | None:
                                   run["disk_mass"].values, f)  # fmt: skip
             if not works:
                 late = work.t > work.t[-1] - 4 / f
-                top.plot(work.t[late] * f, 1e3 * work.rate[late], color=colour, label=name)
+                top.plot((work.t[late] - work.t[late][0]) * f, 1e3 * work.rate[late], color=colour, label=name)
             works.append(work.stated[np.isfinite(work.stated)])
         if works:
             pdf.hist(1e6 * np.concatenate(works), bins=40, density=True, histtype="step", color=colour, label=name)
             drawn = True
     if not drawn and not results.frequencies():
         return None
-    top.set_xlabel("t f")
+    top.set_xlabel("t f, the last four cycles")
     top.set_ylabel("F·v/|v| [mN]")
     pdf.set_xlabel("W_T as stated [µN s]")
     pdf.set_ylabel("PDF")
@@ -107,7 +107,7 @@ def draw(results: Results) -> Figure | None:
         curve(stated, results, "work_stated", 1e6, f"k_B = {label:g}", color=colour, k_B=label)
         curve(real, results, "input", 1e6, f"k_B = {label:g}", color=colour, k_B=label)
     frequency_axis(stated, "⟨W_T⟩ as stated [µN s]")
-    frequency_axis(real, "work of the swimmer per cycle [µJ]")
+    frequency_axis(real, "work per cycle [µJ]")
     legend(real, fontsize=7)
     return figure
 
