@@ -68,6 +68,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = [p for p in law.parameters if p.typical is not None]
     # a range or an exponent is looked for from several sides
     stretches = (1.0, 0.3, 3.0) if any(p.name not in law.strength for p in fitted) else (1.0,)
+    if law.name == "ambient_flow":
+        stretches = (1.0,)  # its signature finds the flow itself
     for choice, stretch in itertools.product(combinations, stretches):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -235,7 +237,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
-        if law.candidate == "named" and law.kind in ("body", "pair") and applies(law, cases):
+        if law.candidate == "named" and law.kind in ("body", "pair", "constraint") and applies(law, cases):
             terms += law_terms(law, cases, each=False)
             if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)

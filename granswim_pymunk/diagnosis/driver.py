@@ -199,8 +199,8 @@ def diagnose_bodies(
         # a poor first law, or none although the innovations are not noise: perhaps two are needed together
         now = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else np.inf
         now = min(now, inner_scores["recalibrated"])
-        poor = spread_of(revised, training) > 1.0 and now - 1.0 > POOR * max(inner_scores["recalibrated"] - 1.0, 1e-12)
-        if poor and all(c.sigma_known for c in training):
+        left = _left(revised, recalibrated, now, inner_scores["recalibrated"], training)
+        if spread_of(revised, training) > 1.0 and left > POOR and all(c.sigma_known for c in training):
             pair = _pair(recalibrated, fitter, terms, inner, inner_scores, now, predictor, rng, training, stop)
             if pair and pair[0].fit is not None:
                 found, revised = pair, pair[0].fit
@@ -211,7 +211,7 @@ def diagnose_bodies(
 
     verdict, flexible = _verdict(
         found, arms_alive, inner_scores, white_recalibrated, naive, recalibrated, revised, spread,
-        bool(adjustables), notes,
+        bool(adjustables), training, notes,
     )  # fmt: skip
     if verdict == "unmodelled":
         best_named = found[0] if found else None
@@ -531,8 +531,21 @@ def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
     return False
 
 
+def _left(revised: Fit, recalibrated: Fit, inner: float, base: float, training: Sequence[Case]) -> float:
+    """The share of the misfit that an explanation leaves: of that inside the training part, or of chi2 if larger.
+
+    A wrong law with a number for each body may predict far better than none and still follow nothing closely;
+    where the size of the noise is given, what is left in chi2 shows it.
+    """
+    share = (inner - 1.0) / max(base - 1.0, 1e-12)
+    rest = revised.chi2 - revised.count
+    if all(c.sigma_known for c in training) and rest > 3 * np.sqrt(2 * revised.count):
+        share = max(share, rest / max(recalibrated.chi2 - recalibrated.count, 1e-12))
+    return float(share)
+
+
 def _verdict(
-    found, arms, inner_scores, white_recalibrated, naive, recalibrated, revised, spread, adjustable, notes
+    found, arms, inner_scores, white_recalibrated, naive, recalibrated, revised, spread, adjustable, training, notes
 ) -> tuple[str, Trial | None]:
     """Which of the five verdicts, and the flexible arm where it wins."""
     base = inner_scores["recalibrated"]
@@ -551,7 +564,7 @@ def _verdict(
             return "unmodelled", arm
     if found:
         # a law that is the best of a poor lot is not an explanation
-        left = (named_inner - 1.0) / max(base - 1.0, 1e-12)
+        left = _left(revised, recalibrated, named_inner, base, training)
         if spread > 1.0 and left > POOR:
             notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
             if all(is_apparatus(t) for t in found):

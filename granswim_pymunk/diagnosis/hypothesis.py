@@ -5,6 +5,7 @@ A term is a law missing from the list (or a changed parameter, or a part of the 
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -130,6 +131,7 @@ class Predictor:
     dt: Mapping[str, float]
     runs: int = 0
     failures: list[str] = field(default_factory=list)
+    _last: _Last = field(default_factory=lambda: _Last(), repr=False)
 
     def __call__(
         self,
@@ -145,12 +147,12 @@ class Predictor:
         scene, camera = hypothesis.scene(case, values)
         offset = float(camera["time_offset"])
         placed = states(starts, numbers, scene, t0 + offset)
-        scene = replace(scene.with_initial(placed), time=replace(scene.time, start=t0 + offset, dt=self.dt[case.name]))
         self.runs += 1
         rows = [scene.ids.index(b) for b in case.bodies]
         try:
             with np.errstate(all="ignore"):
-                xy = Simulation(scene).sample(np.maximum(t + offset, t0 + offset), rows)
+                simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset)
+                xy = simulation.sample(np.maximum(t + offset, t0 + offset), rows)
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
@@ -171,6 +173,34 @@ class Predictor:
             else:
                 out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
         return out
+
+    def _simulation(
+        self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float
+    ) -> Simulation:
+        """A simulation that stands at its start: the last one begun again where only the start is another.
+
+        Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
+        """
+        key = (id(case), tuple(map(id, hypothesis.terms)), np.asarray(values, dtype=float).tobytes())
+        last = self._last
+        if last.key == key and last.simulation is not None:
+            begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
+            last.simulation.restart(begin[:, :2], begin[:, 2:], t0)
+            return last.simulation
+        whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
+        simulation = Simulation(whole)
+        last.key = None
+        if simulation.mode == "verlet" and not simulation.impulse:
+            last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
+        return simulation
+
+
+class _Last(threading.local):
+    """The simulation that this thread used last, and what it was built for."""
+
+    key: tuple[Any, ...] | None = None
+    held: tuple[Any, ...] = ()  # what the key speaks of, so that nothing else gets its id
+    simulation: Simulation | None = None
 
 
 def _offset(starts: tuple[StartBody, ...], body: str) -> int:

@@ -100,6 +100,51 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
     return np.column_stack(columns), np.array(scales)
 
 
+def _held_against(
+    columns: np.ndarray, scales: np.ndarray, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
+) -> tuple[np.ndarray, float, float, np.ndarray]:
+    """Directions that starts and free numbers leave, surviving fraction, first-order gain and amounts."""
+    after_starts = columns - starts @ (starts.T @ columns)
+    after_all = columns - nuisance @ (nuisance.T @ columns)
+    size = float(np.linalg.norm(columns * scales))
+    before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
+    surviving = after / before if before > 1e-5 * size else 0.0
+    directions = basis(after_all * scales) if surviving > 1e-4 else np.zeros((len(left), 0))
+    gain = float(np.sum((directions.T @ left) ** 2))
+    amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
+    return directions, surviving, gain, amount
+
+
+def _flow_signature(
+    fitter: Fitter, fit: Fit, term: Term, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
+) -> Signature:
+    """The signature of -c (v - u), which is linear in c and c u and in nothing else: all three at once."""
+    spans = [
+        np.nanmax(np.abs(np.diff(case.values[:, k]))) / float(np.median(np.diff(case.t)))
+        for case in fitter.cases
+        for k, channel in enumerate(case.channels)
+        if channel.kind != "angle"
+    ]
+    top = float(max(spans, default=0.0)) or 1e-2
+    probes = []
+    for along, across in ((0.0, 0.0), (top, 0.0), (0.0, top)):
+        probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
+        probes.append(_columns(fitter, fit, probe)[0][:, 0])
+    columns = np.column_stack([probes[0], (probes[1] - probes[0]) / top, (probes[2] - probes[0]) / top])
+    rms = np.sqrt(np.mean(columns**2, axis=0))
+    scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
+    if not columns.any():
+        return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
+    directions, surviving, gain, (c, *push) = _held_against(columns, scales, starts, nuisance, left)
+    force = float(np.hypot(*push))
+    # where nothing tells the drag (another one is adjustable), a flow as fast as the bodies
+    if c * top < 0.1 * force:
+        c = force / top
+    u = np.array(push) / c if c > 0 else np.zeros(2)
+    sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, 1e-3 * top) for x in scales[1:])]
+    return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
+
+
 def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     """Signatures of all candidates around a fit; their numbers get scales and first-order first values."""
     starts, nuisance = _stack_nuisance(fitter, fit)
@@ -107,6 +152,9 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     left = r - nuisance @ (nuisance.T @ r)
     signatures = []
     for term in terms:
+        if term.mechanism == "ambient_flow" and len(term.free) == 3:
+            signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
+            continue
         columns, scales = _columns(fitter, fit, term)
         answered = np.abs(columns).max(axis=0, initial=0.0) > 0
         if not answered.any():
@@ -119,14 +167,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
             term = with_numbers(term, sorted(keep))
             linear = [k for k, f in enumerate(term.free) if not f.inner]
             columns, scales = columns[:, answered], scales[answered]
-        after_starts = columns - starts @ (starts.T @ columns)
-        after_all = columns - nuisance @ (nuisance.T @ columns)
-        size = float(np.linalg.norm(columns * scales))
-        before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
-        surviving = after / before if before > 1e-5 * size else 0.0
-        directions = basis(after_all * scales) if surviving > 1e-4 else np.zeros((len(r), 0))
-        gain = float(np.sum((directions.T @ left) ** 2))
-        amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
+        directions, surviving, gain, amount = _held_against(columns, scales, starts, nuisance, left)
         firsts = [f.first for f in term.free]
         sizes = [f.scale for f in term.free]
         for k, number in enumerate(linear):

@@ -1,0 +1,52 @@
+"""Predictions: a simulation that is begun again is the same as a new one; bodies heavier than believed are named."""
+
+import math
+
+import numpy as np
+
+from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict
+from granswim_pymunk.diagnosis.data import prepare_all
+from granswim_pymunk.diagnosis.driver import time_steps
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, adjustable_terms
+from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
+from granswim_pymunk.validation.reference import Reference
+
+
+def pendulum(*laws, adjustable=()) -> Scene:
+    body = Body("p", "free", 0.01, 0.1, initial=(0.2 * math.sin(0.8), -0.2 * math.cos(0.8), 0.0, 0.0))
+    own = (use("gravity"), use("pin", anchor=(0.0, 0.0), length=0.2, bodies=["p"]), use("linear_drag", c=0.005))
+    return Scene((body,), (*own, *laws), gravity=(0.0, -9.81), adjustable=adjustable)
+
+
+def filmed(truth: Scene, belief: Scene, seed: int, noise: float = 5e-5) -> Recording:
+    t = np.arange(0.0, 2.0, 0.02)
+    xy = Reference(truth, dt=2e-4).sample(t) + np.random.default_rng(seed).normal(size=(len(t), 1, 2)) * noise
+    return Recording(name="r", scene=belief, t=t, ids=("p",), xy=xy, sampling=50.0, position_noise=noise)
+
+
+def test_a_simulation_begun_again_predicts_as_a_new_one():
+    belief = pendulum(adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02),))
+    cases = prepare_all([filmed(belief, belief, 1)])
+    case = cases[0]
+    dt = time_steps(cases)
+    used, hypothesis = Predictor(dt), Hypothesis(adjustable_terms(cases))
+    starts = describe_starts(case, case.training)
+    numbers, t = first_numbers(starts), case.t[case.training]
+    rng = np.random.default_rng(2)
+    for c in (0.004, 0.004, 0.006, 0.004):
+        begin = numbers * (1 + 0.01 * rng.normal(size=len(numbers)))
+        again = used(hypothesis, case, [c], starts, begin, t[0], t)
+        fresh = Predictor(dt)(hypothesis, case, [c], starts, begin, t[0], t)
+        np.testing.assert_array_equal(again, fresh)
+    assert used.runs == 4
+
+
+def test_inertia_that_was_not_counted_is_added_mass():
+    found = diagnose_bodies([filmed(pendulum(use("added_mass", beta=0.1)), pendulum(), 3)])
+    verdict = verdict_dict(found)
+    entry = verdict["mechanisms"][0]
+    assert (verdict["verdict"], entry["name"]) == ("missing_physics", "added_mass")
+    beta = entry["parameters"]["beta"]
+    assert beta["low"] < 0.1 < beta["high"]
