@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.diagnosis.hypothesis import Free
+from granswim_pymunk.diagnosis.outcome import write_outcome
+from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.conditions import Condition, conditions_of
 from granswim_pymunk.diagnosis.unseen.observe import View
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softened
+from granswim_pymunk.diagnosis.unseen.search import Sizes
 from granswim_pymunk.diagnosis.unseen.suspects import suspects_of
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.recording import Recording
+from granswim_pymunk.packing import pack
+from granswim_pymunk.recording import Recording, read_recording
 from granswim_pymunk.recording.recording import CURVE
-from granswim_pymunk.scene import Scene, use
+from granswim_pymunk.scene import Scene, read_scene, use
 from granswim_pymunk.validation.unseen_cases import toy_scene
 
 F = 10.0
@@ -249,3 +254,58 @@ def test_what_cannot_be_used_is_said_in_one_line(make, said, tmp_path):
     with pytest.raises(InputError, match=said) as error:
         diagnose([make()], tmp_path / "out")
     assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
+
+
+# ---- whole diagnoses, of recordings that the reference integrator made (validation/unseen_cases.py) -------------
+
+FOLDER = Path(__file__).parent / "unseen"
+FEW = Sizes(true=5, soft=5, adjustable=3, screen=2, more=0, leader=3, final=3, leaders=3)
+
+
+@pytest.fixture
+def few_suspects(monkeypatch):
+    """A line-up that takes seconds: dry friction, a late motor, a weak joint, the camera."""
+    laws = ("coulomb_substrate", "actuator_lag", "weak_joint at joint 4")
+    wanted = (*laws, "camera_scale", "camera_tilt", "time_offset")
+
+    def chosen(conditions):
+        return [x for x in suspects_of(conditions) if x.label in wanted]
+
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.suspects_of", chosen)
+
+
+def test_dry_friction_is_named_and_the_files_are_there(few_suspects, tmp_path):
+    found = diagnose_unseen([read_recording(FOLDER / "substrate_10_Hz")], sizes=FEW)
+    verdict = found.verdict
+    assert verdict["verdict"] == "missing_physics"
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == "coulomb_substrate"
+    mu = entry["parameters"]["mu"]
+    assert mu["low"] < 0.3 < mu["high"] and mu["high"] - mu["low"] < 0.3
+    assert verdict["fit"]["heldout"]["revised"] < 0.8 * verdict["fit"]["heldout"]["naive"]
+    assert verdict["null"]["p_false_alarm"] <= 0.01 and verdict["mismatch"]
+    write_outcome(found, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "coulomb substrate" in page and page.count("<img") == len(found.figures)
+    # the revised scene is one that runs: its bed is packed, the law is in it
+    revised = read_scene(tmp_path / "revised.toml")
+    assert revised.laws_named("coulomb_substrate") and revised.bed is not None
+    sim = Simulation(pack(revised))
+    sim.advance(10)
+    assert np.isfinite(sim.state().xy).all()
+
+
+def test_nothing_is_found_where_nothing_is_missing(few_suspects):
+    verdict = diagnose_unseen([read_recording(FOLDER / "nothing_10_Hz")], sizes=FEW).verdict
+    assert verdict["verdict"] == "no_mismatch"
+    assert not verdict["mechanisms"] and not verdict["mismatch"] and verdict["null"]["p_false_alarm"] > 0.01
+
+
+def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_suspects):
+    true = read_recording(FOLDER / "nothing_10_Hz")
+    verdict = diagnose_unseen([replace(true, xy=1.01 * true.xy)], sizes=FEW).verdict
+    assert verdict["verdict"] == "measurement"
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == "camera_scale"
+    s = entry["parameters"]["s"]
+    assert s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 2e-3

@@ -29,6 +29,7 @@ from .search import (
     more_runs,
     recalibrate,
     refit,
+    rounded,
     screen,
     try_all,
 )
@@ -70,7 +71,7 @@ class Finding:
     @property
     def values(self) -> np.ndarray:
         """Values of the adjustables in the revised scene."""
-        return self.revised.u[: len(self.search.adjust)]
+        return rounded(self.revised.u[: len(self.search.adjust)])
 
     def extra(self) -> list[tuple]:
         """(term, values) of the laws found, the apparatus left out."""
@@ -78,7 +79,7 @@ class Finding:
         result = []
         for t in self.found:
             if not t.suspect.apparatus:
-                result.append((t.suspect.term, self.revised.u[at : at + t.suspect.size].copy()))
+                result.append((t.suspect.term, rounded(self.revised.u[at : at + t.suspect.size])))
             at += t.suspect.size
         return result
 
@@ -132,12 +133,16 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
             break
         _again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
-    near = [t for t in leaders if leaders[0].worth - t.worth < 0.25 * leaders[0].worth + 8]
-    for k, t in enumerate(near[: s.sizes.leaders]):
-        if late(0.75):
+    settled: set[str] = set()
+    while leaders and not late(0.75):
+        # whoever comes near the best has to be known as well as the best
+        near = [t for t in leaders if leaders[0].worth - t.worth < 0.2 * leaders[0].worth + SAME]
+        rest = [t for t in near[: s.sizes.leaders] if t.suspect.label not in settled]
+        if not rest:
             break
-        _again(s, t, 0.72 + 0.08 * k / len(near), 2, s.sizes.leader)
-    leaders.sort(key=lambda t: -t.worth)
+        _again(s, rest[0], 0.72 + 0.08 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
+        settled.add(rest[0].suspect.label)
+        leaders.sort(key=lambda t: -t.worth)
     if not leaders or leaders[0].worth < max(threshold, 8.0):
         verdict = "unmodelled" if left[0] <= ALARM and left[1] < LEFT_ALARM else "no_mismatch"
         if verdict == "no_mismatch" and s.adjust and s.p_recalibration <= ALARM:
@@ -170,9 +175,9 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
     at = len(s.adjust)
     for t in found_:
         if not t.suspect.apparatus:
-            extra.append((t.suspect.term, revised.u[at : at + t.suspect.size].copy()))
+            extra.append((t.suspect.term, rounded(revised.u[at : at + t.suspect.size])))
         at += t.suspect.size
-    label = label_of(s.adjust, revised.u[: len(s.adjust)], extra)
+    label = label_of(s.adjust, rounded(revised.u[: len(s.adjust)]), extra)
     return Finding(s, verdict, found_, revised, label, False, rivals, left)
 
 
@@ -248,7 +253,11 @@ def confirm(f: Finding) -> None:
     if all((label, False) in s.means.mean[c.name] for c in s.training):
         f.label, f.true = label, True
         if f.found or s.adjust:
-            model = anchored(s, f.revised.model, [t.suspect for t in f.found], f.revised.u, label, soft=False)
+            here = f.revised.u.copy()
+            here[[k for k, name in enumerate(f.revised.model.camera) if name is None]] = np.concatenate(
+                [f.values, *[values for _, values in extra]]
+            )
+            model = anchored(s, f.revised.model, [t.suspect for t in f.found], here, label, soft=False)
             f.revised = fit(model, s.means, s.training)
     else:
         s.notes.append("the revised scene was not run with its own contacts: the time was up")

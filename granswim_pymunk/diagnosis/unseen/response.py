@@ -262,6 +262,8 @@ def fit(
             break
     count = sum(len(r) for r in left.values())
     dof = min((means.dof[c.name] for c in conditions), default=0)
+    # weights from few runs are not the best ones: the numbers scatter more than the formula says
+    covariance = covariance * (1 + count / max(len(conditions), 1) / max(dof, 1))
     return Fit(model, u, covariance, best[0], best[1], {k: (left[k], spreads[k]) for k in left}, count, dof)
 
 

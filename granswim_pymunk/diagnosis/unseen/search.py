@@ -18,7 +18,9 @@ from .runs import Change, Job, Runner
 from .suspects import Suspect, suspects_of
 
 ALARM = 0.01  # share of recordings of the naive physics that may be called a mismatch
-SAME = 4.0  # two laws whose objectives differ by less (d' below 2) cannot be told apart on these data
+# two laws whose objectives differ by less cannot be told apart on these data: d' below 2, and the simulated means'
+# own error on top
+SAME = 6.0
 SURVIVES = 0.02  # of a signature, below which recalibration imitates it
 VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
 REPLICATES = 299
@@ -71,7 +73,7 @@ class Trial:
 
 @dataclass
 class Nulls:
-    """What the search finds in runs of the recalibrated physics seen as if they were the recording."""
+    """What the search finds in simulated recordings of the recalibrated physics in other packings."""
 
     chi2: np.ndarray  # (r,) of the naive or recalibrated prediction
     recalibration: np.ndarray  # (r,) gain of the adjustables
@@ -443,9 +445,10 @@ def _columns(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.nd
 
 
 def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
-    """Every run in turn seen as if it were the recording: its own packing's numbers, with tracking noise.
+    """Runs seen as if they were the recording: what two packings do, mixed in a random proportion, and tracking noise.
 
-    Where there are several recordings each gets a run of its own, drawn at random.
+    Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
+    runs. Where there are several recordings each gets its own.
     """
     replicates = REPLICATES
     drawn = []
@@ -453,7 +456,11 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
         residuals = s.means.residuals[c.name]
         _, variance = s.base.model.predict(s.means, c, s.base.u)
         own = (0.0 if c.averaged else 1.0) + variance
-        chosen = residuals[s.rng.integers(len(residuals), size=replicates)] * math.sqrt(own)
+        # a recording took no part in the estimate of the spread by which it is weighed; these runs did
+        own *= 1 + 0.5 * len(c.seen) / max(s.means.dof[c.name], 1)
+        first, second = s.rng.integers(len(residuals), size=(2, replicates))
+        turn = s.rng.uniform(0.0, 2 * math.pi, (replicates, 1))
+        chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(own)
         if np.any(np.diag(c.error) > 0):
             values, vectors = np.linalg.eigh(c.error)
             chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

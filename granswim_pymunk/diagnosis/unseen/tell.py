@@ -274,8 +274,8 @@ def _notes(f: Finding, curves_only: bool) -> list[str]:
     for t in failed[:5]:
         notes.append(f"{t.suspect.label} was not judged: {t.reason}")
     notes.append(
-        "p_false_alarm ranks this recording among runs of the recalibrated physics in other packings; z and p of "
-        "places are tails of F with the runs' degrees of freedom"
+        "p_false_alarm ranks this recording among replicates, each the deviations of two simulated packings mixed in a "
+        "random proportion, with tracking noise; z and p of places are tails of F with the runs' degrees of freedom"
     )
     if f.found and not f.true and f.label != NAIVE:
         notes.append("numbers are from softened contacts: the time was up before the revised scene was run as it is")
