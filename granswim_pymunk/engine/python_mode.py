@@ -235,6 +235,13 @@ class PythonCallbacks:
             body.angular_velocity = half * torque[k] * s._inverse_moment[k] * s.units.time
         self._summed_step = -1
 
+    def resume(self) -> None:
+        """Go on from what stands in the simulation's arrays."""
+        a = self.simulation._a
+        self._fx[:], self._fy[:], self._torque[:] = a["fx"], a["fy"], a["torque"]
+        self._summed_step = -1
+        self._lay_out_seam()
+
     def _touching(self) -> list[tuple[int, int]]:
         s = self.simulation
         if not any(item.law.kind == "pair" for item in s._uses):
