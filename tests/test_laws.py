@@ -21,6 +21,11 @@ def bed(form="leader"):
     return cases_bed.small_bed(form=form), 2e-6
 
 
+def rough_bed():
+    scene, dt = bed()
+    return scene.with_laws(use("contact_friction", mu=0.4, v_0=1e-2)), dt
+
+
 def carts():
     """Two carts on springs of their own, one straight, one of no length."""
     springs = [
@@ -55,13 +60,14 @@ def driven():
 
 
 FORMS = {f"bed-{form}": lambda form=form: bed(form) for form in ("leader", "elastic", "head_axis")}
-SCENES = {"bed": bed, "carts": carts, "pendulum": pendulum, "driven": driven, **FORMS}
+SCENES = {"bed": bed, "rough bed": rough_bed, "carts": carts, "pendulum": pendulum, "driven": driven, **FORMS}
 CASES = [
     ("ambient_flow", "bed", {"c": 1e-4, "u": (0.3, -0.1)}),
     ("distance_force", "bed", {"s": 2e-3, "n": 3.0}),
     ("distance_force", "bed", {"s": -2e-3, "n": 1.5, "range": 1e-3}),
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),
+    ("rolling_resistance", "rough bed", {"mu_r": 0.3, "w_0": 1e3}),
     ("wall_drag", "bed", {"c": 1e-3, "range": 2e-3}),
     ("pair_lubrication", "bed", {"c": 3e3, "range": 2e-4}),
     ("nonlinear_spring", "carts", {"k_3": 40.0}),
@@ -159,7 +165,10 @@ def test_friction_keeps_the_angular_momentum():
         np.testing.assert_allclose(state.v, states["reference"].v, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "where", "values"), [case for case in CASES if case[1] in ("bed", "carts")])
+PLAIN_SCENES = ("bed", "rough bed", "carts")
+
+
+@pytest.mark.parametrize(("name", "where", "values"), [case for case in CASES if case[1] in PLAIN_SCENES])
 def test_python_mode(name, where, values):
     """The same law read as plain Python."""
     scene, dt = SCENES[where]()

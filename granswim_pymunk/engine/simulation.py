@@ -689,7 +689,8 @@ class Simulation:
         self._initial[self._n_mobile :, 2:] = 0.0
         zeros = np.zeros(self._n)
         self._images[:] = 0.0
-        self._set_bodies(*(self._initial[:, :2] / u.length).T, *(self._initial[:, 2:] / u.velocity).T, zeros, zeros)
+        place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
+        self._set_bodies(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], zeros, zeros)
         if not self._in_place:
             for k, name in enumerate(("x", "y")):
                 self._a[name][:] = self._initial[:, k]  # walls are not read again
