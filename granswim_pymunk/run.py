@@ -29,7 +29,8 @@ import scipy
 from tqdm import tqdm
 
 from . import __version__
-from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint
+from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
+from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError
 from .packing import pack, quality
 from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
@@ -101,6 +102,7 @@ def run_scene(
     cache: bool = True,
     quiet: bool = False,
     max_overlap: float | None = None,
+    soft: float | None = None,
 ) -> RunResult:
     """Pack if needed, simulate, and write what came of it into the folder ``out``.
 
@@ -116,6 +118,7 @@ def run_scene(
     frames : number of pictures, start and end included; 0: none. ``fps``: pictures per simulated second
     color : "speed" or "force";  video : "gif", "mp4" or "none"
     seed : instead of the scene's; it decides how the bed is packed
+    soft : contacts so many times softer, for a screening run (see ``engine.softened``); a bed is packed hard
     max_overlap : largest overlap as a part of the smaller radius; left out, 0.02 in a scene with grains. The run
         stops with a SimulationError when two bodies overlap more, a grain leaves the box, energy jumps or a
         number is not finite (see ``engine.Watch``); the last good checkpoint stays
@@ -155,6 +158,10 @@ def run_scene(
     run = _Run(quiet)
     with run.timed("packing"):
         packed = run.pack(scene, cache)
+        if soft is not None:
+            packed = softened(packed, soft)
+            if max_overlap is None and any(b.role == "grain" for b in packed.bodies):
+                max_overlap = OVERLAP * math.sqrt(soft)
     with run.timed("setting up"):
         time_of = dataclasses.replace(packed.time, duration=duration)
         if dt is not None:

@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-overlap", type=float, metavar="P",
         help="stop when two bodies overlap by more than P %% of the smaller radius (default: 2 in a scene with grains)",
     )  # fmt: skip
+    parser.add_argument(
+        "--softened", type=float, metavar="F", help="contacts F times softer and steps longer, for screening runs"
+    )
     parser.add_argument("--no-cache", action="store_true", help="pack the bed anew, and do not keep it")
 
 
@@ -60,5 +63,6 @@ def main(args: argparse.Namespace) -> int:
         seed=args.seed,
         cache=not args.no_cache,
         max_overlap=None if args.max_overlap is None else args.max_overlap / 100,
+        soft=args.softened,
     )
     return 0
