@@ -10,13 +10,18 @@ from typing import Any
 
 from ..errors import InputError
 from ..recording import Recording, read_recording, resolve_recording
-from .driver import Diagnosis, check_kind, diagnose_bodies
+from .bed import diagnose_bed
+from .driver import Diagnosis, diagnose_bodies
 from .outcome import Outcome, check_verdict, plain_numbers, write_outcome
 from .unseen import diagnose_unseen
 from .verdict import verdict_dict, write_verdict
 
 # how recordings are compared: each method takes (training, held out, minutes=, seed=, progress=)
-METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {"bodies": diagnose_bodies, "unseen": diagnose_unseen}
+METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {
+    "bodies": diagnose_bodies,
+    "bed": diagnose_bed,
+    "unseen": diagnose_unseen,
+}
 
 
 def kind_of(recordings: Sequence[Recording]) -> str:
@@ -105,8 +110,6 @@ def diagnose(
         twice = next(n for n in every if every.count(n) > 1)
         raise InputError("two recordings have this name", where=twice)
     kind = kind_of([*training, *held])
-    if kind not in METHODS or kind == "bodies":
-        check_kind([*training, *held])
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise InputError("is a file; --out should name a folder", file=out)

@@ -1,0 +1,147 @@
+"""All beds of a diagnosis together: predictions of their windows, whitened innovations, the noise of twins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ..hypothesis import Failed, Hypothesis
+from .signatures import Noise, ensemble_noise, twin_noise
+from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
+
+Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that were not asked for
+Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
+
+
+class Bench:
+    """Predicts, and compares with what was seen. ``members`` of each window, ``twins`` of each recording."""
+
+    def __init__(self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS) -> None:
+        self.beds = list(beds)
+        self.members = members
+        self.twins = twins
+        self.predictors = [BedPredictor(b, members=members) for b in beds]
+        self.seen = [p.seen() for p in self.predictors]
+        self.noises: list[Noise] = []
+
+    @property
+    def training(self) -> list[np.ndarray]:
+        return [np.flatnonzero(b.training) for b in self.beds]
+
+    @property
+    def held(self) -> list[np.ndarray]:
+        return [np.flatnonzero(~b.training) for b in self.beds]
+
+    @property
+    def runs(self) -> int:
+        return sum(p.runs for p in self.predictors)
+
+    def predict(
+        self,
+        wanted: Sequence[tuple[Hypothesis, np.ndarray]],
+        windows: Windows | None = None,
+        members: int | None = None,
+    ) -> list[Prediction | None]:
+        """What the members show under each hypothesis; None where a run failed."""
+        jobs, owner = [], []
+        for k, (hypothesis, values) in enumerate(wanted):
+            for b, predictor in enumerate(self.predictors):
+                chosen = None if windows is None else [int(w) for w in windows[b]]
+                if chosen is not None and not chosen:
+                    continue
+                jobs.append(Job(predictor, hypothesis, np.asarray(values, dtype=float), chosen, members))
+                owner.append((k, b))
+        found = dict(zip(owner, predict_all(jobs), strict=True))
+        result: list[Prediction | None] = []
+        for k in range(len(wanted)):
+            rows: Prediction | None = []
+            for b, bed in enumerate(self.beds):
+                full = np.full((len(bed.starts), members or self.members, bed.size), np.nan)
+                if (k, b) in found:
+                    mine = found[k, b]
+                    if mine is None:
+                        rows = None
+                        break
+                    full[slice(None) if windows is None else windows[b]] = mine
+                assert rows is not None
+                rows.append(full)
+            result.append(rows)
+        return result
+
+    def predict_surely(
+        self,
+        wanted: Sequence[tuple[Hypothesis, np.ndarray]],
+        windows: Windows | None = None,
+        members: int | None = None,
+    ) -> list[Prediction]:
+        """As ``predict``. Raises Failed where a run failed."""
+        found = [p for p in self.predict(wanted, windows, members) if p is not None]
+        if len(found) < len(wanted):
+            raise Failed("a window cannot be simulated")
+        return found
+
+    def innovations(self, predicted: Prediction, members: int | None = None) -> list[np.ndarray]:
+        """Of each bed (W, D) [m]: seen less the mean of (the first) members, the estimator's bias taken off."""
+        return [
+            seen - p[:, :members].mean(axis=1) - noise.bias
+            for seen, p, noise in zip(self.seen, predicted, self.noises, strict=True)
+        ]
+
+    def white(self, predicted: Prediction, windows: Windows, members: int | None = None) -> np.ndarray:
+        """(n,) whitened innovations of the chosen windows of all beds."""
+        parts = [
+            noise.whiten(rows, chosen)
+            for rows, noise, chosen in zip(self.innovations(predicted, members), self.noises, windows, strict=True)
+        ]
+        return np.concatenate([p.ravel() for p in parts])
+
+    def change(self, after: Prediction, before: Prediction, windows: Windows) -> np.ndarray:
+        """(n,) whitened change of the mean prediction, of the members that both have."""
+        parts = []
+        for seen, noise, a, b, chosen in zip(self.seen, self.noises, after, before, windows, strict=True):
+            m = min(a.shape[1], b.shape[1])
+            hidden = np.where(np.isfinite(seen), 0.0, np.nan)
+            parts.append(noise.whiten((a[:, :m] - b[:, :m]).mean(axis=1) + hidden, chosen).ravel())
+        return np.concatenate(parts)
+
+    # ---- noise --------------------------------------------------------------------------------
+
+    def first_noise(self, predicted: Prediction, windows: Windows) -> None:
+        """A first guess, from the members' own spread."""
+        self.noises = [
+            ensemble_noise(p, chosen, bed.film.sigma)
+            for p, chosen, bed in zip(predicted, windows, self.beds, strict=True)
+        ]
+
+    def make_twins(
+        self, hypothesis: Hypothesis, values: np.ndarray, progress: Callable[[float], None] = lambda share: None
+    ) -> None:
+        """Noise and bias from twins of the scene with these values. Raises Failed."""
+        tasks = [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
+        done = [0]
+
+        def one(task: tuple[int, int]) -> np.ndarray:
+            b, k = task
+            bed, predictor = self.beds[b], self.predictors[b]
+            film = predictor.twin(hypothesis, values, k)
+            own = BedPredictor(bed, film, self.members)
+            left = own.seen() - own(hypothesis, values).mean(axis=1)
+            predictor.runs += own.runs
+            done[0] += 1
+            progress(done[0] / len(tasks))
+            return left
+
+        found = list(POOL.map(one, tasks))
+        self.noises = [
+            twin_noise(np.stack([f for f, (b, _) in zip(found, tasks, strict=True) if b == number]))
+            for number in range(len(self.beds))
+        ]
+
+
+def check_runs(found: Prediction | None, where: str) -> Prediction:
+    """The prediction of the scene as given. Raises InputError where it cannot be run from the tracks."""
+    if found is None:
+        raise InputError("the naive scene cannot be run from the tracks", where=where)
+    return found

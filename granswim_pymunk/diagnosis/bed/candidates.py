@@ -1,0 +1,224 @@
+"""What a bed and its swimmer may have had that their scene lacks: apparatus, contacts, grains, swimmer.
+
+Every strength comes in units of a size that suits a bed of millimetre grains moving at centimetres a second,
+so that a first try changes a window by about as much as the noise does.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...laws import Law, all_laws
+from ...laws.base import AUTOMATIC
+from ...scene import Scene, use
+from ..candidates import applies, camera_terms
+from ..data import Case
+from ..hypothesis import Free, Term
+from ..swimmer_terms import swimmer_terms
+
+KINDS = ("body", "pair", "constraint")
+APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 1e-3}
+SPEED = 0.05  # m/s, of the grains that move
+ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
+
+
+def bed_terms(cases: Sequence[Case]) -> list[Term]:
+    """All named candidates with one choice of exponents each (see ``siblings`` for the others), apparatus first."""
+    scene = cases[0].recording.scene
+    terms = []
+    for term in camera_terms(cases):
+        if term.mechanism in APPARATUS:
+            terms.append(_sized(term, [APPARATUS[term.mechanism]]))
+    terms += _contact_damping(cases)
+    laws = [law for law in all_laws().values() if law.kind in KINDS and law.candidate == "named"]
+    laws = [law for law in laws if applies(law, cases)]
+    terms += [t for law in laws if not _far(law) for t in law_terms(law, scene)[:1]]
+    terms += swimmer_terms([c.recording.scene for c in cases])
+    # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
+    return terms + [t for law in laws if _far(law) for t in law_terms(law, scene)[:1]]
+
+
+def _far(law: Law) -> bool:
+    """Whether a law reaches far beyond contact, where a bed has many pairs."""
+    return bool(law.reach) and law.parameter(law.reach or "").default is AUTOMATIC
+
+
+def siblings(term: Term, scene: Scene) -> list[Term]:
+    """The same law with its other exponents of the radius, or ranges."""
+    law = all_laws().get(term.mechanism)
+    if law is None or law.kind not in KINDS:
+        return []
+    return [t for t in law_terms(law, scene) if t.label != term.label]
+
+
+def _sized(term: Term, sizes: Sequence[float]) -> Term:
+    return replace(term, free=tuple(replace(f, scale=s) for f, s in zip(term.free, sizes, strict=True)))
+
+
+def mean_grain_mass(scene: Scene) -> float:
+    grains = [b.mass for b in scene.bodies if b.role == "grain"]
+    return float(np.mean(grains or [b.mass for b in scene.bodies if b.mobile]))
+
+
+def size_of(law: Law, name: str, unit: str, scene: Scene) -> float:
+    """A strength of the law that shows in a window without overturning it."""
+    mass = mean_grain_mass(scene)
+    force = mass * ACCELERATION
+    special = {"distance_force": 3.0 * force, "cohesion": 30.0 * force, "coulomb_substrate": 0.03, "added_mass": 0.2,
+               "contact_friction": 0.05, "pair_lubrication": 1e3, "wall_drag": 10 * force / SPEED}  # fmt: skip
+    if law.name in special:
+        return special[law.name]
+    by_unit = {"kg/s": force / SPEED, "kg/m": 2 * force / SPEED**2, "N": force, "m/s^2": ACCELERATION, "1/s": 1e2}
+    parameter = law.parameter(name)
+    return by_unit.get(unit, abs(parameter.typical or 1.0))
+
+
+def law_terms(law: Law, scene: Scene) -> list[Term]:
+    """Terms that add a law of bodies or pairs, one for each choice of its exponents; the usual choice first.
+
+    Ranges stay as typical. A flow that drags has its force (drag times flow) as numbers, so that a first-order
+    change is linear in them.
+    """
+    mobile = tuple(b.id for b in scene.bodies if b.mobile)
+    radii = {b.radius for b in scene.bodies if b.mobile}
+    choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
+    combinations = [
+        dict(zip([n for n, _ in choices], values, strict=True))
+        for values in itertools.product(*[c for _, c in choices])
+    ]
+    if len(radii) == 1:
+        combinations = combinations[:1]
+    usual = {p.name: p.default for p in law.parameters}
+    combinations.sort(key=lambda c: any(usual[k] != v for k, v in c.items()))
+    vector = [p for p in law.parameters if p.size > 1 and p.name not in law.strength and p.typical is not None]
+    terms = []
+    for choice in combinations:
+        free: list[Free] = []
+        groups: list[tuple[str, tuple[int, ...]]] = []
+        for p in law.parameters:
+            if p.name not in law.strength:
+                continue
+            size = size_of(law, p.name, p.unit, scene)
+            begin = len(free)
+            for argument in p.arguments:
+                free.append(Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, size, None, p.neutral))
+            groups.append((p.name, tuple(range(begin, len(free)))))
+        fixed: dict[str, Any] = dict(choice)
+        for p in law.parameters:
+            if p.typical is not None and p.name not in law.strength and p.size == 1:
+                fixed[p.name] = float(p.typical if p.default in (None, AUTOMATIC) else p.default)
+        pushed = ""
+        if vector:
+            pushed = vector[0].name
+            size = mean_grain_mass(scene) * ACCELERATION
+            free += [Free(f"{law.name}.force_{k}", "N", -math.inf, math.inf, 0.0, size) for k in "xy"]
+            groups.append((pushed, (1, 2)))
+        label = law.name + "".join(f" {k} = {v:g}" for k, v in choice.items() if len(combinations) > 1)
+        terms.append(
+            Term(
+                law.mechanism, label, tuple(free), LawAdder(law, fixed, tuple(groups), pushed), mobile,
+                law.expression, {**choice}, tuple(groups),
+            )
+        )  # fmt: skip
+    return terms
+
+
+class LawAdder:
+    """Adds a law with its strengths; a force of a flow becomes the flow's velocity."""
+
+    def __init__(self, law: Law, fixed: Mapping[str, Any], groups, pushed: str) -> None:
+        self.law, self.fixed, self.groups, self.pushed = law, dict(fixed), groups, pushed
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        given = dict(self.fixed)
+        for name, rows in self.groups:
+            numbers = [float(values[r]) for r in rows]
+            if name == self.pushed:
+                drag = max(float(values[0]), 1e-12)  # a force without a drag is a fast, thin flow
+                given[self.law.strength[0]] = drag
+                numbers = [n / drag for n in numbers]
+            elif self.pushed and name == self.law.strength[0]:
+                continue
+            given[name] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+        return scene.with_laws(use(self.law, **given)), camera
+
+    def flow(self, values: np.ndarray, covariance: np.ndarray | None):
+        """(drag, flow) with their covariance, to first order, where the law has a flow; else None."""
+        if not self.pushed:
+            return None
+        c, wx, wy = (float(v) for v in values)
+        c = max(c, 1e-12)
+        u = np.array([c, wx / c, wy / c])
+        if covariance is None:
+            return u, None
+        jacobian = np.array([[1.0, 0.0, 0.0], [-wx / c**2, 1 / c, 0.0], [-wy / c**2, 0.0, 1 / c]])
+        return u, jacobian @ covariance @ jacobian.T
+
+
+def _contact_damping(cases: Sequence[Case]) -> list[Term]:
+    """Contacts that lose more, or less, than believed."""
+    scene = cases[0].recording.scene
+    terms = []
+    for name in ("contact_linear", "contact_hertz"):
+        if not scene.laws_named(name) or f"{name}.damping" in {a.name for a in scene.adjustable}:
+            continue
+        item = scene.laws_named(name)[0]
+        believed = float(item.values["damping"])
+
+        def apply(scene, camera, values, name=name):
+            return scene.with_parameter(f"{name}.damping", float(values[0])), camera
+
+        free = Free(f"{name}.damping", "1/s", 0.0, math.inf, believed, max(believed, 1e3), None, believed)
+        bodies = tuple(b.id for b in scene.bodies if b.mobile)
+        terms.append(
+            Term("restitution", "restitution", (free,), apply, bodies, item.law.expression, {}, (("damping", (0,)),))
+        )
+    return terms
+
+
+def check_bed(scene: Scene, name: str) -> None:
+    """Raise InputError where the scene is no bed listed body by body with a swimmer in it."""
+    if not scene.chains or not any(b.role == "grain" for b in scene.bodies):
+        raise InputError("needs a swimmer and grains, listed body by body", where=f"recording {name}")
+
+
+def flexible_terms(case: Case, places: np.ndarray, speeds: np.ndarray) -> list[Term]:
+    """The arms that name nothing: smooth in place (a force, an acceleration), in speed, in the drive's phase.
+
+    places : (k, 2) where bodies are seen [m];  speeds : (k,) how fast they go [m/s]
+    """
+    scene = case.recording.scene
+    mobile = tuple(b.id for b in scene.bodies if b.mobile)
+    centre, size = places.mean(axis=0), float(max(np.ptp(places, axis=0).max() / 2, 1e-6))
+    force = mean_grain_mass(scene) * ACCELERATION
+    laws = all_laws()
+    place: dict[str, Any] = {"centre": (float(centre[0]), float(centre[1])), "size": size}
+    linear = [f"{axis}{k}" for axis in "ab" for k in range(3)]
+    arms: list[tuple[str, str, dict[str, Any], Sequence[str], float]] = [
+        ("flexible_place", "a force smooth in place", {**place, "q": 0}, linear, force),
+        ("flexible_place", "an acceleration smooth in place", {**place, "q": 1}, linear, ACCELERATION),
+        (
+            "flexible_speed", "a drag smooth in speed", {"top": float(1.2 * np.quantile(speeds, 0.99))},
+            [f"c{k}" for k in range(5)], force / SPEED,
+        ),
+    ]  # fmt: skip
+    for item in scene.laws_named("bending")[:1]:
+        cycle = {"frequency": float(item.values["frequency"]), "phase": float(item.values["phase"])}
+        names = ["c0", "a1", "b1", "a2", "b2"]
+        arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / SPEED))
+    terms = []
+    for name, label, fixed, numbers, scale in arms:
+        law = laws[name]
+        free = tuple(
+            Free(f"{name}.{n}", law.parameter(n).unit, -math.inf, math.inf, 0.0, scale, None, 0.0) for n in numbers
+        )
+        groups = tuple((n, (k,)) for k, n in enumerate(numbers))
+        terms.append(Term("unknown", label, free, LawAdder(law, fixed, groups, ""), mobile, law.expression, {}, groups))
+    return terms

@@ -1,0 +1,817 @@
+"""The diagnosis of a swimmer in its bed, both seen, step by step.
+
+Recalibration first, then twins (bias, covariance, nulls), signatures, least squares, leaders refitted by
+simulation, held-out windows, places, the next experiment.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import stats
+
+from ...errors import InputError
+from ...recording import Recording
+from ..data import choose_held_out
+from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
+from .bench import Bench, Prediction, Windows, check_runs
+from .candidates import bed_terms, check_bed, flexible_terms, siblings
+from .experiment import Proposal, propose
+from .places import Place, locate
+from .signatures import BedSignature, limits, make_signature, off, recombined, to_values
+from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
+
+ALARM = 0.01
+REPLICATES = 499
+TWINS = 8
+FEWEST_TWINS = 4
+SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
+UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
+SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
+RESPONSE = (0.12, 2.0)  # rms of a signature in standard deviations: above what chaos leaves, still near linear
+CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
+ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
+LEADERS = 7
+LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
+GAUGE = 4  # members that are timed
+MINUTES = 10.0  # where no budget is given
+APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class BedTrial:
+    """A candidate, and what became of it.
+
+    amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
+    linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
+    """
+
+    signature: BedSignature
+    amounts: np.ndarray
+    values: np.ndarray
+    covariance: np.ndarray
+    linear: float
+    gain: float | None
+
+    @property
+    def term(self) -> Term:
+        return self.signature.term
+
+    @property
+    def mechanism(self) -> str:
+        return self.signature.term.mechanism
+
+    @property
+    def worth(self) -> float:
+        """Gain less what as many numbers gain by chance."""
+        return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of seen less predicted positions of the disks [m], the estimator's bias taken off."""
+
+    rms: float | None
+    chi2: float | None  # over the count of numbers
+
+
+@dataclass
+class BedDiagnosis:
+    """Everything that was found; ``verdict`` is one of the contract's five."""
+
+    bench: Bench
+    verdict: str
+    adjustables: tuple[Term, ...]
+    naive_values: np.ndarray
+    recalibrated_values: np.ndarray
+    values: np.ndarray
+    value_covariance: np.ndarray
+    found: BedTrial | None
+    rivals: list[tuple[BedTrial, bool]]
+    trials: list[BedTrial]
+    null: np.ndarray
+    score: float
+    p: float
+    train: dict[str, Errors]
+    held: dict[str, Errors]
+    floor: tuple[float, float]
+    gain_held: float | None
+    places: list[Place]
+    proposal: Proposal | None
+    predicted: dict[str, Prediction]
+    excess: dict[str, float]
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    runs: int = 0
+    seed: int = 0
+
+    @property
+    def beds(self) -> list[BedCase]:
+        return self.bench.beds
+
+
+class Clock:
+    """The budget: how much of it is spent."""
+
+    def __init__(self, minutes: float | None) -> None:
+        self.began = time.monotonic()
+        self.seconds = 60.0 * (minutes or MINUTES)
+
+    @property
+    def spent(self) -> float:
+        return time.monotonic() - self.began
+
+    def late(self, share: float) -> bool:
+        return self.spent > share * self.seconds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is simulated: members of a window, of a signature; twins; windows of a recording; leaders."""
+
+    members: int
+    screening: int
+    twins: int
+    windows: int
+    leaders: int
+
+
+def make_plan(cost: float, windows: int, training: int, terms: int, seconds: float, twins: int) -> Plan:
+    """The best plan that is done in 3/4 of ``seconds``; ``cost`` [s] of one member of one window, all threads busy.
+
+    What is given up first: the fourth and third member, then windows, then twins, then leaders.
+    """
+    plans = [
+        Plan(m, s, n, w, k)
+        for m, s, n, w, k in (
+            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, 6, MOST_WINDOWS, LEADERS),
+            (2, 2, 6, MOST_WINDOWS, LEADERS), (2, 1, 6, MOST_WINDOWS, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
+            (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
+        )
+        if n <= twins
+    ] or [Plan(2, 1, twins, MOST_WINDOWS, 5)]  # fmt: skip
+    for plan in plans:
+        part = min(1.0, plan.windows / max(windows, 1))
+        every, used = windows * part, max(training * part, 1.0)
+        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4)
+        runs += terms * used * plan.screening * 1.3 + 2 * plan.leaders * 3 * used * plan.screening
+        runs += (
+            (plan.leaders - 2) * 4 * used * plan.members
+            + 3 * every * plan.members
+            + 0.6 * plan.twins * every * (plan.members + 1.4)
+        )
+        if runs * cost < 0.75 * seconds:
+            return plan
+    return plans[-1]
+
+
+def diagnose_windows(
+    recordings: Sequence[Recording],
+    hold_out: Sequence[Recording] = (),
+    *,
+    minutes: float | None = None,
+    seed: int = 0,
+    twins: int = TWINS,
+    candidates: Sequence[str] | None = None,
+    plan: Plan | None = None,
+    progress: Progress = lambda text, share: None,
+) -> BedDiagnosis:
+    """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
+
+    ``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out,
+    and the notes say so. ``candidates``: names of the mechanisms to try, all where not given. ``plan``: how much is
+    simulated, whatever the time.
+    Raises InputError for recordings that cannot be used.
+    """
+    clock = Clock(minutes)
+    rng = np.random.default_rng(seed)
+    notes: list[str] = []
+    progress("cutting windows", 0.01)
+    beds = cut(recordings, hold_out, seed, MOST_WINDOWS)
+    for bed in beds:
+        if any(bed.repaired):
+            notes.append(f"{bed.name}: {bed.repaired[0]} labels put back, {bed.repaired[1]} sightings left out")
+    adjustables = adjustable_terms([b.case for b in beds if b.training.any()])
+    hypothesis = Hypothesis(adjustables)
+    values = naive_values = np.array([f.first for f in hypothesis.free])
+    terms = _wanted_terms(beds, hypothesis, candidates)
+
+    # what a member of a window costs decides how many there are
+    bench = Bench(beds, 1, 1)
+    gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in _any(bench)]
+    check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
+    # the first run compiled the laws, once for all times: that is not counted
+    clock = Clock(minutes)
+    began = time.monotonic()
+    bench.predict([(hypothesis, values)], gauge, 1)
+    cost = (time.monotonic() - began) / sum(len(w) for w in gauge)
+    windows = sum(len(b.starts) for b in beds)
+    training = sum(int(b.training.sum()) for b in beds)
+    given = plan is not None
+    if plan is None:
+        plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins)
+    if plan.windows < max(len(b.starts) for b in beds):
+        beds = cut(recordings, hold_out, seed, plan.windows)
+    if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS):
+        notes.append(
+            f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
+            f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
+        )
+    bench = Bench(beds, plan.twins, plan.members)
+    used = bench.training
+
+    # recalibration first
+    progress("recalibrating", 0.04)
+    base = check_runs(bench.predict([(hypothesis, values)], used)[0], f"recording {beds[0].name}")
+    bench.first_noise(base, used)
+    for _ in range(2 if adjustables else 0):
+        values, base, _ = _recalibrate(bench, hypothesis, values, base, used)
+    # twins of the recalibrated scene: bias, covariance, nulls
+    bench.make_twins(hypothesis, values, lambda share: progress("twins", 0.08 + 0.24 * share))
+    for _ in range(2 if adjustables else 1):
+        values, base, nuisance = _recalibrate(bench, hypothesis, values, base, used)
+    white = bench.white(base, used)
+    left = off(nuisance, white)
+    naive_base = base
+    if adjustables:
+        naive_base = bench.predict_surely([(hypothesis, naive_values)], used)[0]
+
+    # signatures; where very much is left, fewer windows tell the candidates apart
+    null_chi2 = np.sum(off(nuisance, recombined(bench.noises, used, REPLICATES, rng)) ** 2, axis=0)
+    surplus = float(left @ left - null_chi2.mean())
+    few = thinned(used, CLEAR_GAIN / surplus if surplus > CLEAR_GAIN else 1.0)
+    at = positions(bench, used, few)
+    few_nuisance, few_left = nuisance[at], off(nuisance[at], white[at])
+    signatures: list[BedSignature] = []
+    untried: list[str] = []
+    for k, term in enumerate(terms):
+        progress(f"signatures: {term.label}", 0.34 + 0.30 * k / max(len(terms), 1))
+        if clock.late(0.72):
+            untried.append(term.label)
+            continue
+        signature = _signature(bench, hypothesis, values, base, few_nuisance, term, few, plan.screening)
+        if signature is None:
+            notes.append(f"{term.label} could not be simulated")
+        else:
+            signatures.append(signature)
+    if untried:
+        notes.append(f"not tried, the time was up: {', '.join(untried)}")
+
+    # nulls: the same search in windows of twins
+    null = np.zeros(REPLICATES)
+    drawn = off(few_nuisance, recombined(bench.noises, few, REPLICATES, rng))
+    for s in signatures:
+        null = np.maximum(null, s.best(drawn)[1])
+
+    # naming: leaders refitted by simulation
+    trials = []
+    for s in signatures:
+        amounts, gain = s.best(few_left[:, None])
+        trials.append(_trial(s, amounts[:, 0], float(gain[0]), None))
+    trials.sort(key=lambda t: -t.linear)
+    score = trials[0].linear if trials else 0.0
+    p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+    if p <= 0.1:
+        search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
+        trials = search.leaders(trials, beds[0])
+    trials = _clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth)))
+    found = trials[0] if trials and trials[0].gain is not None else None
+    # the lowest of several simulations flatters: what first order does not show either is not named
+    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
+    if found is not None and (p > ALARM or (found.gain or 0.0) < SURE or score < threshold):
+        found = None
+    if found is not None and found.linear < threshold:
+        sound = [t for t in trials if t.gain is not None and t.linear >= threshold and t.gain >= SURE]
+        found = max(sound, key=lambda t: t.worth, default=None)
+
+    # adjustables and law together, with the noise of twins that have the law
+    progress("refining what was found", 0.78)
+    size = max(float(left @ left) / max(len(left) - len(values), 1), 1.0)
+    covariance = widened(np.linalg.pinv(nuisance.T @ nuisance) * size, nuisance, white, sum(len(w) for w in used))
+    plain_covariance = covariance
+    revised = hypothesis
+    revised_values, after = values, bench
+    unexplained = float(left @ left - null_chi2.mean()) / float(null_chi2.std())
+    if found is not None:
+        revised = hypothesis.with_term(found.term)
+        readjusted = _readjusted(bench, hypothesis, values, nuisance, found, used)
+        revised_values, covariance, found, after = _polish(
+            bench, hypothesis, readjusted, found, used, clock.late(0.85), plan
+        )
+        rows = after.predict([(revised, revised_values)], used)[0]
+        if rows is not None:
+            rest = off(nuisance, after.white(rows, used))
+            unexplained = float(rest @ rest - null_chi2.mean()) / float(null_chi2.std())
+
+    # the flexible arms, where something is left that no law with a name explains
+    arm: BedTrial | None = None
+    if unexplained > UNEXPLAINED and p <= ALARM:
+        if clock.late(0.86):
+            notes.append("flexible arms were not tried: the time was up")
+        else:
+            progress("flexible arms", 0.84)
+            arm = _flexible(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
+            best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
+            if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
+                notes.append(
+                    f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
+                )
+                arm = None
+            if arm is not None:
+                found, revised = arm, hypothesis.with_term(arm.term)
+                revised_values, after = np.concatenate([values, arm.values]), bench
+                covariance = np.full((len(revised_values),) * 2, np.nan)
+                trials = [arm, *trials]
+
+    # held-out windows are looked at only now
+    progress("held-out windows", 0.88)
+    every = [np.arange(len(b.starts)) for b in beds]
+    wanted = [(hypothesis, naive_values), (hypothesis, values), (revised, revised_values)]
+    if found is None:
+        wanted = wanted[:2]
+    simulated = bench.predict(wanted, every)
+    predicted: dict[str, Prediction] = {}
+    for label, rows in zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True):
+        if rows is not None:
+            predicted[label] = rows
+    train = {label: errors(bench, rows, used) for label, rows in predicted.items()}
+    held = {label: errors(bench, rows, bench.held) for label, rows in predicted.items()}
+    gain_held = None
+    if found is not None and {"recalibrated", "revised"} <= set(predicted) and any(len(w) for w in bench.held):
+        gain_held = 0.5 * float(
+            np.sum(bench.white(predicted["recalibrated"], bench.held) ** 2)
+            - np.sum(bench.white(predicted["revised"], bench.held) ** 2)
+        )
+        if gain_held <= LEAST_HELD:
+            notes.append(f"{found.mechanism} does not predict the held-out windows better: it is not named")
+            found, covariance = None, plain_covariance
+            predicted["revised"] = predicted["recalibrated"]
+            train["revised"], held["revised"] = train["recalibrated"], held["recalibrated"]
+            gain_held = None
+    floor = (noise_floor(bench, used), noise_floor(bench, bench.held))
+
+    # verdict
+    excess = {}
+    for label, rows in predicted.items():
+        # with a law found, the estimator's bias is that of twins that have the law
+        judge = after if label == "revised" and found is not None else bench
+        rest = off(nuisance, judge.white(rows, used)) if label != "naive" else bench.white(rows, used)
+        excess[label] = float((rest @ rest - null_chi2.mean()) / null_chi2.std())
+    verdict = _verdict(found, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
+    rivals = _rivals(found, trials)
+    shown = "naive" if verdict == "recalibrate" else "recalibrated"
+    places: list[Place] = []
+    if verdict != "no_mismatch" and shown in predicted:
+        places = locate(bench, predicted[shown], every)
+    proposal = None
+    if found is not None and rivals and not clock.late(0.93):
+        progress("the next experiment", 0.93)
+        proposal = propose(bench, hypothesis, values, found, rivals[0][0], used)
+    progress("done", 1.0)
+    return BedDiagnosis(
+        bench, verdict, adjustables, naive_values, values, revised_values[: len(values)],
+        covariance[: len(values), : len(values)], found, rivals, trials, null, score, p, train, held, floor, gain_held,
+        places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed,
+    )  # fmt: skip
+
+
+# ---- steps -----------------------------------------------------------------------------------
+
+
+def cut(recordings: Sequence[Recording], hold_out: Sequence[Recording], seed: int, most: int) -> list[BedCase]:
+    """Windows of all recordings, training first."""
+    for r in (*recordings, *hold_out):
+        check_bed(r.scene, r.name)
+    if hold_out:
+        training, held = list(recordings), list(hold_out)
+    else:
+        names = choose_held_out(recordings)
+        training = [r for r in recordings if r.name not in names]
+        held = [r for r in recordings if r.name in names]
+    if not training:
+        raise InputError("every recording is held out: nothing is left to learn from")
+    beds = [bed_case(r, split=not held, seed=seed, most=most) for r in training]
+    return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
+
+
+def _any(bench: Bench) -> list[np.ndarray]:
+    return [np.arange(len(b.starts)) for b in bench.beds]
+
+
+def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:
+    terms = bed_terms([b.case for b in beds if b.training.any()])
+    taken = {f.name for f in hypothesis.free}
+    terms = [t for t in terms if not any(f.name in taken for f in t.free)]
+    return terms if candidates is None else [t for t in terms if t.mechanism in candidates]
+
+
+def _recalibrate(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, windows: Windows
+) -> tuple[np.ndarray, Prediction, np.ndarray]:
+    """One Gauss-Newton step: values, predictions with them, whitened columns (n, p) of the adjustables."""
+    if not len(values):
+        return values, base, np.zeros((len(bench.white(base, windows)), 0))
+    wanted, ends = [], []
+    for k, f in enumerate(hypothesis.free):
+        # chaos forgives no small step: a tenth of the range to either side
+        for side in (-0.1, 0.1):
+            moved = values.copy()
+            moved[k] = float(np.clip(values[k] + side * (f.high - f.low), f.low, f.high))
+            ends.append(moved[k])
+            wanted.append((hypothesis, moved))
+    try:
+        predicted = bench.predict_surely(wanted, windows)
+        columns = np.column_stack(
+            [
+                bench.change(predicted[2 * k + 1], predicted[2 * k], windows) / (ends[2 * k + 1] - ends[2 * k])
+                for k in range(len(values))
+            ]
+        )
+        change = np.linalg.lstsq(columns, bench.white(base, windows), rcond=1e-10)[0]
+        low, high = np.array([(f.low, f.high) for f in hypothesis.free]).T
+        new = np.clip(values + change, low, high)
+        return new, bench.predict_surely([(hypothesis, new)], windows)[0], columns
+    except Failed:
+        raise InputError("the scene cannot be run with other values of its adjustables") from None
+
+
+def _signature(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
+    windows: Windows, members: int,
+) -> BedSignature | None:  # fmt: skip
+    """Columns of a term, each from an amount that changes the prediction by about a standard deviation."""
+    extended = hypothesis.with_term(term)
+    low, high = limits(term)
+    tried, columns = [], []
+    for k in range(len(term.free)):
+        sign = 1.0 if high[k] > 1e-9 else -1.0
+        if term.mechanism == "weak_joint":
+            sign = -1.0
+        amount = min(1.0, 0.8 * (high[k] if sign > 0 else -low[k]))
+        kept: tuple[float, np.ndarray] | None = None
+        smallest_failed = math.inf
+        for _ in range(3):
+            amounts = np.zeros(len(term.free))
+            amounts[k] = sign * amount
+            values_k = to_values(term, amounts)
+            amount = abs(float(values_k[k] - term.free[k].neutral) / term.free[k].scale)
+            found = bench.predict([(extended, np.concatenate([values, values_k]))], windows, members)[0]
+            if found is None:
+                smallest_failed = amount
+                amount *= 0.15
+                continue
+            change = bench.change(found, base, windows)
+            size = float(np.sqrt(np.mean(change**2)))
+            kept = sign * amount, change / (sign * amount)
+            if size < RESPONSE[0]:
+                factor = 8.0 if size < 0.3 * RESPONSE[0] else 3.0
+            elif size > RESPONSE[1]:
+                factor = 0.25 if size > 3 * RESPONSE[1] else 0.5
+            else:
+                break
+            most = 0.8 * (high[k] if sign > 0 else -low[k])
+            wider = min(amount * factor, most, 0.9 * smallest_failed)
+            if abs(wider / amount - 1) < 0.1:
+                break
+            amount = wider
+        if kept is None:
+            return None
+        tried.append(kept[0])
+        columns.append(kept[1])
+    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance)
+
+
+def _trial(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:
+    term = signature.term
+    scales = np.array([f.scale for f in term.free])
+    covariance = np.linalg.pinv(signature.clear.T @ signature.clear) * np.outer(scales, scales)
+    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain)
+
+
+def thinned(windows: Windows, share: float) -> list[np.ndarray]:
+    """About that share of the windows of each recording, spread evenly, four at least."""
+    result = []
+    for w in windows:
+        count = min(len(w), max(math.ceil(share * len(w)), 4))
+        result.append(w[np.unique(np.round(np.linspace(0, len(w) - 1, count)).astype(int))] if len(w) else w)
+    return result
+
+
+def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
+    """Rows that ``chosen`` windows have in stacked numbers of all ``windows``."""
+    rows, start = [], 0
+    for bed, every, some in zip(bench.beds, windows, chosen, strict=True):
+        index = start + np.arange(len(every) * bed.size).reshape(len(every), bed.size)
+        rows.append(index[np.isin(every, some)].ravel())
+        start += len(every) * bed.size
+    return np.concatenate(rows)
+
+
+@dataclass
+class Search:
+    """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well."""
+
+    bench: Bench
+    hypothesis: Hypothesis
+    values: np.ndarray
+    base: Prediction
+    nuisance: np.ndarray
+    used: Windows
+    few: Windows
+    at: np.ndarray
+    plan: Plan
+    clock: Clock
+    progress: Progress
+
+    def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
+        """Trials with the gains of those that were refitted, in all training windows."""
+        most = trials[0].linear
+        chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
+        chosen = chosen[: 2 * self.plan.leaders]
+        rough = []
+        for k, t in enumerate(chosen):
+            self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
+            if k >= 2 and self.clock.late(0.78):
+                break
+            rough.append(self.refit(t, self.few, self.nuisance[self.at], self.plan.screening, ROUGH))
+        rough.sort(key=lambda t: -t.worth)
+        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
+        # other exponents of a law that leads
+        for t in list(best[:2]):
+            for term in siblings(t.term, bed.scene):
+                if not self.clock.late(0.8):
+                    other = self.refit(replace(t, signature=replace(t.signature, term=term)), self.few,
+                                       self.nuisance[self.at], self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
+                    rough.append(other)
+                    best.append(other)
+        best = sorted(best, key=lambda t: -t.worth)[: max(self.plan.leaders - 2, 2)]
+        done = []
+        for k, t in enumerate(best):
+            self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
+            if k < 1 or not self.clock.late(0.84):
+                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE))
+        # the best form of each is kept; gains in few windows are not comparable
+        known = {t.term.label for t in done}
+        rest: list[BedTrial] = []
+        for t in (*best, *rough, *trials):
+            if t.term.label not in known:
+                known.add(t.term.label)
+                rest.append(replace(t, gain=None))
+        return done + rest
+
+    def chi2(self, predicted: Prediction, windows: Windows, nuisance: np.ndarray, members: int) -> float:
+        rest = off(nuisance, self.bench.white(predicted, windows, members))
+        return float(rest @ rest)
+
+    def refit(
+        self, trial: BedTrial, windows: Windows, nuisance: np.ndarray, members: int, shares: Sequence[float]
+    ) -> BedTrial:
+        """Simulate along the direction of the amounts and take the best of a parabola through chi2."""
+        extended = self.hypothesis.with_term(trial.term)
+        low, high = limits(trial.term)
+        start = trial.amounts if np.any(trial.amounts) else trial.signature.tried
+        chi2 = {0.0: self.chi2(self.base, windows, nuisance, members)}
+
+        def measure(more: Sequence[float]) -> None:
+            more = [s for s in dict.fromkeys(more) if s not in chi2]
+            amounts = [np.clip(start * s, low, high) for s in more]
+            rows = self.bench.predict(
+                [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in amounts],
+                windows,
+                members,
+            )
+            for share, predicted in zip(more, rows, strict=True):
+                if predicted is not None:
+                    chi2[share] = self.chi2(predicted, windows, nuisance, members)
+
+        measure(shares)
+        for _ in range(2):
+            best = min(chi2, key=lambda s: chi2[s])
+            if best == 0.0:
+                measure([0.4 * min(s for s in (*chi2, *shares) if s > 0)])
+            elif best == max(chi2):
+                measure([1.7 * best])
+            else:
+                break
+        if len(chi2) < 2:
+            return replace(trial, gain=0.0)
+        share, lowest = smooth_minimum(chi2)
+        amounts = np.clip(start * (share or 1e-3), low, high)
+        return _trial(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
+
+
+def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
+    """Where a parabola through the points about the lowest has its minimum, and how low that is.
+
+    Each chi2 carries the bed's chaos: the lowest of several would flatter. Without a minimum: the lowest point.
+    """
+    best = min(chi2, key=lambda s: chi2[s])
+    near = sorted((s for s in chi2 if best == 0.0 or 0.35 * best <= s <= 2.2 * best), key=lambda s: abs(s - best))
+    if len(near) < 3:
+        near = sorted(chi2, key=lambda s: abs(s - best))[:3]
+    if len(near) >= 3:
+        x, y = np.array(near[:6]), np.array([chi2[s] for s in near[:6]])
+        fitted = np.polyfit(x, y, 2)
+        if fitted[0] > 0:
+            share = float(np.clip(-fitted[1] / (2 * fitted[0]), x.min(), x.max()))
+            lowest = float(np.polyval(fitted, share))
+            # a parabola that undercuts all points by much fits badly
+            return share, max(lowest, float(y.min()) - 0.1 * abs(chi2.get(0.0, y.max()) - float(y.min())))
+    return best, chi2[best]
+
+
+def _readjusted(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, nuisance: np.ndarray, trial: BedTrial, windows: Windows
+) -> np.ndarray:
+    """Adjustables moved, to first order, to where they belong once the law is there."""
+    if not len(values):
+        return values
+    full = hypothesis.with_term(trial.term)
+    predicted = bench.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
+    if predicted is None:
+        return values
+    low, high = np.array([(f.low, f.high) for f in hypothesis.free]).T
+    change = np.linalg.lstsq(nuisance, bench.white(predicted, windows), rcond=1e-10)[0]
+    reach = 0.15 * (high - low)
+    return np.clip(values + np.clip(change, -reach, reach), low, high)
+
+
+def _polish(
+    bench: Bench,
+    hypothesis: Hypothesis,
+    values: np.ndarray,
+    trial: BedTrial,
+    windows: Windows,
+    hurried: bool,
+    plan: Plan,
+) -> tuple[np.ndarray, np.ndarray, BedTrial, Bench]:
+    """Adjustables and law together, with the bias of twins that have the law: values, covariance, trial, bench.
+
+    The estimator's bias depends on the physics, and the first-order step from a scene without the law falls short.
+    """
+    full = hypothesis.with_term(trial.term)
+    z = np.concatenate([values, trial.values])
+    n = len(values)
+    free = full.free
+    rough = np.full((len(z), len(z)), np.nan)
+    rough[n:, n:] = trial.covariance
+    if hurried:
+        return z, rough, trial, bench
+    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members)
+    second.predictors = bench.predictors
+    steps = [0.1 * (f.high - f.low) for f in free[:n]]
+    for v, f in zip(trial.values, free[n:], strict=True):
+        steps.append(0.4 * (v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
+    try:
+        second.make_twins(full, z)
+        for _ in range(2):
+            wanted = [(full, z)]
+            for k, step in enumerate(steps):
+                moved = z.copy()
+                inside = free[k].low <= z[k] + step <= free[k].high
+                moved[k] += step if inside else -step
+                moved[k] = float(np.clip(moved[k], free[k].low, free[k].high))
+                steps[k] = float(moved[k] - z[k])
+                wanted.append((full, moved))
+            predicted = second.predict_surely(wanted, windows)
+            columns = np.column_stack(
+                [second.change(p, predicted[0], windows) / s for p, s in zip(predicted[1:], steps, strict=True)]
+            )
+            white = second.white(predicted[0], windows)
+            change = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+            # never further than the columns were taken
+            change = np.clip(change, -1.5 * np.abs(steps), 1.5 * np.abs(steps))
+            low, high = np.array([(f.low, f.high) for f in free]).T
+            before, z = z, np.clip(z + change, low, high)
+            if np.all(np.abs(z - before) < 0.15 * np.abs(steps)):
+                break
+    except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
+        return np.concatenate([values, trial.values]), rough, trial, bench
+    # the twins' covariance is measured, not known, and columns carry the bed's chaos
+    rest = white - columns @ change
+    size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
+    covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
+    scales = np.array([f.scale for f in trial.term.free])
+    neutral = np.array([f.neutral for f in trial.term.free])
+    trial = replace(trial, values=z[n:], amounts=(z[n:] - neutral) / scales, covariance=covariance[n:, n:])
+    return z, covariance, trial, second
+
+
+def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, windows: int) -> np.ndarray:
+    """The covariance, no narrower than the scatter of the answers when windows are left out in turn.
+
+    Columns carry the bed's chaos, which least squares takes for exact.
+    Source: Efron & Stein 1981, Ann. Stat. 9, 586 (jackknife variance).
+    """
+    if windows < 3 or not columns.shape[1]:
+        return covariance
+    answers = []
+    for k in range(windows):
+        kept = np.ones(len(white), dtype=bool)
+        kept[k * (len(white) // windows) : (k + 1) * (len(white) // windows)] = False
+        answers.append(np.linalg.lstsq(columns[kept], white[kept], rcond=1e-10)[0])
+    scatter = (windows - 1) * np.var(np.array(answers), axis=0)
+    # few windows know their own scatter badly: Student's t in place of the normal 95 %
+    student = float(stats.t.ppf(0.975, windows - 1) / stats.norm.ppf(0.975))
+    factor = student * np.sqrt(np.maximum(scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    return covariance * np.outer(factor, factor)
+
+
+def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
+    """Of the swimmer's disks after the start, in the chosen windows."""
+    parts = []
+    for bed, rows, chosen in zip(bench.beds, bench.innovations(predicted), windows, strict=True):
+        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), -1)
+        parts.append(disks[:, 1:].ravel())
+    flat = np.concatenate(parts)
+    flat = flat[np.isfinite(flat)]
+    if not len(flat):
+        return Errors(None, None)
+    white = bench.white(predicted, windows)
+    return Errors(float(np.sqrt(np.mean(flat**2))), float(np.mean(white**2)))
+
+
+def noise_floor(bench: Bench, windows: Windows) -> float:
+    """What perfect knowledge of the physics would leave [m rms]: the twins' own errors, of the disks."""
+    parts = []
+    for bed, noise, chosen in zip(bench.beds, bench.noises, windows, strict=True):
+        rows = noise.residuals[:, chosen][:, :, : bed.swimmer_size]
+        parts.append(rows.reshape(rows.shape[0], rows.shape[1], len(bed.looks), -1)[:, :, 1:].ravel())
+    flat = np.concatenate(parts)
+    flat = flat[np.isfinite(flat)]
+    return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
+
+
+def _flexible(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, used: Windows,
+    few: Windows, at: np.ndarray, plan: Plan, clock: Clock, progress: Progress,
+) -> BedTrial | None:  # fmt: skip
+    """The best of the arms that name nothing, refitted by simulation; None where none could be."""
+    bed, predictor = bench.beds[0], bench.predictors[0]
+    frames = bed.starts[used[0]]
+    seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
+    speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
+    white = off(nuisance[at], bench.white(base, few))
+    arms: list[BedTrial] = []
+    for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
+        if arms and clock.late(0.9):
+            break
+        signature = _signature(bench, hypothesis, values, base, nuisance[at], term, few, plan.screening)
+        if signature is not None:
+            amounts, gain = signature.best(white[:, None])
+            arms.append(_trial(signature, amounts[:, 0], float(gain[0]), None))
+    search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
+    arms.sort(key=lambda t: -(t.linear - 2.0 * len(t.term.free)))
+    done = [search.refit(t, used, nuisance, bench.members, (0.6, 1.0, 1.6)) for t in arms[:2]]
+    return max(done, key=lambda t: t.worth, default=None)
+
+
+def _verdict(found, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
+    if found is not None:
+        if found.mechanism == "unknown":
+            return "unmodelled"
+        return "measurement" if found.mechanism in APPARATUS else "missing_physics"
+    if unexplained > 2 * UNEXPLAINED:
+        return "unmodelled"
+    if len(values):
+        naive, after = bench.white(naive_base, used), bench.white(base, used)
+        improved = float(naive @ naive - after @ after)
+        spread = np.sqrt(np.diag(covariance))
+        moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
+        if improved > SURE + 2 * len(values) and moved > 4.0:
+            return "recalibrate"
+    return "no_mismatch"
+
+
+def _rivals(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:
+    """Other laws that were refitted and come near, the best form of each, and whether d' is below 2."""
+    if found is None:
+        return []
+    score = max((t.worth for t in trials if t.mechanism == found.mechanism and t.gain is not None), default=found.worth)
+    seen = {(found.mechanism, *sorted(map(str, found.term.choices.items())))}
+    names = {found.mechanism} if "joint" not in found.term.choices else set()
+    rivals = []
+    for t in trials:
+        key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
+        if t.gain is None or t.mechanism in names or key in seen or t.worth < 0.2 * score:
+            continue
+        seen.add(key)
+        names.add(t.mechanism)
+        rivals.append((t, bool(score - t.worth < SAME)))
+    return rivals
+
+
+def _clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
+    """A pure delay of the only thing that depends on time is a shifted clock: of the two the clock is named."""
+    if not trials or trials[0].gain is None or trials[0].mechanism != "actuator_delay":
+        return trials
+    offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
+    if offset is None or trials[0].worth - offset.worth > SAME:
+        return trials
+    return [offset, *(t for t in trials if t is not offset)]

@@ -1,0 +1,100 @@
+"""Which next recording would tell the law that was found from its nearest rival."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..hypothesis import Failed, Hypothesis, Term
+from .bench import Bench, Windows
+from .signatures import off
+from .windows import HALF, POOL, BedPredictor
+
+if TYPE_CHECKING:
+    from .driver import BedTrial
+
+SETTLE = 0.02  # s, a film under a new drive is not looked at before
+ENOUGH = 3.0  # d' that is asked of the next recording
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """``change`` in words, the mechanisms it separates, and d' expected after the rival is refitted."""
+
+    change: str
+    separates: tuple[str, str]
+    d_prime: float
+    tried: tuple[tuple[str, float], ...]  # all that were weighed
+
+
+def _drive(key: str, factor: float) -> Term:
+    def apply(scene, camera, values):
+        for item in scene.laws_named("bending"):
+            scene = scene.with_parameter(f"bending.{key}", factor * float(item.values[key]))
+        return scene, camera
+
+    return Term("drive", f"drive {key} times {factor:g}", (), apply)
+
+
+def propose(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, found: BedTrial, rival: BedTrial, windows: Windows
+) -> Proposal | None:
+    """The frequency of the drive, or the length of the film, that separates the two best; None where none can be run.
+
+    The winner is simulated throughout under the new drive and filmed; windows of that film are predicted with
+    winner and rival, and what the rival and the adjustables can take over is projected out (T-optimal design:
+    Atkinson & Fedorov 1975, Biometrika 62, 57).
+    """
+    number = next(k for k, w in enumerate(windows) if len(w))
+    bed, predictor, noise = bench.beds[number], bench.predictors[number], bench.noises[number]
+    bending = bed.scene.laws_named("bending")
+    options: list[tuple[str, Term]] = []
+    if bending:
+        f = float(bending[0].values["frequency"])
+        for factor in (1.5, 0.6):
+            options.append((f"frequency = {f * factor:.3g} Hz", _drive("frequency", factor)))
+    chosen = [int(w) for w in windows[number]][:10]
+
+    def weigh(option: tuple[str, Term]) -> float | None:
+        plain = Hypothesis((option[1],)).with_term(*hypothesis.terms)
+        winner, other = plain.with_term(found.term), plain.with_term(rival.term)
+        try:
+            film = predictor.twin(winner, np.concatenate([values, found.values]), 90)
+            own = BedPredictor(bed, film, 2)
+            rows = [
+                own(winner, np.concatenate([values, found.values]), chosen),
+                own(other, np.concatenate([values, rival.values]), chosen),
+                own(plain, values, chosen),
+            ]
+            for k, free in enumerate(hypothesis.free):
+                moved = values.copy()
+                moved[k] += 0.1 * (free.high - free.low) * (1 if values[k] < free.high else -1)
+                rows.append(own(plain, np.clip(moved, free.low, free.high), chosen))
+        except Failed:
+            return None
+        late = bed.times[chosen] > bed.film.t[HALF] + SETTLE
+        means = [r.mean(axis=1) for r in rows]
+
+        def white(difference: np.ndarray) -> np.ndarray:
+            full = np.zeros((len(bed.starts), bed.size))
+            full[chosen] = difference
+            return noise.whiten(full, chosen)[late].ravel()
+
+        taken = np.column_stack([white(m - means[2]) for m in (means[1], *means[3:])])
+        left = off(taken, white(means[0] - means[1]))
+        share = sum(len(b.starts) for b in bench.beds) / max(int(late.sum()), 1)
+        return math.sqrt(float(left @ left) * share)
+
+    found_d = list(POOL.map(weigh, options))
+    tried = [(text, d) for (text, _), d in zip(options, found_d, strict=True) if d is not None]
+    apart = math.sqrt(max((found.gain or found.linear) - (rival.gain or rival.linear), 0.0))
+    if 0 < apart < ENOUGH:
+        times = min(math.ceil((ENOUGH / apart) ** 2), 10)
+        tried.append((f"film {times} times as long, drive as before", apart * math.sqrt(times)))
+    if not tried:
+        return None
+    change, d = max(tried, key=lambda c: c[1])
+    return Proposal(change, (found.mechanism, rival.mechanism), d, tuple(tried))

@@ -1,0 +1,394 @@
+"""What the diagnosis of a bed hands over: verdict, scenes that run, answers in plain words, figures."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...recording import Recording
+from ...report.bed_figures import bed_figures, map_on_frame
+from ...report.words import bodies, listed, spoken
+from ...scene import Scene, Time
+from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
+from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
+from ..swimmer_terms import INTERVAL, equation, reported_parameters
+from .candidates import LawAdder
+from .driver import BedDiagnosis, BedTrial, diagnose_windows
+from .windows import HALF, BedPredictor, placed
+
+CONTACT_LAWS = ("contact_friction", "restitution", "cohesion", "pair_lubrication", "distance_force")
+MAP_MEMBERS = 6
+
+
+def diagnose_bed(
+    training: Sequence[Recording],
+    held: Sequence[Recording] = (),
+    *,
+    minutes: float | None = None,
+    seed: int = 0,
+    progress: Callable[[str, float], None] = lambda text, share: None,
+) -> Outcome:
+    """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
+
+    ``minutes``: the budget, ten where not given;  ``seed``: of draws, twins and nulls.
+    Raises InputError for recordings that cannot be used.
+    """
+    return outcome_of(diagnose_windows(training, held, minutes=minutes, seed=seed, progress=progress))
+
+
+# ---- the verdict -----------------------------------------------------------------------------
+
+
+def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
+    """Name to (value, low, high, unit) of what was found; a force of a flow as its velocity."""
+    covariance = trial.covariance if np.isfinite(trial.covariance).all() else None
+    apply = trial.term.apply
+    flow = apply.flow(trial.values, covariance) if isinstance(apply, LawAdder) else None
+    if flow is None or not isinstance(apply, LawAdder):
+        return reported_parameters(trial.term, trial.values, covariance)
+    value = [float(v) for v in flow[0]]
+    low: list[float | None] = [None] * 3
+    high: list[float | None] = [None] * 3
+    if flow[1] is not None:
+        half = INTERVAL * np.sqrt(np.maximum(np.diag(flow[1]), 0.0))
+        low = [max(value[0] - float(half[0]), 0.0), *(v - float(h) for v, h in zip(value[1:], half[1:], strict=True))]
+        high = [v + float(h) for v, h in zip(value, half, strict=True)]
+    return {
+        apply.law.strength[0]: (value[0], low[0], high[0], "kg/s"),
+        apply.pushed: (value[1:], low[1:], high[1:], "m/s"),
+    }
+
+
+def _acting(term: Term, scene: Scene) -> list[str]:
+    return list(term.bodies or tuple(b.id for b in scene.bodies if b.mobile))
+
+
+def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
+    """The content of verdict.json."""
+    verdict = empty_verdict(d.verdict)
+    scene = d.beds[0].scene
+    if d.found is not None:
+        parameters = parameters_of(d.found)
+        name, expression = d.found.mechanism, equation(d.found.term, parameters)
+        verdict["mechanisms"] = [
+            mechanism_entry(
+                name, expression, _acting(d.found.term, scene), parameters, d.found.signature.surviving, d.gain_held
+            )
+        ]
+    elif d.verdict == "unmodelled":
+        verdict["mechanisms"] = [
+            mechanism_entry("unknown", "no law that was tried explains the windows", [], {}, None, None)
+        ]
+    verdict["mismatch"] = [
+        mismatch_entry(
+            q.bodies, q.z, q.p, region=q.region, phase=q.phase, t=q.t, speed=q.speed,
+            frequency=_frequencies(d),
+        )
+        for q in d.places
+    ]  # fmt: skip
+    verdict["mismatch"] = _where_it_acts(d) + verdict["mismatch"]
+    verdict["rivals"] = [
+        {"name": t.mechanism, "gain_heldout": 0.5 * t.gain if t.gain is not None else None, "indistinguishable": same}
+        for t, same in d.rivals
+    ]
+    for part, source, floor in (("train", d.train, d.floor[0]), ("heldout", d.held, d.floor[1])):
+        verdict["fit"][part] = {k: v.rms for k, v in source.items()} | {"noise_floor": floor}
+        for model in ("naive", "recalibrated", "revised"):
+            verdict["fit"][part].setdefault(model, None)
+    verdict["null"] = {"p_false_alarm": d.p, "replicates": len(d.null)}
+    if d.proposal is not None:
+        verdict["next_experiment"] = {
+            "change": d.proposal.change,
+            "separates": list(d.proposal.separates),
+            "d_prime": d.proposal.d_prime,
+        }
+    at = 0
+    for term in d.adjustables:
+        for f in term.free:
+            value = float(d.values[at])
+            half = INTERVAL * math.sqrt(max(float(d.value_covariance[at, at]), 0.0))
+            known = math.isfinite(half)
+            verdict["recalibrated"][f.name] = {
+                "value": value, "low": max(value - half, f.low) if known else None,
+                "high": min(value + half, f.high) if known else None,
+            }  # fmt: skip
+            at += 1
+    return verdict
+
+
+def _frequencies(d: BedDiagnosis) -> tuple[float, float] | None:
+    found = [f for b in d.beds if (f := b.frequency()) is not None]
+    return (min(found), max(found)) if found else None
+
+
+def _where_it_acts(d: BedDiagnosis) -> list[dict[str, Any]]:
+    """Where the law that was found does its work: one joint, the head, contacts. Its significance is the law's."""
+    if d.found is None or d.verdict not in ("missing_physics",):
+        return []
+    scene = d.beds[0].scene
+    z = math.sqrt(max(d.found.gain or d.found.linear, 0.0))
+    acting = _acting(d.found.term, scene)
+    if d.found.mechanism in CONTACT_LAWS:
+        touching = None if d.found.mechanism in ("distance_force",) else False
+        if d.found.mechanism in ("cohesion", "pair_lubrication"):
+            touching = None
+        return [mismatch_entry([], z, d.p, region="contacts", before_contact=touching, frequency=_frequencies(d))]
+    swimmer = {scene.bodies[k].id for k in scene.swimmer}
+    if set(acting) <= swimmer:
+        region = "swimmer"
+        if len(acting) == 1:
+            joint = d.found.term.choices.get("joint")
+            region = (
+                f"joint {joint}"
+                if joint is not None
+                else "head"
+                if acting[0] == scene.bodies[scene.swimmer[0]].id
+                else "swimmer"
+            )
+        return [mismatch_entry(acting, z, d.p, region=region, frequency=_frequencies(d))]
+    return []
+
+
+def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any]]:
+    """The scene of a recording with what was found, from a state estimated at its third frame; and its camera."""
+    bed = d.beds[number]
+    hypothesis, values = Hypothesis(d.adjustables), d.values
+    if d.found is not None:
+        hypothesis, values = hypothesis.with_term(d.found.term), np.concatenate([values, d.found.values])
+    scene, camera = hypothesis.scene(bed.case, values)
+    xy, v = BedPredictor(bed).start_at(HALF, (3, 0), camera)
+    start = float(bed.film.t[HALF])
+    spacing = float(np.median(np.diff(bed.film.t)))
+    scene = replace(
+        placed(scene, xy, v),
+        bed=None,
+        time=Time(
+            dt=bed.dt,
+            start=start + float(camera["time_offset"]),
+            duration=float(bed.film.t[-1]) - start,
+            output=spacing,
+        ),
+        adjustable=(),
+        title=f"{bed.recording.title or bed.name}, revised",
+    )
+    return scene, {k: x for k, x in camera.items() if x != NO_CAMERA[k]}
+
+
+# ---- words -----------------------------------------------------------------------------------
+
+
+def _said(name: str) -> str:
+    return html.unescape(spoken(name))
+
+
+def _number(value: float, digits: int = 3) -> str:
+    return f"{value:.{digits}g}"
+
+
+def _values_in_words(trial: BedTrial) -> str:
+    parts = []
+    for name, (value, low, high, unit) in parameters_of(trial).items():
+        if isinstance(value, str) or low is None or isinstance(value, list):
+            shown = (
+                value
+                if isinstance(value, str)
+                else ", ".join(map(_number, value))
+                if isinstance(value, list)
+                else _number(value)
+            )
+            parts.append(f"{name} = {shown}" + (f" {unit}" if unit not in ("1", "") else ""))
+        else:
+            unit = "" if unit in ("1", "") else f" {unit}"
+            parts.append(f"{name} = {_number(value)}{unit} (95 %: {_number(low)} to {_number(high)})")
+    return "; ".join(parts)
+
+
+def _headline(d: BedDiagnosis) -> str:
+    if d.verdict == "no_mismatch":
+        return "Nothing is missing that these windows could show"
+    if d.verdict == "recalibrate":
+        return "The physics is right; " + " and ".join(_moved(d)) + " was off"
+    if d.verdict == "unmodelled" or d.found is None:
+        return "Something is missing that no law with a name explains"
+    what = _said(d.found.mechanism)
+    joint = d.found.term.choices.get("joint")
+    if joint is not None and d.found.mechanism == "weak_joint":
+        what = f"{'a weak' if float(d.found.values[0]) < 1 else 'a stiff'} joint (joint {joint})"
+    if d.verdict == "measurement":
+        return f"The apparatus was off: {what}"
+    return f"The scene lacks {what}"
+
+
+def _moved(d: BedDiagnosis) -> list[str]:
+    names = [f.name for t in d.adjustables for f in t.free]
+    spread = np.sqrt(np.maximum(np.diag(d.value_covariance), 1e-300))
+    far = [n for n, v, v0, s in zip(names, d.values, d.naive_values, spread, strict=True) if abs(v - v0) > 3 * s]
+    return far or names
+
+
+def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
+    answers: list[tuple[str, str]] = []
+    names = [f.name for t in d.adjustables for f in t.free]
+    if d.found is not None and d.verdict != "unmodelled":
+        answers.append(("What is wrong?", f"{_said(d.found.mechanism).capitalize()}: {_values_in_words(d.found)}."))
+    elif d.verdict == "recalibrate":
+        changes = [
+            f"{n} is {_number(v)}, not {_number(v0)}"
+            for n, v, v0 in zip(names, d.values, d.naive_values, strict=True)
+            if n in _moved(d)
+        ]
+        answers.append(("What is wrong?", "; ".join(changes) + ". With that no law is missing."))
+    elif d.verdict == "unmodelled":
+        nearest = next((t for t in d.trials if t.gain is not None and t.mechanism != "unknown"), None)
+        text = "The windows differ from what any law in the list gives."
+        if d.found is not None:
+            text += f" What fits best has no name: {d.found.term.label}."
+        if nearest is not None:
+            text += f" The nearest with a name is {_said(nearest.mechanism)}."
+        answers.append(("What is wrong?", text))
+    else:
+        answers.append(("What is wrong?", "Nothing that shows: the windows look like repeats of the simulation."))
+    if d.verdict != "no_mismatch":
+        answers.append(("Where?", _where(d)))
+    kinds = {"recalibrate": "naive"}
+    before = d.held.get(kinds.get(d.verdict, "recalibrated"))
+    after = d.held.get("revised")
+    if before and after and before.rms and after.rms and d.verdict not in ("no_mismatch", "unmodelled"):
+        answers.append(
+            (
+                "How much better?",
+                f"In windows that were not used, the swimmer's disks are predicted to {1e6 * after.rms:.0f} µm "
+                f"instead of {1e6 * before.rms:.0f} µm; perfect knowledge would leave {1e6 * d.floor[1]:.0f} µm.",
+            )
+        )
+    sure = (
+        f"The best law gains {d.score:.0f} in χ²; the same search where nothing is missing gains at most "
+        f"{float(d.null.max()):.0f} in {len(d.null)} repeats (p = {_number(d.p, 2)})."
+    )
+    same = [_said(t.mechanism) for t, equal in d.rivals if equal]
+    if same:
+        sure += f" On these data it cannot be told from {html.unescape(listed(same))}."
+    elif d.rivals and d.found is not None:
+        rival = d.rivals[0][0]
+        best = max((t.gain or 0.0 for t in d.trials if t.mechanism == d.found.mechanism), default=0.0)
+        apart = math.sqrt(max(best - (rival.gain or 0.0), 0.0))
+        sure += f" The nearest rival is {_said(rival.mechanism)}, d′ = {apart:.1f} behind."
+    answers.append(("How sure?", sure))
+    if d.proposal is not None:
+        pair = html.unescape(listed([_said(n) for n in d.proposal.separates]))
+        answers.append(
+            (
+                "What to measure next?",
+                f"{d.proposal.change.capitalize()}: it separates {pair} with d′ = {d.proposal.d_prime:.1f}.",
+            )
+        )
+    elif d.verdict == "no_mismatch":
+        answers.append(("What to measure next?", "Nothing is needed; a longer film would show weaker effects."))
+    return answers
+
+
+def _where(d: BedDiagnosis) -> str:
+    acting = _where_it_acts(d)
+    parts = []
+    if acting:
+        entry = acting[0]
+        region = entry["where"]["region"]
+        names = bodies(entry["bodies"])
+        parts.append(f"It acts at {region}" + (f" ({html.unescape(listed(names, 7))})" if names else "") + ".")
+    elif d.found is not None and d.verdict == "missing_physics":
+        parts.append("It acts on all bodies.")
+    single = [q for q in d.places if len(q.bodies) == 1]
+    phases = [q for q in d.places if q.phase is not None]
+    if single:
+        names = [bodies(q.bodies)[0] for q in single[:3]]
+        parts.append(
+            f"The misfit is largest at {html.unescape(listed(names))} (z = {single[0].z:.1f} after all looks)."
+        )
+    if phases:
+        q = phases[0]
+        assert q.phase is not None
+        parts.append(f"In the cycle it is largest between {q.phase[0]:.2f} and {q.phase[1]:.2f}.")
+    return " ".join(parts) or "Nowhere in particular: no single place stands out."
+
+
+# ---- all of it -------------------------------------------------------------------------------
+
+
+def body_map(d: BedDiagnosis) -> tuple[np.ndarray, int] | None:
+    """Of the training window with the largest misfit: (n,) size of each body's innovation in expected spreads.
+
+    The spread is that of a few members and of the noise; NaN where a body was not seen.
+    """
+    bed, bench = d.beds[0], d.bench
+    used = np.flatnonzero(bed.training)
+    if not len(used):
+        return None
+    model = "naive" if d.verdict == "recalibrate" else "recalibrated"
+    if model not in d.predicted:
+        return None
+    white = bench.noises[0].whiten(bench.innovations(d.predicted[model])[0], used)
+    window = int(used[np.argmax(np.sum(white**2, axis=1))])
+    values = d.naive_values if model == "naive" else d.recalibrated_values
+    predictor = BedPredictor(bed)
+    frames = int(bed.starts[window]) + bed.looks
+    try:
+        simulation, camera = predictor.simulation(Hypothesis(d.adjustables), values)
+        ends = []
+        for member in range(MAP_MEMBERS):
+            xy, v = predictor.start(window, member, camera)
+            simulation.restart(xy, v, float(bed.film.t[frames[0]]))
+            ends.append(simulation.sample([float(bed.film.t[frames[-1]])])[0])
+    except Failed:
+        return None
+    d.runs += MAP_MEMBERS
+    stack = np.stack(ends)
+    spread = np.sqrt(stack.var(axis=0, ddof=1).mean(axis=1) * (1 + 1 / MAP_MEMBERS) + bed.film.sigma**2)
+    gone = np.hypot(*(bed.film.xy[frames[-1]] - stack.mean(axis=0)).T)
+    z = gone / (math.sqrt(2.0) * spread)
+    z[[not b.mobile for b in bed.scene.bodies]] = np.nan
+    return z, window
+
+
+def outcome_of(d: BedDiagnosis) -> Outcome:
+    """Verdict, scenes, words, figures and tables of a finished diagnosis."""
+    figures = {}
+    found = body_map(d) if d.verdict != "no_mismatch" else None
+    if found is not None:
+        figures["map"] = (
+            map_on_frame(d, *found),
+            "The mismatch on a frame. Each body is coloured by how far it ended from its prediction, in expected "
+            "spreads, in the training window with the largest misfit; about 1 is noise. Grains scatter because the "
+            "bed is chaotic; what repeats over windows is judged in the figures below.",
+        )
+    for name, (draw, caption) in bed_figures(d).items():
+        figures[name] = (draw(), caption)
+    rows = [
+        [
+            t.term.label, f"{t.linear:.0f}", "–" if t.gain is None else f"{t.gain:.0f}",
+            f"{t.signature.surviving:.2f}", ", ".join(_number(v) for v in t.values),
+        ]
+        for t in d.trials[:25]
+    ]  # fmt: skip
+    table = Table(
+        "Candidates", ("law", "gain, first order", "gain, simulated", "surviving", "numbers"), rows, (1, 2, 3),
+        "Gains are falls in χ² of the training windows after recalibration.",
+    )  # fmt: skip
+    return Outcome(
+        verdict=verdict_of(d),
+        revised={bed.name: revised_scene(d, k) for k, bed in enumerate(d.beds)},
+        headline=_headline(d),
+        answers=_answers(d),
+        figures=figures,
+        tables=[table] if rows else [],
+        notes=list(d.notes),
+        training=[b.name for b in d.beds if b.training.any()],
+        held_out=[b.name for b in d.beds if not b.training.any()],
+        seconds=d.seconds,
+        runs=d.runs,
+        seed=d.seed,
+    )

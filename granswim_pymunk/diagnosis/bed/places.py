@@ -1,0 +1,137 @@
+"""Where innovations are beyond what twins show: disks, grains near and far, parts of the cycle, times, speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import stats
+
+from .bench import Bench, Prediction
+from .windows import SUMS, BedCase
+
+BINS = 8  # of the cycle
+LEVEL = 0.01
+LARGEST = 37.0  # z beyond which a normal tail has no number
+
+
+@dataclass(frozen=True)
+class Place:
+    """Somewhere that the mismatch is: ``z`` of it alone, ``p`` after looking at all places (Bonferroni).
+
+    bodies : ids;  region : in words;  phase : share of the cycle;  t [s];  speed [m/s] of the swimmer's disks
+    """
+
+    bodies: tuple[str, ...]
+    region: str | None
+    phase: tuple[float, float] | None
+    t: tuple[float, float] | None
+    speed: tuple[float, float] | None
+    z: float
+    p: float
+
+
+@dataclass(frozen=True)
+class Map:
+    """Sizes of the innovations of one recording against those of twins; 1 is what noise gives.
+
+    disks : (W, s) mean square of each disk in each window;  sums : (W, 2) of grains near and far
+    twin_disks : (N, W, s), twin_sums : (N, W, 2) the same of twins, each against the spread of all
+    speed : (W,) of the swimmer's disks [m/s], root mean square
+    """
+
+    bed: BedCase
+    disks: np.ndarray
+    sums: np.ndarray
+    twin_disks: np.ndarray
+    twin_sums: np.ndarray
+    speed: np.ndarray
+
+
+def maps(bench: Bench, predicted: Prediction) -> list[Map]:
+    """One map for each recording, of all its windows."""
+    found = []
+    for bed, noise, rows, seen in zip(bench.beds, bench.noises, bench.innovations(predicted), bench.seen, strict=True):
+        spread = np.sqrt(np.maximum(np.mean(np.square(np.nan_to_num(noise.residuals)), axis=(0, 1)), 1e-18))
+        own, twins = np.nan_to_num(rows / spread) ** 2, np.nan_to_num(noise.residuals / spread) ** 2
+        s, looks = len(bed.rows), len(bed.looks)
+
+        def disks(values: np.ndarray, bed=bed, looks=looks, s=s) -> np.ndarray:
+            cut = values[..., : bed.swimmer_size].reshape(*values.shape[:-1], looks, s, 2)
+            return cut.mean(axis=(-3, -1))
+
+        def sums(values: np.ndarray, bed=bed, looks=looks) -> np.ndarray:
+            if bed.size == bed.swimmer_size:
+                return np.zeros((*values.shape[:-1], 2))
+            cut = values[..., bed.swimmer_size :].reshape(*values.shape[:-1], looks - 1, 2, len(SUMS))
+            return cut.mean(axis=(-3, -1))
+
+        path = seen[:, : bed.swimmer_size].reshape(len(bed.starts), looks, s, 2)
+        moved = np.hypot(*np.moveaxis(path[:, -1] - path[:, 0], -1, 0)) / bed.span
+        speed = np.sqrt(np.nanmean(np.where(np.isfinite(moved), moved, 0.0) ** 2, axis=1))
+        found.append(Map(bed, disks(own), sums(own), disks(twins), sums(twins), speed))
+    return found
+
+
+def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -> list[Place]:
+    """Places where the innovations are beyond the twins', the clearest first, each after all looks."""
+    candidates: list[tuple[Place, float]] = []
+    for found, chosen in zip(maps(bench, predicted), windows, strict=True):
+        candidates += _of_one(found, np.asarray(chosen))
+    looked = max(len(candidates), 1)
+    places = []
+    for place, p_one in candidates:
+        p = min(1.0, looked * p_one)
+        if p < LEVEL:
+            z = min(float(stats.norm.isf(max(p_one, 1e-300))), LARGEST)
+            places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, max(p, 1e-300)))
+    return sorted(places, key=lambda q: -q.z)
+
+
+def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
+    if not len(chosen):
+        return []
+    bed = found.bed
+    disks, twins = found.disks[chosen], found.twin_disks[:, chosen]
+    ids = [bed.scene.bodies[r].id for r in bed.rows]
+    result: list[tuple[Place, float]] = []
+    # numbers that vary together count as fewer: freedom from how the twins' means scatter, pooled over the disks
+    mean = twins.mean(axis=(0, 1))
+    scatter = twins.mean(axis=1).var(axis=0, ddof=1)
+    per_window = max(2.0 * float(np.mean(mean**2) / np.mean(scatter)) / len(chosen), 0.3)
+
+    def judge(mine: np.ndarray, others: np.ndarray, freedom: float) -> float:
+        ratio = float(mine.mean() / max(others.mean(), 1e-12))
+        return float(stats.f.sf(ratio, max(freedom, 1.0), max(freedom * len(twins), 1.0)))
+
+    def add(p: float, bodies=(), region=None, phase=None, t=None, speed=None) -> None:
+        result.append((Place(tuple(bodies), region, phase, t, speed, 0.0, 1.0), p))
+
+    n = len(chosen)
+    for k, name in enumerate(ids):
+        role = "head" if k == 0 else "tail" if k == len(ids) - 1 else "swimmer"
+        add(judge(disks[:, k], twins[:, :, k], per_window * n), [name], role)
+    if len(bed.grains):
+        for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
+            add(judge(found.sums[chosen, k], found.twin_sums[:, chosen, k], per_window * n), (), region)
+    whole = disks.mean(axis=1)
+    whole_twins = twins.mean(axis=2)
+    phases = bed.phases()
+    if phases is not None:
+        part = np.floor(BINS * phases[chosen]).astype(int) % BINS
+        for k in np.unique(part):
+            mine = part == k
+            p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
+            add(p, ids, "swimmer", phase=(k / BINS, (k + 1) / BINS))
+    edges = np.quantile(found.speed[chosen], [0.0, 1 / 3, 2 / 3, 1.0])
+    for low, high in pairwise(edges):
+        mine = (found.speed[chosen] >= low) & (found.speed[chosen] <= high)
+        if mine.any() and high > low:
+            p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
+            add(p, ids, "swimmer", speed=(float(low), float(high)))
+    for k, w in enumerate(chosen):
+        t = float(bed.times[w])
+        add(judge(whole[k : k + 1], whole_twins[:, k : k + 1], per_window), ids, "swimmer", t=(t, t + bed.span))
+    return result

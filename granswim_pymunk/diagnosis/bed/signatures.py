@@ -1,0 +1,153 @@
+"""What windows say about candidates: noise from twins, signatures, generalised least squares, nulls.
+
+Everything is whitened with the covariance of twins: the recalibrated scene simulated, filmed, and put through
+the same estimate. Their mean is the estimator's own bias (it smooths velocities, which looks like drag).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from ..fit import basis
+from ..hypothesis import Term
+
+FINEST = 1e-8  # m, a spread below this is not believed
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of the innovations of one film: bias (W, D) [m], and per window the lower root of the covariance (W, D, D).
+
+    residuals : (N, W, D) of the twins, without their mean [m];  twins : (N, W, D) their innovations [m];
+    both empty where there were none
+    """
+
+    bias: np.ndarray
+    roots: np.ndarray
+    residuals: np.ndarray
+    twins: np.ndarray
+
+    def whiten(self, innovations: np.ndarray, windows: Sequence[int] | np.ndarray | None = None) -> np.ndarray:
+        """Innovations or their changes (W, D) [m] of some windows in standard deviations, (w, D).
+
+        What was not seen (NaN) gives zeros.
+        """
+        chosen = range(len(innovations)) if windows is None else windows
+        out = np.zeros((len(chosen), innovations.shape[1]))
+        for k, w in enumerate(chosen):
+            row = innovations[w]
+            seen = np.isfinite(row)
+            if seen.all():
+                out[k] = solve_triangular(self.roots[w], row, lower=True)
+            elif seen.any():
+                part = self.roots[w][seen]
+                root = np.linalg.cholesky(part @ part.T)
+                out[k, seen] = solve_triangular(root, row[seen], lower=True)
+        return out
+
+
+def ensemble_noise(predicted: np.ndarray, windows: np.ndarray, sigma: float) -> Noise:
+    """First guess of the noise from the members' own spread: (W, M, D) [m], NaN outside ``windows``."""
+    count, members, size = predicted.shape
+    inside = predicted[windows] - predicted[windows].mean(axis=1, keepdims=True)
+    flat = np.nan_to_num(inside.reshape(-1, size))
+    freedom = max(len(windows) * (members - 1), 1)
+    covariance = _shrunk(flat.T @ flat / freedom * (1 + 1 / members), freedom) + sigma**2 * np.eye(size)
+    root = np.linalg.cholesky(covariance)
+    return Noise(np.zeros((count, size)), np.repeat(root[None], count, axis=0), *[np.zeros((0, count, size))] * 2)
+
+
+def twin_noise(innovations: np.ndarray) -> Noise:
+    """Noise from the innovations of twins (N, W, D) [m]: one bias for each window, one covariance, a size each."""
+    number, count, size = innovations.shape
+    known = np.isfinite(innovations)
+    bias = np.where(known, innovations, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    left = (innovations - bias) * np.sqrt(number / (number - 1))
+    flat = np.where(np.isfinite(left), left, 0.0).reshape(-1, size)
+    covariance = _shrunk(flat.T @ flat / len(flat), len(flat) * (number - 1) / number) + FINEST**2 * np.eye(size)
+    root = np.linalg.cholesky(covariance)
+    white = solve_triangular(root, flat.T, lower=True).T.reshape(number, count, size)
+    # some phases of the cycle are noisier than others
+    scale = (np.sum(white**2, axis=(0, 2)) / size + 4.0) / (number + 4.0)
+    # the bias is known no better than that many twins tell
+    roots = root * np.sqrt(scale * (1 + 1 / number))[:, None, None]
+    return Noise(bias, roots, left * np.sqrt(1 + 1 / number), innovations)
+
+
+def _shrunk(covariance: np.ndarray, samples: float) -> np.ndarray:
+    """Towards its diagonal, the more the fewer samples there are (Ledoit & Wolf 2004, J. Multivar. Anal. 88, 365)."""
+    size = len(covariance)
+    share = min(size / (size + 3.0 * samples), 0.5)
+    return (1 - share) * covariance + share * np.diag(np.diag(covariance))
+
+
+def to_values(term: Term, amounts: np.ndarray) -> np.ndarray:
+    """Values of a term's numbers for amounts in units of their scales; amount zero is a law that is absent."""
+    return np.array(
+        [float(np.clip(f.neutral + a * f.scale, f.low, f.high)) for f, a in zip(term.free, amounts, strict=True)]
+    )
+
+
+def limits(term: Term) -> tuple[np.ndarray, np.ndarray]:
+    """Amounts at the bounds of a term's numbers."""
+    low, high = np.array([((f.low - f.neutral) / f.scale, (f.high - f.neutral) / f.scale) for f in term.free]).T
+    return low, high
+
+
+@dataclass(frozen=True)
+class BedSignature:
+    """A candidate around the recalibrated scene.
+
+    columns : (n, k) whitened change of the prediction for one unit of each amount;  tried : (k,) amounts used
+    clear : (n, k) what the adjustables cannot imitate;  surviving : its share of the length
+    """
+
+    term: Term
+    tried: np.ndarray
+    columns: np.ndarray
+    clear: np.ndarray
+    surviving: float
+
+    def best(self, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Amounts (k, m) inside the bounds and the fall in chi2 (m,) for whitened innovations (n, m)."""
+        if self.surviving < 0.05:
+            return np.zeros((self.clear.shape[1], white.shape[1])), np.zeros(white.shape[1])
+        amounts = np.linalg.lstsq(self.clear, white, rcond=1e-8)[0]
+        low, high = limits(self.term)
+        amounts = np.clip(amounts, low[:, None], high[:, None])
+        explained = self.clear @ amounts
+        return amounts, np.maximum(np.sum(2 * white * explained - explained**2, axis=0), 0.0)
+
+
+def make_signature(term: Term, tried: np.ndarray, columns: np.ndarray, nuisance: np.ndarray) -> BedSignature:
+    """``nuisance`` (n, p): whitened changes of the prediction for the adjustables."""
+    q = basis(nuisance)
+    clear = columns - q @ (q.T @ columns)
+    before = float(np.linalg.norm(columns))
+    return BedSignature(term, tried, columns, clear, float(np.linalg.norm(clear)) / before if before > 0 else 0.0)
+
+
+def off(nuisance: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Whitened innovations with the adjustables projected out."""
+    q = basis(nuisance)
+    return white - q @ (q.T @ white)
+
+
+def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
+    """(n, count) whitened innovations without a candidate: each window from a twin drawn at random.
+
+    Every twin is whitened with the bias and the covariance of the others: its own would flatter it.
+    """
+    rows = []
+    for noise, windows in zip(noises, used, strict=True):
+        number = len(noise.twins)
+        others = [twin_noise(np.delete(noise.twins, k, axis=0)) for k in range(number)]
+        white = np.stack([o.whiten(t - o.bias) for o, t in zip(others, noise.twins, strict=True)])[:, windows]
+        chosen = rng.integers(number, size=(count, white.shape[1]))
+        drawn = white[chosen, np.arange(white.shape[1])]
+        rows.append(drawn.reshape(count, -1).T)
+    return np.concatenate(rows)

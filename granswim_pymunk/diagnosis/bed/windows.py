@@ -1,0 +1,438 @@
+"""Short windows through a bed: members started from estimated states, and what is seen of them later.
+
+A bed forgets: a difference in the last bit grows tenfold a millisecond. So every window starts anew, and what
+is compared is the mean over a few members, 8 to 16 ms on: where the disks of the swimmer are, and how the
+grains near it and far from it have moved on the whole.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...engine import Simulation, advise_dt
+from ...errors import InputError, SimulationError
+from ...recording import Recording
+from ...recording.camera import see
+from ...scene import Scene
+from ..data import TRAINING_SHARE, Case, estimate_noise, prepare
+from ..hypothesis import NO_CAMERA, Failed, Hypothesis
+from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
+
+LENGTH = 0.016  # s, of a window
+MEMBERS = 3
+MOST_WINDOWS = 26  # of one recording
+FEWEST = 5
+DT = 4.0e-6  # s, at most; nine steps a contact of the paper's bed
+NEAR = 3.0e-3  # m between the surfaces of a grain and the swimmer: two diameters
+SUMS = ("mean dx", "mean dy", "along", "across", "spread")  # what is said of many grains at once
+
+THREADS = max(os.cpu_count() or 1, 1)
+POOL = ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="granswim-bed")
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """One film of a bed in the scene's order.
+
+    t : (T,) [s];  xy : (T, n, 2) as the camera shows it [m], unwrapped, NaN where not seen;  sigma [m]
+    """
+
+    t: np.ndarray
+    xy: np.ndarray
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """How grains of one window are added up: weights from what the film shows before and at its start.
+
+    start : (g, 2) where they are seen to start [m], NaN where not;  along : (g, 2) unit vectors of their motion
+    weight : (g,) their speed [m/s];  near : (g,) bool, within two diameters of the swimmer
+    """
+
+    start: np.ndarray
+    along: np.ndarray
+    weight: np.ndarray
+    near: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BedCase:
+    """A recording of swimmer and bed, cut into windows.
+
+    case : the same for the machinery of candidates;  rows : (s,) scene rows of the swimmer's disks that are seen
+    grains : (g,) scene rows of the grains that are seen;  starts : (W,) frames at which windows start
+    looks : (L,) frames later, the first 0;  training : (W,) bool;  repaired : labels put back, sightings left out
+    """
+
+    case: Case
+    film: Film
+    rows: np.ndarray
+    grains: np.ndarray
+    starts: np.ndarray
+    looks: np.ndarray
+    training: np.ndarray
+    shapes: Shapes
+    dt: float
+    seed: int
+    repaired: tuple[int, int]
+
+    @property
+    def recording(self) -> Recording:
+        return self.case.recording
+
+    @property
+    def name(self) -> str:
+        return self.recording.name
+
+    @property
+    def scene(self) -> Scene:
+        return self.recording.scene
+
+    @property
+    def times(self) -> np.ndarray:
+        """(W,) times [s] of the starts."""
+        return self.film.t[self.starts]
+
+    @property
+    def span(self) -> float:
+        """Length of a window [s]."""
+        return float(self.film.t[self.looks[-1]] - self.film.t[0])
+
+    @property
+    def swimmer_size(self) -> int:
+        """How many of the compared numbers are positions of disks; those come first."""
+        return len(self.looks) * len(self.rows) * 2
+
+    @property
+    def size(self) -> int:
+        """D: how many numbers are compared in a window."""
+        return self.swimmer_size + (len(self.looks) - 1) * 2 * len(SUMS) * bool(len(self.grains))
+
+    def frequency(self) -> float | None:
+        """Of the drive [Hz]."""
+        for item in self.scene.laws_named("bending"):
+            if item.values["frequency"]:
+                return float(item.values["frequency"])
+        return None
+
+    def phases(self) -> np.ndarray | None:
+        """(W,) the drive's phase in the middle of each window, as a share of the cycle."""
+        f = self.frequency()
+        if f is None:
+            return None
+        shift = float(self.scene.laws_named("bending")[0].values["phase"]) / (2 * np.pi)
+        return np.mod(f * (self.times + 0.5 * self.span) + shift, 1.0)
+
+
+def bed_case(
+    recording: Recording, *, held_out: bool = False, split: bool = True, seed: int = 0, most: int = MOST_WINDOWS
+) -> BedCase:
+    """Cut a recording into windows that share no frame. Raises InputError where there are too few."""
+    scene = recording.scene
+
+    def fault(message: str) -> InputError:
+        return InputError(message, file=recording.folder, where=f"recording {recording.name}")
+
+    if not scene.chains:
+        raise fault("has no swimmer to follow through the bed")
+    if recording.xy.size == 0 or len(recording.t) < 12:
+        raise fault("has too few frames for windows in a bed")
+    case = prepare(recording, held_out=held_out, split=split)
+    unwrapped = recording.unwrapped().xy
+    sigma = recording.position_noise
+    if not sigma:
+        columns = [unwrapped[:, k, a] for k in range(min(len(recording.ids), 40)) for a in (0, 1)]
+        found = [estimate_noise(recording.t[np.isfinite(c)], c[np.isfinite(c)]) for c in columns]
+        sigma = float(np.median(found))
+    full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
+    unwrapped, put_back, left_out = followed(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
+    full[:, recording.track_rows] = unwrapped
+    spacing = float(np.median(np.diff(recording.t)))
+    reach = max(round(LENGTH / spacing), HALF + 2)
+    # a frame that the start is made of says nothing new, but for its place among its neighbours
+    looks = np.unique([0, max(round(reach / 2), HALF + 1), reach])
+    # twins of a recording begin at its third frame and have no earlier ones; they need a while to settle
+    first, last = 2 * HALF + 2, len(recording.t) - 1 - reach
+    size = HALF + reach + 1
+    count = (last - first) // size + 1
+    if count < FEWEST:
+        raise fault(
+            f"only {max(count, 0)} windows of {1e3 * LENGTH:g} ms fit in; {FEWEST} are needed (film longer, or "
+            "with more frames a second)"
+        )
+    starts = first + size * np.arange(count)
+    if count > most:
+        starts = starts[np.unique(np.round(np.linspace(0, count - 1, max(most, FEWEST))).astype(int))]
+    end = recording.t[0] + TRAINING_SHARE * (recording.t[-1] - recording.t[0])
+    training = np.full(len(starts), not held_out)
+    if split and not held_out:
+        training = recording.t[starts + reach] <= end
+    seen = np.isfinite(full[..., 0]).sum(axis=0) > 4
+    rows = np.array([k for chain in scene.chains for k in chain if seen[k]], dtype=np.int64)
+    if not len(rows):
+        raise fault("no disk of the swimmer is seen in five frames")
+    grains = np.array([k for k, b in enumerate(scene.bodies) if b.role == "grain" and seen[k]], dtype=np.int64)
+    believed = scene.time.dt or advise_dt(placed(scene, np.nan_to_num(full[first]), None))
+    steps = max(int(np.ceil(spacing / max(believed, DT))), 10)
+    return BedCase(
+        case, Film(recording.t, full, float(sigma)), rows, grains, starts, looks, training, Shapes.of(scene),
+        spacing / steps, seed, (put_back, left_out),
+    )  # fmt: skip
+
+
+def placed(scene: Scene, xy: np.ndarray, v: np.ndarray | None) -> Scene:
+    """The scene with a start for every mobile body: xy, v (n, 2) [m, m/s]."""
+    v = np.zeros_like(xy) if v is None else v
+    bodies = tuple(
+        replace(b, initial=(float(xy[k, 0]), float(xy[k, 1]), float(v[k, 0]), float(v[k, 1]))) if b.mobile else b
+        for k, b in enumerate(scene.bodies)
+    )
+    return replace(scene, bodies=bodies)
+
+
+def _unseen(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
+    """True positions from those that the camera shows: the inverse of ``see``."""
+    if camera["scale"] == 1.0 and camera["tilt"] == 0.0 and not any(camera["bias"]):
+        return xy
+    return see(xy - np.asarray(camera["bias"]), scale=1.0 / camera["scale"], tilt=-camera["tilt"])
+
+
+def _shown(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
+    return see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
+
+
+class BedPredictor:
+    """Predicts windows of one film under a hypothesis; a start is estimated once for each camera.
+
+    ``runs`` counts members simulated.
+    """
+
+    def __init__(self, bed: BedCase, film: Film | None = None, members: int = MEMBERS) -> None:
+        self.bed = bed
+        self.film = film or bed.film
+        self.members = members
+        self._lock = threading.Lock()
+        self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
+        self._sums: dict[int, Sums] = {}
+        self.runs = 0
+
+    # ---- what is seen -------------------------------------------------------------------------
+
+    def sums(self, window: int) -> Sums:
+        """How the grains of a window are added up."""
+        if window not in self._sums:
+            bed = self.bed
+            frame = int(bed.starts[window])
+            low = max(frame - 8, 0)
+            posterior = local_quadratic(
+                self.film.t[low : frame + 9], self.film.xy[low : frame + 9], frame - low, self.film.sigma
+            )
+            grains = bed.grains
+            start = posterior.mean[grains, 0].copy()
+            start[~np.isfinite(self.film.xy[frame, grains, 0])] = np.nan
+            v = posterior.mean[grains, 1]
+            speed = np.hypot(*v.T)
+            along = v / np.maximum(speed, 1e-12)[:, None]
+            radius = np.array([b.radius for b in bed.scene.bodies])
+            disks = posterior.mean[bed.rows, 0].copy()
+            places = start.copy()
+            period = bed.scene.periodic_x
+            if period:
+                disks[:, 0] %= period
+                places[:, 0] %= period
+                disks = np.concatenate([disks + np.array([k * period, 0.0]) for k in (-1, 0, 1)])
+            known = np.isfinite(places[:, 0])
+            near = np.zeros(len(grains), dtype=bool)
+            if len(grains):
+                distance, _ = cKDTree(disks).query(np.where(known[:, None], places, 1e9))
+                near = known & (distance < radius[grains] + radius[bed.rows[0]] + NEAR)
+            self._sums[window] = Sums(start, along, speed, near)
+        return self._sums[window]
+
+    def _add_up(self, window: int, moved: np.ndarray) -> np.ndarray:
+        """(L - 1, 2, 5) of displacements (L - 1, g, 2) [m] since the seen start: near and far, see ``SUMS``.
+
+        "along", "across": the displacement along the motion at the start, its root mean square across it
+        (their speeds are the weights);  "spread": root mean square about the mean of all.
+        """
+        sums = self.sums(window)
+        out = np.full((len(moved), 2, len(SUMS)), np.nan)
+        for k, d in enumerate(moved):
+            valid = np.isfinite(d[:, 0])
+            for part in (0, 1):
+                chosen = valid & (sums.near if part == 0 else ~sums.near)
+                if chosen.sum() < 3:
+                    continue
+                mine, unit, w = d[chosen], sums.along[chosen], sums.weight[chosen]
+                mean = mine.mean(axis=0)
+                along = np.einsum("gc,gc->g", mine, unit)
+                across = mine[:, 1] * unit[:, 0] - mine[:, 0] * unit[:, 1]
+                out[k, part] = (
+                    *mean, float(w @ along / w.sum()), float(np.sqrt(w @ across**2 / w.sum())),
+                    float(np.sqrt(np.mean(np.sum((mine - mean) ** 2, axis=1)))),
+                )  # fmt: skip
+        return out
+
+    def seen(self, windows: Sequence[int] | None = None) -> np.ndarray:
+        """(w, D) what is compared, as the film shows it [m], NaN where not seen."""
+        bed = self.bed
+        chosen = range(len(bed.starts)) if windows is None else windows
+        out = np.empty((len(chosen), bed.size))
+        for k, w in enumerate(chosen):
+            frames = bed.starts[w] + bed.looks
+            out[k, : bed.swimmer_size] = self.film.xy[frames][:, bed.rows].ravel()
+            if len(bed.grains):
+                moved = self.film.xy[frames[1:]][:, bed.grains] - self.sums(w).start
+                out[k, bed.swimmer_size :] = self._add_up(w, moved).ravel()
+        return out
+
+    # ---- starts -------------------------------------------------------------------------------
+
+    def start(self, window: int, member: int, camera: Mapping[str, Any] = NO_CAMERA) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (n, 2) of a member at the start of a window [m, m/s]."""
+        key = (window, member, camera["scale"], camera["tilt"], tuple(camera["bias"]))
+        found = self._starts.get(key)
+        if found is None:
+            found = self.start_at(int(self.bed.starts[window]), (window, member), camera)
+            plain = key[2:] == (1.0, 0.0, tuple(NO_CAMERA["bias"]))
+            if plain:  # other cameras are tried once or twice: not worth the memory
+                with self._lock:
+                    self._starts[key] = found
+        return found
+
+    def start_at(
+        self, frame: int, numbers: tuple[int, ...], camera: Mapping[str, Any] = NO_CAMERA
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A state drawn from what the frames around ``frame`` say; ``numbers`` seed the draw."""
+        bed = self.bed
+        # one draw for all hypotheses, so that their differences are physics
+        normals = np.random.default_rng((bed.seed, *numbers)).normal(size=(len(bed.scene.bodies), 2, 2))
+        low, high = max(frame - 8, 0), frame + 9
+        t, film = self.film.t[low:high], self.film
+        posterior = local_quadratic(t, _unseen(film.xy[low:high], camera), frame - low, film.sigma / camera["scale"])
+        xy, v = draw(posterior, normals)
+        for k, b in enumerate(bed.scene.bodies):
+            if not b.mobile and b.initial is not None:
+                xy[k], v[k] = b.initial[:2], 0.0
+        return take_apart(xy, bed.shapes), v
+
+    # ---- predictions --------------------------------------------------------------------------
+
+    def simulation(self, hypothesis: Hypothesis, values: np.ndarray) -> tuple[Simulation, Mapping[str, Any]]:
+        """A simulation under a hypothesis, ready to be restarted anywhere, and its camera. Raises Failed."""
+        scene, camera = hypothesis.scene(self.bed.case, values)
+        xy, v = self.start(0, 0)
+        try:
+            return Simulation(placed(replace(scene, adjustable=()), xy, v), dt=self.bed.dt), camera
+        except (InputError, SimulationError) as error:
+            raise Failed(str(error)) from None
+
+    def __call__(
+        self,
+        hypothesis: Hypothesis,
+        values: np.ndarray,
+        windows: Sequence[int] | None = None,
+        members: int | None = None,
+    ) -> np.ndarray:
+        """(w, m, D) what each member would show [m]. Raises Failed."""
+        bed = self.bed
+        chosen = range(len(bed.starts)) if windows is None else windows
+        count = members or self.members
+        simulation, camera = self.simulation(hypothesis, values)
+        out = np.empty((len(chosen), count, bed.size))
+        for k, window in enumerate(chosen):
+            for member in range(count):
+                out[k, member] = self.member(simulation, camera, int(window), member)
+        return out
+
+    def member(self, simulation: Simulation, camera: Mapping[str, Any], window: int, number: int) -> np.ndarray:
+        """(D,) what one member of one window would show [m]. Raises Failed."""
+        bed = self.bed
+        frames = int(bed.starts[window]) + bed.looks
+        t = self.film.t[frames] + float(camera["time_offset"])
+        xy, v = self.start(window, number, camera)
+        rows = [*bed.rows.tolist(), *bed.grains.tolist()]
+        try:
+            simulation.restart(xy, v, float(t[0]))
+            later = simulation.sample(t[1:], rows)
+        except SimulationError as error:
+            raise Failed(str(error)) from None
+        self.runs += 1
+        if not np.isfinite(later).all():
+            raise Failed("a prediction is not finite")
+        path = _shown(np.concatenate([xy[rows][None], later]), camera)
+        s = len(bed.rows)
+        out = np.empty(bed.size)
+        out[: bed.swimmer_size] = path[:, :s].ravel()
+        if len(bed.grains):
+            moved = path[1:, s:] - self.sums(window).start
+            # of those grains only that the film shows there
+            moved[~np.isfinite(self.film.xy[frames[1:]][:, bed.grains, 0])] = np.nan
+            out[bed.swimmer_size :] = self._add_up(window, moved).ravel()
+        return out
+
+    def twin(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
+        """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed."""
+        bed = self.bed
+        simulation, camera = self.simulation(hypothesis, values)
+        rng = np.random.default_rng((bed.seed, 7, number))
+        xy, v = self.start_at(HALF, (3, number), camera)
+        t = bed.film.t[HALF:]
+        offset = float(camera["time_offset"])
+        try:
+            simulation.restart(xy, v, float(t[0]) + offset)
+            true = simulation.sample(t + offset)
+        except SimulationError as error:
+            raise Failed(str(error)) from None
+        seen = np.full(bed.film.xy.shape, np.nan)
+        seen[HALF:] = _shown(true, camera)
+        seen[HALF:] += rng.normal(0.0, bed.film.sigma, true.shape)
+        seen[~np.isfinite(bed.film.xy)] = np.nan
+        return Film(bed.film.t, seen, bed.film.sigma)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A prediction to be made: which film, which hypothesis, which windows."""
+
+    predictor: BedPredictor
+    hypothesis: Hypothesis
+    values: np.ndarray
+    windows: Sequence[int] | None = None
+    members: int | None = None
+
+
+def predict_all(jobs: Sequence[Job]) -> list[np.ndarray | None]:
+    """All predictions (w, m, D), None where a run failed. Compiled loops release the GIL."""
+
+    def one(job: Job) -> np.ndarray | None:
+        try:
+            return job.predictor(job.hypothesis, job.values, job.windows, job.members)
+        except Failed:
+            return None
+
+    if len(jobs) >= 2 * THREADS:
+        return list(POOL.map(one, jobs))
+    parts: list[Job] = []
+    owner: list[int] = []
+    for k, job in enumerate(jobs):
+        windows = list(range(len(job.predictor.bed.starts)) if job.windows is None else job.windows)
+        for piece in np.array_split(windows, min(THREADS, len(windows))):
+            parts.append(replace(job, windows=[int(w) for w in piece]))
+            owner.append(k)
+    found = list(POOL.map(one, parts))
+    result: list[np.ndarray | None] = []
+    for k in range(len(jobs)):
+        mine = [f for f, o in zip(found, owner, strict=True) if o == k]
+        good = [f for f in mine if f is not None]
+        result.append(np.concatenate(good) if len(good) == len(mine) else None)
+    return result

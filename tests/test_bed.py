@@ -1,0 +1,284 @@
+"""The diagnosis of a swimmer in its bed, both seen: starts, windows, least squares, and whole runs.
+
+The films in ``data/`` were made by the reference integrator (``data/make_small_beds.py``); unit tests use the engine.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms
+from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, diagnose_windows, make_plan
+from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
+from granswim_pymunk.diagnosis.bed.places import maps
+from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
+from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
+from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
+from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.diagnosis.outcome import check_verdict
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.laws import all_laws
+from granswim_pymunk.packing import pack
+from granswim_pymunk.recording import Recording, read_recording
+from granswim_pymunk.scene import Scene, read_scene
+
+DATA = Path(__file__).parent / "data"
+POCKET = Path(__file__).parent.parent / "scenarios" / "pocket_swim.toml"
+NOISE = 2.0e-5  # m
+
+
+@cache
+def small(name: str) -> Recording:
+    return read_recording(DATA / name)
+
+
+@pytest.fixture(scope="module")
+def packed() -> Scene:
+    return pack(read_scene(POCKET))
+
+
+# ---- starts ----------------------------------------------------------------------------------
+
+
+def test_start_is_a_parabola_and_as_unsure_as_it_says():
+    rng = np.random.default_rng(1)
+    t = np.arange(9) * 0.002
+    n = 4000
+    x0, v, a = rng.normal(size=(3, n, 2)) * np.array([1e-2, 0.1, 5.0])[:, None, None]
+    s = (t - t[4])[:, None, None]
+    true = x0 + v * s + 0.5 * a * s**2
+    exact = local_quadratic(t, true, 4, NOISE)
+    assert np.allclose(exact.mean[:, 0], x0, atol=1e-14) and np.allclose(exact.mean[:, 1], v, atol=1e-11)
+    noisy = true + rng.normal(0.0, NOISE, true.shape)
+    noisy[5, : n // 2] = np.nan  # a frame that half of the bodies were not seen in
+    found = local_quadratic(t, noisy, 4, NOISE)
+    for half in (slice(0, n // 2), slice(n // 2, n)):
+        error = np.linalg.solve(found.root[half], found.mean[half] - np.stack([x0, v], axis=1)[half])
+        assert np.allclose(error.std(axis=(0, 2)), 1.0, atol=0.05)
+    xy, velocity = draw(found, np.zeros((n, 2, 2)))
+    assert np.array_equal(xy, found.mean[:, 0]) and np.array_equal(velocity, found.mean[:, 1])
+
+
+def test_start_of_a_body_that_is_hardly_seen_is_where_it_was_last():
+    t = np.arange(20) * 0.002
+    xy = np.full((20, 1, 2), np.nan)
+    xy[2, 0] = 0.01, 0.02
+    found = local_quadratic(t, xy, 12, NOISE)
+    assert np.allclose(found.mean[0], [[0.01, 0.02], [0.0, 0.0]]) and found.root[0, 1, 1] > 0
+
+
+def test_overlaps_and_joints_are_put_right(packed):
+    scene = packed
+    true = np.array([b.initial[:2] for b in scene.bodies])
+    rng = np.random.default_rng(2)
+    mobile = np.array([b.mobile for b in scene.bodies])
+    raw = true + rng.normal(0.0, NOISE, true.shape) * mobile[:, None]
+    raw[::3, 0] += 2 * scene.periodic_x * mobile[::3]  # unwrapped tracks stand any number of periods on
+    swimmer = list(scene.swimmer)
+    raw[swimmer, 0] = true[swimmer, 0] + rng.normal(0.0, NOISE, 7)
+    xy = take_apart(raw, Shapes.of(scene))
+    assert np.array_equal(xy[~mobile], true[~mobile])
+    radius = np.array([b.radius for b in scene.bodies])
+    i, j = np.triu_indices(len(xy), 1)
+    keep = (mobile[i] | mobile[j]) & ~(np.isin(i, swimmer) & np.isin(j, swimmer))
+    i, j = i[keep], j[keep]
+    d = xy[j] - xy[i]
+    d[:, 0] -= scene.periodic_x * np.round(d[:, 0] / scene.periodic_x)
+    assert (radius[i] + radius[j] - np.hypot(*d.T)).max() <= 2 * CLEAR
+    joints = np.hypot(*np.diff(xy[swimmer], axis=0).T)
+    assert np.abs(joints - 2 * radius[swimmer[0]]).max() <= 2 * CLEAR
+    # it stays within the noise: the constraints add knowledge, they do not move the bed
+    moved = xy - raw
+    assert np.sqrt(np.mean(moved[mobile] ** 2)) < NOISE
+
+
+def test_swapped_labels_are_put_back_and_wild_sightings_left_out():
+    recording = small("small_nothing")
+    xy, period = recording.unwrapped().xy, recording.scene.periodic_x
+    _, put_back, left_out = followed(recording.t, xy, NOISE, period)
+    assert put_back == 0 and left_out < 1e-4 * xy[..., 0].size
+    broken = xy.copy()
+    broken[40:, [20, 77]] = xy[40:, [77, 20]]  # from a frame on
+    broken[60, [100, 3]] = xy[60, [3, 100]]  # in one frame
+    broken[80, 55] += 4e-3  # a reflection
+    wrapped = replace(recording, xy=np.stack([broken[..., 0] % period, broken[..., 1]], axis=-1)).unwrapped().xy
+    mended, put_back, left_out = followed(recording.t, wrapped, NOISE, period)
+    for body in (20, 77, 100, 3):
+        moved = (mended[:, body] - xy[:, body]) - (mended[0, body] - xy[0, body])  # whole periods may differ
+        assert np.allclose(moved, 0.0, atol=1e-12)
+    assert put_back >= 4 and np.isnan(mended[80, 55]).all()
+    assert np.allclose(mended[81:, 55] - mended[0, 55], xy[81:, 55] - xy[0, 55])
+
+
+# ---- least squares ---------------------------------------------------------------------------
+
+
+def one_number(low: float = 0.0, neutral: float = 0.0, scale: float = 0.5) -> Term:
+    free = Free("law.c", "1", low, np.inf, neutral, scale, None, neutral)
+    return Term("law", "law", (free,), lambda scene, camera, values: (scene, camera))
+
+
+def test_signature_respects_bounds_and_recalibration():
+    rng = np.random.default_rng(3)
+    n = 300
+    nuisance = rng.normal(size=(n, 1))
+    effect = rng.normal(size=(n, 1))
+    signature = make_signature(one_number(), np.ones(1), effect, nuisance)
+    amounts, gain = signature.best(off(nuisance, np.hstack([0.7 * effect + 3 * nuisance, -0.7 * effect])))
+    assert amounts[0, 0] == pytest.approx(0.7, rel=1e-6) and gain[0] == pytest.approx(
+        0.49 * float(np.sum(signature.clear**2)), rel=1e-6
+    )
+    assert amounts[0, 1] == 0.0 and gain[1] == 0.0  # less than no drag is not a drag
+    twice = make_signature(one_number(), np.ones(1), 2 * nuisance, nuisance)
+    assert twice.surviving < 1e-10 and twice.best(effect)[1][0] == 0.0
+    assert to_values(one_number(neutral=1.0), np.array([-0.5]))[0] == 0.75
+
+
+def test_noise_of_twins_makes_innovations_white():
+    rng = np.random.default_rng(4)
+    size = 12
+    mix = np.eye(size) + 0.8 * np.tri(size, k=-1) / size
+    bias = rng.normal(size=(10, size))
+    twins = 1e-5 * (rng.normal(size=(20, 10, size)) @ mix.T + bias)
+    noise = twin_noise(twins)
+    fresh = 1e-5 * (rng.normal(size=(4000, size)) @ mix.T + bias[0]) - noise.bias[0]
+    white = np.stack([noise.whiten(np.repeat(f[None], 10, axis=0))[0] for f in fresh[:500]])
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.4)
+    row = np.repeat(fresh[:1], 10, axis=0)
+    row[:, 3] = np.nan
+    assert np.isfinite(noise.whiten(row)).all() and (noise.whiten(row)[:, 3] == 0).all()
+
+
+def test_budget_gives_up_the_least_first():
+    free = make_plan(0.001, 24, 14, 40, 600.0, 8)
+    tight = make_plan(0.1, 24, 14, 40, 300.0, 8)
+    tightest = make_plan(1.0, 24, 14, 40, 60.0, 8)
+    assert (free.members, free.twins, free.leaders) == (3, 8, 7)
+    assert tight.members <= free.members and tight.twins <= free.twins and tight.windows <= free.windows
+    assert tightest.members == 1 and tightest.windows < tight.windows
+
+
+# ---- windows and candidates ------------------------------------------------------------------
+
+
+def test_windows_share_no_frame_and_too_short_a_film_is_refused():
+    recording = small("small_nothing")
+    bed = bed_case(recording)
+    used = [set(range(k - 2, k + bed.looks[-1] + 1)) for k in bed.starts]
+    assert all(not a & b for a, b in pairwise(used))
+    assert bed.training.any() and not bed.training.all()
+    last = bed.starts[bed.training][-1] + bed.looks[-1]
+    assert recording.t[last] <= recording.t[0] + 0.6 * np.ptp(recording.t)
+    with pytest.raises(InputError, match="5 are needed"):
+        bed_case(recording.select(slice(0, 40)))
+    predictor, again = BedPredictor(bed), BedPredictor(bed)
+    none = Hypothesis()
+    predicted = predictor(none, np.zeros(0), [2, 3], 2)
+    assert np.array_equal(predicted, again(none, np.zeros(0), [2, 3], 2))
+    # members differ, and predict the swimmer to a fraction of what it has moved
+    s = bed.swimmer_size
+    shape = (2, len(bed.looks), len(bed.rows), 2)
+    seen = predictor.seen([2, 3])[:, :s].reshape(shape)
+    left = seen - predicted[..., :s].mean(axis=1).reshape(shape)
+    assert predicted[..., :s].std(axis=1).min() > 0
+    assert np.sqrt(np.mean(left[:, -1] ** 2)) < 0.4 * np.sqrt(np.mean((seen[:, -1] - seen[:, 0]) ** 2))
+
+
+def test_candidates_come_from_the_registry_and_run():
+    bed = bed_case(small("small_nothing"))
+    terms = bed_terms([bed.case])
+    wanted = {
+        "restitution", "linear_drag", "quadratic_drag", "ambient_flow", "coulomb_substrate", "uniform_force",
+        "weak_joint", "actuator_lag", "actuator_delay", "actuator_saturation", "resting_curvature", "head_force",
+        "joint_friction", "cohesion", "contact_friction", "added_mass", "camera_scale", "camera_tilt", "time_offset",
+        "nonlinear_bending", "wall_drag", "pair_lubrication", "distance_force",
+    }  # fmt: skip
+    assert wanted <= {t.mechanism for t in terms}
+    predictor = BedPredictor(bed)
+    absent = predictor(Hypothesis(), np.zeros(0), [0], 1)[..., : bed.swimmer_size]
+    for term in terms:
+        full = Hypothesis((term,))
+        nothing = predictor(full, to_values(term, np.zeros(len(term.free))), [0], 1)[..., : bed.swimmer_size]
+        # the law with nothing in it predicts the same at first (later, rounding has grown)
+        assert np.abs(nothing - absent).max() < 2e-4, term.label
+        assert len(term.free) == len({f.name for f in term.free})
+
+
+def test_a_flow_is_reported_as_a_velocity(packed):
+    (term,) = law_terms(all_laws()["ambient_flow"], packed)
+    signature = make_signature(term, np.ones(3), np.eye(3), np.zeros((3, 0)))
+    values = np.array([2e-5, 4e-7, -2e-7])
+    trial = BedTrial(signature, np.ones(3), values, np.diag([1e-6, 1e-8, 1e-8]) ** 2, 1.0, 1.0)
+    found = parameters_of(trial)
+    assert found["c"][0] == pytest.approx(2e-5) and found["u"][0] == pytest.approx([0.02, -0.01])
+    assert found["u"][1][0] < 0.02 < found["u"][2][0] and found["u"][3] == "m/s"
+    changed, _ = term.apply(packed, {}, values)
+    assert changed.laws_named("ambient_flow")[0].values["u"] == pytest.approx((0.02, -0.01))
+
+
+# ---- whole runs ------------------------------------------------------------------------------
+
+FEW = ("weak_joint", "linear_drag", "actuator_lag")
+PLAN = Plan(members=2, screening=1, twins=5, windows=12, leaders=4)
+
+
+def damaged(recording: Recording) -> Recording:
+    """A twentieth of the sightings lost, and two grains with each other's labels from the middle on."""
+    rng = np.random.default_rng(11)
+    xy = np.array(recording.xy)
+    pair = [30, 90]
+    xy[60:, pair] = xy[60:, pair[::-1]]
+    xy[rng.random(xy.shape[:2]) < 0.05] = np.nan
+    return replace(recording, xy=xy)
+
+
+def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
+    found = diagnose_windows([damaged(small("small_joint"))], plan=PLAN, candidates=FEW, minutes=60.0)
+    verdict = verdict_of(found)
+    check_verdict(verdict)
+    json.dumps(verdict, allow_nan=False)
+    assert verdict["verdict"] == "missing_physics"
+    (mechanism,) = verdict["mechanisms"]
+    assert mechanism["name"] == "weak_joint" and mechanism["parameters"]["joint"]["value"] == 4
+    factor = mechanism["parameters"]["factor"]
+    assert factor["low"] < 0.4 < factor["high"] and factor["high"] - factor["low"] < 0.6
+    assert mechanism["gain_heldout"] > 5 and verdict["null"]["p_false_alarm"] <= 0.01
+    held = verdict["fit"]["heldout"]
+    assert held["revised"] < held["recalibrated"]
+    assert verdict["mismatch"][0]["where"]["region"] == "joint 4"
+    assert any("labels put back" in note for note in found.notes)
+    scene, camera = revised_scene(found, 0)
+    assert not camera and scene.laws_named("weak_joint")[0].values["joint"] == 4
+    assert np.isfinite(Simulation(scene).sample([scene.time.start + 0.002])).all()
+    outcome = outcome_of(found)
+    assert {"map", "along", "cycle", "candidates", "null", "held_out", "overlay"} == set(outcome.figures)
+    assert "joint 4" in outcome.headline
+    (shown,) = maps(found.bench, found.predicted["recalibrated"])
+    assert shown.disks.shape == (len(found.beds[0].starts), 7)
+
+
+def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
+    found = diagnose_windows([small("small_stiffness")], plan=PLAN, candidates=FEW, minutes=60.0)
+    verdict = verdict_of(found)
+    assert verdict["verdict"] == "recalibrate" and verdict["mechanisms"] == []
+    stiffness = verdict["recalibrated"]["bending.stiffness"]
+    assert stiffness["low"] < 1.5e-3 < stiffness["high"] and stiffness["high"] < 1.9e-3
+
+
+def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp_path):
+    found = diagnose([small("small_nothing")], tmp_path / "out", minutes=0.5)
+    verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert verdict["verdict"] == "no_mismatch" and verdict["mechanisms"] == []
+    assert verdict["null"]["p_false_alarm"] > 0.01
+    assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
+    assert Simulation(read_scene(tmp_path / "out" / "revised.toml")).dt > 0
+    assert found.notes  # half a minute is not enough for everything, and it says so
