@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
+import logging
 import math
 import os
 import platform
@@ -28,16 +29,21 @@ import scipy
 from tqdm import tqdm
 
 from . import __version__
-from .engine import Contacts, Simulation, State, contact_duration
+from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
+from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError
 from .packing import pack, quality
 from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
 from .scene import Scene, Time, read_scene
 from .trajectory import TrajectoryWriter, read_trajectory
 
+log = logging.getLogger("granswim")
+
 VIDEOS = ("gif", "mp4", "none")
 FRAMES = 60  # pictures of a run that does not say how many
 VIDEO_FPS = 25.0
+CHECKPOINT = "checkpoint.npz"
+CHECKPOINT_EVERY = 20.0  # seconds of the clock on the wall
 # steps times bodies between two looks at the keyboard: about a quarter of a second. A fixed number, not a
 # measured one: where a run is cut into blocks must not depend on how busy the machine is
 BLOCK = {"verlet": 1.2e7, "chipmunk": 2e6, "batch": 4e5, "python": 3e4}
@@ -95,12 +101,14 @@ def run_scene(
     seed: int | None = None,
     cache: bool = True,
     quiet: bool = False,
+    max_overlap: float | None = None,
+    soft: float | None = None,
 ) -> RunResult:
     """Pack if needed, simulate, and write what came of it into the folder ``out``.
 
     Written are trajectory.h5 (float64, H5MD layout), frames/frame_NNNNN.png, video.gif or video.mp4,
-    scene.toml (the scene as it was run) and run.json (versions, seed, scene hash, time spent in each part,
-    why it stopped).
+    scene.toml (the scene as it was run), run.json (versions, seed, scene hash, time spent in each part,
+    why it stopped) and, every 20 s, checkpoint.npz, from which ``resume_run`` goes on with the same bits.
 
     Parameters
     ----------
@@ -110,6 +118,10 @@ def run_scene(
     frames : number of pictures, start and end included; 0: none. ``fps``: pictures per simulated second
     color : "speed" or "force";  video : "gif", "mp4" or "none"
     seed : instead of the scene's; it decides how the bed is packed
+    soft : contacts so many times softer, for a screening run (see ``engine.softened``); a bed is packed hard
+    max_overlap : largest overlap as a part of the smaller radius; left out, 0.02 in a scene with grains. The run
+        stops with a SimulationError when two bodies overlap more, a grain leaves the box, energy jumps or a
+        number is not finite (see ``engine.Watch``); the last good checkpoint stays
 
     What is left out is looked up in the scene's [frames] table. Ctrl-C stops between blocks of steps: what
     was written stays and can be read, and KeyboardInterrupt is raised. Raises InputError before anything
@@ -146,6 +158,10 @@ def run_scene(
     run = _Run(quiet)
     with run.timed("packing"):
         packed = run.pack(scene, cache)
+        if soft is not None:
+            packed = softened(packed, soft)
+            if max_overlap is None and any(b.role == "grain" for b in packed.bodies):
+                max_overlap = OVERLAP * math.sqrt(soft)
     with run.timed("setting up"):
         time_of = dataclasses.replace(packed.time, duration=duration)
         if dt is not None:
@@ -165,7 +181,35 @@ def run_scene(
         plan = _Plan.make(total, frames, scene.time, sim.dt)
     run.describe(scene, sim, total, requested=mode)
     folder = _prepare(Path(out))
-    return run.go(scene, sim, plan, painter, folder, video)
+    note = {
+        "total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
+        "view": {name: options.get(name) for name in ("top", "view", "width")},
+    }  # fmt: skip
+    return run.go(scene, sim, plan, painter, folder, video, note)
+
+
+def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
+    """Go on with a run that was stopped, from the checkpoint in its folder.
+
+    States and frames that were written after the checkpoint are computed again; the result is that of a run that
+    was never stopped, bit for bit in modes verlet and chipmunk. Raises InputError where the folder has no
+    checkpoint of a run, or a damaged one.
+    """
+    folder = Path(out)
+    run = _Run(quiet)
+    with run.timed("setting up"):
+        sim, _, note = resume(folder / CHECKPOINT)
+        if "total" not in note:
+            raise InputError("is not the checkpoint of a run", file=folder / CHECKPOINT)
+        scene = dataclasses.replace(sim.scene, time=dataclasses.replace(sim.scene.time, dt=sim.dt))
+        view = {name: value for name, value in note["view"].items() if value is not None}
+        painter = Painter(
+            scene, note["color"], top=view.get("top"), view=view.get("view"), width=view.get("width", 1200)
+        )
+        plan = _Plan.make(note["total"], note["frames"], scene.time, sim.dt)
+    run.say(f"going on at step {sim.step} of {note['total']}, t = {sim.t:.6g} s")
+    run.describe(scene, sim, note["total"], requested=sim.mode)
+    return run.go(scene, sim, plan, painter, folder, note["video"], note, going_on=True)
 
 
 def _above_zero(value: float | None, name: str, file: Path | None) -> float:
@@ -209,6 +253,7 @@ def _prepare(folder: Path) -> Path:
         *(folder / "frames").glob("frame_[0-9]*.png"),
         *folder.glob("video.[gm][ip][f4]"),
         folder / "run.json",
+        folder / CHECKPOINT,
     ):
         old.unlink(missing_ok=True)
     return folder
@@ -221,6 +266,7 @@ class _Run:
         self.quiet = quiet
         self.spent: dict[str, float] = {}
         self.stopped = False
+        self.last_checkpoint: float | None = None
         self.began = time.time()
 
     @contextmanager
@@ -263,6 +309,14 @@ class _Run:
         if contact is not None:
             line += f"; a contact lasts {contact:.2g} s: {contact / sim.dt:.1f} steps"
         self.say(line)
+        advised = advise_dt(scene)
+        if sim.dt > 1.001 * advised:
+            # said even by a quiet run: what follows is not to be trusted
+            log.warning(
+                "the time step %.3g s is longer than %.3g s, which resolves the fastest law of the scene",
+                sim.dt,
+                advised,
+            )
 
     # ---- the run ------------------------------------------------------------------------------
 
@@ -285,7 +339,15 @@ class _Run:
             signal.signal(signal.SIGINT, before)
 
     def go(
-        self, scene: Scene, sim: Simulation, plan: _Plan, painter: Painter, folder: Path, video: str
+        self,
+        scene: Scene,
+        sim: Simulation,
+        plan: _Plan,
+        painter: Painter,
+        folder: Path,
+        video: str,
+        note: dict[str, Any],
+        going_on: bool = False,
     ) -> RunResult:
         total = plan.stored[-1]
         block = max(round(BLOCK[sim.mode] / max(len(scene.bodies), 20)), 1)
@@ -294,20 +356,43 @@ class _Run:
         reason = "finished"
         failure: SimulationError | None = None
         made: Path | None = None
-        _write_text(folder / "scene.toml", scene.to_toml())
+        if going_on:
+            writer = TrajectoryWriter.reopen(path, sim.step)
+        else:
+            _write_text(folder / "scene.toml", scene.to_toml())
+            writer = TrajectoryWriter(path, scene)
+        have = writer.frames
+        # drawn again from the trajectory when the scale is known
+        pictures += [
+            (folder / "frames" / f"frame_{k:05d}.png", frame, None)
+            for k, (frame, _) in enumerate(
+                (frame, step) for frame, step in enumerate(plan.stored[:have]) if step in plan.drawn
+            )
+        ]
+        begun = sim.step
+        watch = Watch(sim, note["max_overlap"])
+        saved = time.monotonic()
         with self.gentle_interrupt():
             form = (
                 "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} steps [{elapsed}<{remaining}{postfix}]"
             )
-            bar = self.bar("simulating", total, unit_scale=True, bar_format=form)
-            with bar, TrajectoryWriter(path, scene) as writer:
+            bar = self.bar("simulating", total, unit_scale=True, bar_format=form, initial=begun)
+            with bar, writer:
                 try:
-                    for step in plan.stored:
+                    if have:
+                        earlier = read_trajectory(path) if not painter.live else None
+                        for frame in range(have if earlier is not None else 0):
+                            painter.remember(earlier.state(frame))  # type: ignore[union-attr]
+                    for step in plan.stored[have:]:
                         with self.timed("simulation"):
                             while sim.step < step and not self.stopped:
                                 size = min(block, step - sim.step)
                                 sim.advance(size)
                                 bar.update(size)
+                                watch.look()
+                                if time.monotonic() - saved > CHECKPOINT_EVERY:
+                                    self.save(sim, folder, note)
+                                    saved = time.monotonic()
                         if sim.step < step:
                             break
                         bar.set_postfix_str(f"t = {sim.t:.4g} s", refresh=False)
@@ -325,7 +410,13 @@ class _Run:
                                 else:
                                     painter.fit(state, contacts)
                                 pictures.append((name, writer.frames - 1, scale))
+                    if sim.step > begun:
+                        self.save(sim, folder, note)
                 except SimulationError as error:
+                    last = self.last_checkpoint
+                    if last is not None:
+                        kept = f"; the checkpoint of t = {last:.6g} s is kept in {folder / CHECKPOINT}"
+                        error = SimulationError(f"{error}{kept}")
                     failure, reason = error, f"failed: {error}"
             if self.stopped:
                 reason = "interrupted"
@@ -342,9 +433,20 @@ class _Run:
             raise failure
         if self.stopped:
             self.say(f"stopped at t = {sim.t:.4g} s; {len(names)} frames and the trajectory are in {folder}")
+            if not sim.impulse:
+                self.say(f"granswim run --resume {folder}  goes on")
             raise KeyboardInterrupt
+        (folder / CHECKPOINT).unlink(missing_ok=True)
         self.say(_summary(scene, path, folder, names, made, self.spent))
         return RunResult(folder, scene, sim.state(), path, names, made, reason, diagnostics)
+
+    def save(self, sim: Simulation, folder: Path, note: dict[str, Any]) -> None:
+        """A checkpoint; with impulses there is none."""
+        if sim.impulse:
+            return
+        with self.timed("checkpoints"):
+            save_checkpoint(sim, folder / CHECKPOINT, note=note)
+        self.last_checkpoint = sim.t
 
     def redraw(
         self, scene: Scene, path: Path, painter: Painter, pictures: list[tuple[Path, int, Scale | None]]
@@ -494,4 +596,4 @@ def _write_text(path: Path, text: str) -> None:
         raise
 
 
-__all__ = ["RunResult", "contacts_of", "find_scene", "run_scene", "shipped_scenarios"]
+__all__ = ["RunResult", "contacts_of", "find_scene", "resume_run", "run_scene", "shipped_scenarios"]

@@ -553,6 +553,8 @@ _AUTOMATIC: dict[str, Callable[[Scene, LawUse], Any]] = {
 _RENAMED = {
     "contact_friction.stiffness": "contact_linear.stiffness",
     "contact_friction.hertz": "contact_hertz.stiffness",
+    "rolling_resistance.stiffness": "contact_linear.stiffness",
+    "rolling_resistance.hertz": "contact_hertz.stiffness",
 }
 
 

@@ -123,6 +123,35 @@ class TrajectoryWriter:
         self._series: dict[str, h5py.Dataset] = {}
         file.flush()
 
+    @classmethod
+    def reopen(cls, path: str | Path, step: int) -> TrajectoryWriter:
+        """Go on with a trajectory after ``step``: frames of later steps, and half frames, are dropped.
+
+        Raises InputError where the file cannot be read.
+        """
+        length = len(read_trajectory(path))  # says what is wrong with it; only whole frames count
+        self = cls.__new__(cls)
+        self.path = Path(path)
+        try:
+            file = self._file = h5py.File(self.path, "r+")
+        except OSError as error:
+            raise InputError(f"cannot write it: {error.strerror or error}", file=path) from None
+        group = self._group = file["particles/all"]
+        self._series = {}
+        self.frames = 0
+        if "position" in group:
+            steps = group["position/step"][:length]
+            self.frames = int(np.searchsorted(steps, step, side="right"))
+            self._series = {"step": group["position/step"], "time": group["position/time"]}
+            for place in (group, file.get("observables", {})):
+                for name, item in place.items():
+                    if isinstance(item, h5py.Group) and "value" in item and "step" in item:
+                        self._series[f"{place.name}/{name}"] = item["value"]
+            for data in self._series.values():
+                data.resize(self.frames, axis=0)
+        file.flush()
+        return self
+
     def _begin(self, values: Mapping[str, np.ndarray], observables: Mapping[str, Any]) -> None:
         """Create the series; every element shares one step and one time, as H5MD allows by links."""
         file, group = self._file, self._group

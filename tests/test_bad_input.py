@@ -44,7 +44,9 @@ parameter = "stiffness"
 low = 50.0
 high = 200.0
 """
-ROWS = [f"{0.1 * k:.1f},{body},{x + 0.01 * k:.3f},0.2" for k in range(8) for body, x in (("a", 0.1), ("b", 0.3))]
+ROWS = [
+    f"{0.1 * k:.1f},{body},{x + 0.01 * k:.3f},0.2" for k in range(8) for body, x in (("a", 0.1), ("b", 0.3))
+]
 CSV = "\n".join(["t,body,x,y", *ROWS, ""])
 
 
@@ -125,7 +127,11 @@ BAD = {
     "not UTF-8": ({"tracks": CSV.encode() + b"0.9,b,\xff\xfe,0\n"}, "not a CSV in UTF-8"),
     "binary": ({"tracks": bytes(range(256)) * 10}, "tracks.csv"),
     "overlapping starts": (
-        {"toml": TOML.replace("mass = 0.01\n[[law]]", "mass = 0.01\ninitial = [0.11, 0.2, 0.0, 0.0]\n[[law]]")},
+        {
+            "toml": TOML.replace(
+                "mass = 0.01\n[[law]]", "mass = 0.01\ninitial = [0.11, 0.2, 0.0, 0.0]\n[[law]]"
+            )
+        },
         "overlaps body",
     ),
     "overlapping tracks": (
@@ -445,7 +451,9 @@ class TestFuzz:
         reads_or_says_why(folder)
 
     @common
-    @given(st.lists(st.tuples(cells, st.sampled_from(["a", "b", "a", "b", "c", ""]), cells, cells), max_size=6))
+    @given(
+        st.lists(st.tuples(cells, st.sampled_from(["a", "b", "a", "b", "c", ""]), cells, cells), max_size=6)
+    )
     @example([("1e308", "a", "1", "1"), ("-1e308", "a", "1", "1")])
     @example([("0", "a", "1e9", "1e9"), ("1e-320", "a", "-1e9", "1")])
     def test_absurd_cells(self, tmp_path_factory, table):
@@ -465,7 +473,9 @@ class TestFuzz:
         st.one_of(
             st.integers(-(10**400), 10**400).map(str),
             st.floats().map(lambda v: repr(v)),
-            st.sampled_from(["true", '"text"', '"\\u0000"', "1979-05-27", "1e308", "-1", "[]", "{}", "0", '"a"']),
+            st.sampled_from(
+                ["true", '"text"', '"\\u0000"', "1979-05-27", "1e308", "-1", "[]", "{}", "0", '"a"']
+            ),
         ),
         lambda inner: st.one_of(
             st.lists(inner, max_size=3).map(lambda v: "[" + ",".join(v) + "]"),
@@ -506,7 +516,9 @@ class TestFuzz:
     )
     def test_absurd_tables(self, tmp_path_factory, key, value):
         head = f'{key} = {value}\nformat = "granswim-recording/1"\n'
-        toml = head + '[[body]]\nid = "a"\nrole = "free"\nradius = 0.1\nmass = 1.0\n' if key != "body" else head
+        toml = (
+            head + '[[body]]\nid = "a"\nrole = "free"\nradius = 0.1\nmass = 1.0\n' if key != "body" else head
+        )
         reads_or_says_why(folder_of(tmp_path_factory.mktemp("f"), toml=toml, tracks="t,body,x,y\n0,a,1,2\n"))
 
     @common
@@ -533,5 +545,7 @@ class TestFuzz:
         }
         data = text[file]
         at %= len(data)
-        folder = folder_of(tmp_path_factory.mktemp("f"), **{file: data[:at] + inserted + data[at + removed :]})
+        folder = folder_of(
+            tmp_path_factory.mktemp("f"), **{file: data[:at] + inserted + data[at + removed :]}
+        )
         reads_or_says_why(folder)

@@ -168,7 +168,7 @@ def meeting(*laws) -> Scene:
     return Scene(bodies, (use("contact_elastic", restitution=0.9), *laws))
 
 
-@pytest.mark.long  # which drag stands beside the repulsion is not yet told reliably from so short a track
+@pytest.mark.long  # all pairs and all drags beside the repulsion: a minute and a half of a processor
 def test_a_repulsion_and_a_drag_when_neither_helps_alone():
     t = np.arange(0.0, 0.8, 0.005)
     truth = meeting(use("distance_force", s=0.02, n=2.0), use("linear_drag", c=0.005))

@@ -280,7 +280,9 @@ def far_push_of_the_test(gap, s, range):
     return s * (1.0 - gap / range), 0.0
 
 
-@law(kind="pair", expression="F_t = -c v_t", reference="test", parameters=[Parameter("c", "kg/s", "tangential drag")])
+@law(
+    kind="pair", expression="F_t = -c v_t", reference="test", parameters=[Parameter("c", "kg/s", "tangential drag")]
+)
 def rub_of_the_test(vt, c):
     return 0.0, -c * vt
 

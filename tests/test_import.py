@@ -69,7 +69,9 @@ class TestShipped:
     def test_either_bowling_ball(self):
         masses = {}
         for ounces in (81, 208):
-            drops = import_recording(shipped("falling_balls") / "source", "falling_balls", bowling_ball=ounces)
+            drops = import_recording(
+                shipped("falling_balls") / "source", "falling_balls", bowling_ball=ounces
+            )
             masses[ounces] = next(r for r in drops if r.name == "Bowling_Ball_1").scene.bodies[0].mass
         assert masses[81] == pytest.approx(2.296, abs=1e-3) and masses[208] == pytest.approx(5.897, abs=1e-3)
         shipped_one = read_recording(shipped("falling_balls/Bowling_Ball_1")).scene.bodies[0].mass
@@ -234,6 +236,11 @@ class TestWide:
     def test_nothing_is_written_where_it_cannot_be_read(self, tmp_path, capsys):
         source = tmp_path / "wide.csv"
         source.write_bytes(b"t,x1\n0,\xff\xfe\n")
-        assert main(["import", str(source), "--format", "wide", "--body", "1:1:1", "--out", str(tmp_path / "out")]) == 2
+        assert (
+            main(
+                ["import", str(source), "--format", "wide", "--body", "1:1:1", "--out", str(tmp_path / "out")]
+            )
+            == 2
+        )
         assert capsys.readouterr().err.count("\n") == 1
         assert [p.name for p in tmp_path.iterdir()] == ["wide.csv"]

@@ -21,6 +21,11 @@ def bed(form="leader"):
     return cases_bed.small_bed(form=form), 2e-6
 
 
+def rough_bed():
+    scene, dt = bed()
+    return scene.with_laws(use("contact_friction", mu=0.4, v_0=1e-2)), dt
+
+
 def carts():
     """Two carts on springs of their own, one straight, one of no length."""
     springs = [
@@ -38,7 +43,9 @@ def carts():
 def pendulum():
     laws = (use("gravity"), use("pin", bodies=["bob"], anchor=(0.1, 0.0), length=0.3))
     start = (0.1 + 0.3 * math.sin(0.5), -0.3 * math.cos(0.5), 0.4 * math.cos(0.5), 0.4 * math.sin(0.5))
-    return Scene((Body("bob", "free", 0.02, MASS, initial=start, inertia=4e-4),), laws, gravity=(0.0, -9.81)), 3e-6
+    return Scene(
+        (Body("bob", "free", 0.02, MASS, initial=start, inertia=4e-4),), laws, gravity=(0.0, -9.81)
+    ), 3e-6
 
 
 def driven():
@@ -53,13 +60,14 @@ def driven():
 
 
 FORMS = {f"bed-{form}": lambda form=form: bed(form) for form in ("leader", "elastic", "head_axis")}
-SCENES = {"bed": bed, "carts": carts, "pendulum": pendulum, "driven": driven, **FORMS}
+SCENES = {"bed": bed, "rough bed": rough_bed, "carts": carts, "pendulum": pendulum, "driven": driven, **FORMS}
 CASES = [
     ("ambient_flow", "bed", {"c": 1e-4, "u": (0.3, -0.1)}),
     ("distance_force", "bed", {"s": 2e-3, "n": 3.0}),
     ("distance_force", "bed", {"s": -2e-3, "n": 1.5, "range": 1e-3}),
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),
+    ("rolling_resistance", "rough bed", {"mu_r": 0.3, "w_0": 1e3}),
     ("wall_drag", "bed", {"c": 1e-3, "range": 2e-3}),
     ("pair_lubrication", "bed", {"c": 3e3, "range": 2e-4}),
     ("nonlinear_spring", "carts", {"k_3": 40.0}),
@@ -113,7 +121,9 @@ class TestMechanism:
         changed = np.abs(engine - without[where]).max()
         assert changed > 1e-3 * moved
         columns = slice(0, 2 if where == "driven" else 4)
-        np.testing.assert_allclose(engine[:, columns], reference[:, columns], rtol=0, atol=tolerance(where) * moved)
+        np.testing.assert_allclose(
+            engine[:, columns], reference[:, columns], rtol=0, atol=tolerance(where) * moved
+        )
 
     def test_absent_at_zero_strength(self, name, where, values, without):
         scene, dt = SCENES[where]()
@@ -155,7 +165,10 @@ def test_friction_keeps_the_angular_momentum():
         np.testing.assert_allclose(state.v, states["reference"].v, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "where", "values"), [case for case in CASES if case[1] in ("bed", "carts")])
+PLAIN_SCENES = ("bed", "rough bed", "carts")
+
+
+@pytest.mark.parametrize(("name", "where", "values"), [case for case in CASES if case[1] in PLAIN_SCENES])
 def test_python_mode(name, where, values):
     """The same law read as plain Python."""
     scene, dt = SCENES[where]()
@@ -195,7 +208,9 @@ class TestActuatorSeries:
         scene, _ = driven()
         _, value = scene.with_actuator("saturation", 0.2).commands["motor"]
         assert max(value) == pytest.approx(0.4) and scene.commands == scene.inputs
-        assert scene.with_actuator("saturation", 0.2, bodies=["load"]).commands["motor"] == scene.inputs["motor"]
+        assert (
+            scene.with_actuator("saturation", 0.2, bodies=["load"]).commands["motor"] == scene.inputs["motor"]
+        )
         lag = scene.with_actuator("lag", 0.03)
         assert lag.laws[-1].name == "actuator_lag" and lag.commands["motor"] != scene.inputs["motor"]
 
@@ -205,7 +220,9 @@ class TestAutomatic:
         scene, _ = bed("elastic")
         values = scene.resolved(use("weak_joint", factor=0.5, joint=3))
         bending = scene.resolved(scene.laws_named("bending")[0])
-        assert {name: values[name] for name in ("stiffness", "amplitude", "frequency", "phase", "form", "length")} == {
+        assert {
+            name: values[name] for name in ("stiffness", "amplitude", "frequency", "phase", "form", "length")
+        } == {
             name: bending[name] for name in ("stiffness", "amplitude", "frequency", "phase", "form", "length")
         }
         assert values["length"] == 3e-3

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from granswim_pymunk.engine import Simulation
 from granswim_pymunk.proof.world import Camera, Effect, World, followed
 from granswim_pymunk.recording import see
 from granswim_pymunk.scene import Body, Scene, swimmer, use
@@ -141,6 +142,13 @@ def test_collisions_at_their_own_moment_agree_with_the_reference():
     assert wrong < 1e-9
     softer = World(scene, [Effect("restitution", {"restitution": 0.6})], 1e-3).sample(T).xy
     assert np.abs(softer - Reference(meeting(use("contact_elastic", restitution=0.6)), dt=1e-3).sample(T)).max() < 1e-9
+
+
+def test_the_engine_meets_collisions_at_their_own_moment_too():
+    scene = meeting(use("contact_elastic", restitution=0.7))
+    exact = World(scene, [], 1e-3).sample(T).xy
+    moved = np.abs(exact[-1] - exact[0]).max()
+    assert np.abs(Simulation(scene, dt=1e-3).sample(T) - exact).max() < 2e-5 * moved
 
 
 def bed(columns: int, rows: int, grain: float = 1.5e-3, seed: int = 2) -> Scene:

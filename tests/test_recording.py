@@ -100,8 +100,12 @@ class TestRecording:
             r.xy[0, 0, 0] = 1
 
     def test_text_names_what_was_seen(self):
-        r = Recording("r", Scene((ball(),)), [0.0, 0.5], ("a",), np.zeros((2, 1, 2)), title="one", position_noise=1e-5)
-        assert "r: one" in str(r) and "2 frames, 0 .. 0.5 s" in str(r) and "1 body seen (a), in 100%" in str(r)
+        r = Recording(
+            "r", Scene((ball(),)), [0.0, 0.5], ("a",), np.zeros((2, 1, 2)), title="one", position_noise=1e-5
+        )
+        assert (
+            "r: one" in str(r) and "2 frames, 0 .. 0.5 s" in str(r) and "1 body seen (a), in 100%" in str(r)
+        )
         assert "positions (noise 1e-05 m)" in str(r)
 
 
@@ -110,7 +114,9 @@ numbers = st.floats(-20, 20, allow_subnormal=False)
 
 @st.composite
 def recordings(draw):
-    names = draw(st.lists(st.sampled_from(["a", "0", "ü b", "x,y", '"q"', "7"]), min_size=1, max_size=4, unique=True))
+    names = draw(
+        st.lists(st.sampled_from(["a", "0", "ü b", "x,y", '"q"', "7"]), min_size=1, max_size=4, unique=True)
+    )
     bodies = tuple(
         ball(
             n,
@@ -210,7 +216,9 @@ class TestFolder:
         scene = Scene((ball(),))
         alone = Recording("r", scene, [], (), np.empty((0, 0, 2)), curve=curve)
         write_recording(alone, tmp_path / "r")
-        assert (tmp_path / "r" / "curve.csv").read_text().splitlines()[0] == "frequency,layers,speed,speed_sem"
+        assert (tmp_path / "r" / "curve.csv").read_text().splitlines()[
+            0
+        ] == "frequency,layers,speed,speed_sem"
         same(read_recording(tmp_path / "r"), alone)
         both = Recording("r", scene, [0.0], ("a",), np.zeros((1, 1, 2)), curve=curve)
         write_recording(both, tmp_path / "r")
@@ -267,7 +275,9 @@ class TestFolder:
     def test_a_file_in_the_way(self, tmp_path):
         (tmp_path / "r").write_text("")
         with pytest.raises(InputError, match="not a folder"):
-            write_recording(Recording("r", Scene((ball(),)), [0.0], ("a",), np.zeros((1, 1, 2))), tmp_path / "r")
+            write_recording(
+                Recording("r", Scene((ball(),)), [0.0], ("a",), np.zeros((1, 1, 2))), tmp_path / "r"
+            )
 
 
 MINIMAL = """format = "granswim-recording/1"
@@ -306,7 +316,9 @@ class TestCamera:
         )
         np.testing.assert_allclose(rod_angle(places, (0, 0), (0, 0)), rod_angle(places, (0, 0)), atol=0)
         # gravity to the right: hanging is +x, and y up is a quarter turn
-        np.testing.assert_allclose(rod_angle(np.array([[3.0, 1.0], [2.0, 2.0]]), (2, 1), (5, 0)), [0, math.pi / 2])
+        np.testing.assert_allclose(
+            rod_angle(np.array([[3.0, 1.0], [2.0, 2.0]]), (2, 1), (5, 0)), [0, math.pi / 2]
+        )
 
     @staticmethod
     def free(vx=1.0):

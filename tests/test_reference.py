@@ -55,7 +55,9 @@ def test_shares_no_force_code():
     for module in (reference, reference_forces):
         tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
         imported = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        imported |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
+        imported |= {
+            name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names
+        }
         assert not [name for name in imported if "laws" in name or "engine" in name]
 
 
@@ -64,9 +66,13 @@ class TestBending:
         rng = np.random.default_rng(1)
         angle = np.cumsum(rng.uniform(-0.8, 0.8, 6))
         xy = np.zeros((7, 2))
-        xy[1:] = np.cumsum(rng.uniform(2.5e-3, 3.5e-3, (6, 1)) * np.stack([np.cos(angle), np.sin(angle)], 1), axis=0)
+        xy[1:] = np.cumsum(
+            rng.uniform(2.5e-3, 3.5e-3, (6, 1)) * np.stack([np.cos(angle), np.sin(angle)], 1), axis=0
+        )
         head, length, k = 0.3, 3e-3, 2e-3
-        values = dict(stiffness=k, damping=0.0, amplitude=head, frequency=0.0, phase=math.pi / 2, form="elastic")
+        values = dict(
+            stiffness=k, damping=0.0, amplitude=head, frequency=0.0, phase=math.pi / 2, form="elastic"
+        )
         force = bending(0.0, xy, np.zeros((7, 2)), np.ones(7), length=length, **values)
         gradient = np.zeros_like(xy)
         for index in np.ndindex(7, 2):
@@ -114,7 +120,9 @@ class TestPairs:
         assert not run.forces().any()
 
     def test_period_too_short(self):
-        scene = Scene((disk("a", 0, 0), disk("b", 0.02, 0)), (use("contact_linear", stiffness=1.0),), periodic_x=0.03)
+        scene = Scene(
+            (disk("a", 0, 0), disk("b", 0.02, 0)), (use("contact_linear", stiffness=1.0),), periodic_x=0.03
+        )
         with pytest.raises(InputError, match="periodic_x"):
             Reference(scene, dt=1e-3)
 
@@ -175,7 +183,9 @@ class TestImpulses:
         bodies = [disk(str(k), 0.02 * k, -length) for k in range(n)]
         bodies[0] = disk("0", -length * math.sin(amplitude), -length * math.cos(amplitude))
         pins = [use("pin", bodies=[str(k)], anchor=(0.02 * k, 0.0), length=length) for k in range(n)]
-        scene = Scene(tuple(bodies), (use("gravity"), use("contact_elastic", restitution=1.0), *pins), gravity=G)
+        scene = Scene(
+            tuple(bodies), (use("gravity"), use("contact_elastic", restitution=1.0), *pins), gravity=G
+        )
         half = pendulum_period(length, 9.81, amplitude) / 2
         run = Reference(scene, dt=half / 2000)
         run.advance(2000)
@@ -248,4 +258,6 @@ class TestRun:
     def test_not_finite(self):
         scene = one_body(initial=(0.0, 0.0, 0.0, 0.0))
         with pytest.raises(SimulationError, match="ball is not finite"):
-            Reference(scene, dt=1e-3, extra=lambda t, xy, v: np.full_like(xy, np.nan if t > 4e-3 else 0.0)).advance(9)
+            Reference(
+                scene, dt=1e-3, extra=lambda t, xy, v: np.full_like(xy, np.nan if t > 4e-3 else 0.0)
+            ).advance(9)

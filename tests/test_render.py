@@ -38,7 +38,9 @@ def little_bed(head=(0.012, 0.01)):
         Body("g1", "grain", 1e-3, 4e-6, initial=(0.012, 0.005, 0, 0)),
     )
     bending = use("bending", stiffness=2e-3, amplitude=math.pi / 4, frequency=9.0)
-    return Scene(bodies=(*swimmer(head=head), *grains, *walls), laws=(bending,), periodic_x=0.04, title="little bed")
+    return Scene(
+        bodies=(*swimmer(head=head), *grains, *walls), laws=(bending,), periodic_x=0.04, title="little bed"
+    )
 
 
 def at_rest(scene, t=0.0):
@@ -87,7 +89,9 @@ def test_axis_follows_the_drive():
     painter.paint(at_rest(scene, t=1 / 36))  # a quarter period: 45 degrees
     rows, columns = pixels(painter.image(), HEAD)
     x, y = to_pixel(painter, 0.012, 0.01)
-    away = (np.hypot(columns - x, rows - y) > 1.3 * 1.5e-3 / painter._pixel) & (rows < to_pixel(painter, 0, -0.002)[1])
+    away = (np.hypot(columns - x, rows - y) > 1.3 * 1.5e-3 / painter._pixel) & (
+        rows < to_pixel(painter, 0, -0.002)[1]
+    )
     assert away.sum() > 20
     # against the segment's direction (cos, sin): to the left and, in the picture, down
     assert columns[away].max() < x and rows[away].min() > y

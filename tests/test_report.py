@@ -28,7 +28,9 @@ from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
 DRAG = 2.0e-3  # kg/s
 
 
-def filmed(laws: list[LawUse], believed: list[LawUse], name: str = "one", adjustable=(), **camera) -> Recording:
+def filmed(
+    laws: list[LawUse], believed: list[LawUse], name: str = "one", adjustable=(), **camera
+) -> Recording:
     """A disk filmed at 100 Hz with 20 micrometres of noise, and the scene as an experimenter believes it."""
     body = Body("a", "free", 5e-3, 2e-3, True, (0.05, 0.01, 0.05, 0.2))
     seen = film(
@@ -255,7 +257,9 @@ def test_names_cannot_break_the_page(cases, tmp_path):
     name = '<b>$x_1$ & "it"</b>'
     odd = replace(case, recording=replace(case.recording, name=name))
     moved = {
-        key: replace(fit, innovations={name: fit.innovations[case.name]}, starts={name: fit.starts[case.name]})
+        key: replace(
+            fit, innovations={name: fit.innovations[case.name]}, starts={name: fit.starts[case.name]}
+        )
         for key, fit in (("naive", d.naive), ("recalibrated", d.recalibrated), ("revised", d.revised))
     }
     page = _Page(
@@ -327,7 +331,9 @@ def test_interval_shows_the_digits_it_deserves(value, low, high, shown, between)
 def test_words():
     assert equation("F_i = -mu m_i g") == "F<sub>i</sub> = −μ m<sub>i</sub> g"
     assert equation("-k_H delta^(3/2)") == "−k<sub>H</sub> δ<sup>3/2</sup>"
-    assert number(0) == "0" and number(None) == "–" and number(0.099999) == "0.100" and number(1234.5) == "1230"
+    assert (
+        number(0) == "0" and number(None) == "–" and number(0.099999) == "0.100" and number(1234.5) == "1230"
+    )
     assert length(2.04e-5, "m") == "20.4\u00a0µm" and length(None, "m") == "–"
     assert listed(["a"]) == "a" and listed(["a", "b", "c"]) == "a, b and c"
     assert listed(list("abcdefg"), 4) == "a, b, c and 4 others"

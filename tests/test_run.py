@@ -237,7 +237,9 @@ def test_contacts_of_a_stored_state(tmp_path):
     stored = read_trajectory(result.trajectory)
     contacts = contacts_of(result.scene, stored.state(2))
     n = len(result.scene.bodies)
-    total = np.bincount(contacts.i, np.abs(contacts.force), n) + np.bincount(contacts.j, np.abs(contacts.force), n)
+    total = np.bincount(contacts.i, np.abs(contacts.force), n) + np.bincount(
+        contacts.j, np.abs(contacts.force), n
+    )
     assert total.max() > 0
     assert total == pytest.approx(stored.more["contact_force"][2], rel=1e-6, abs=1e-9)
 
@@ -292,7 +294,9 @@ def test_a_run_that_cannot_go_on(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["run", str(tmp_path / "stiff.toml"), "--out", str(out), "--dt", "0.001"]) == 1
     assert "body cart" in capsys.readouterr().err
-    assert json.loads((out / "run.json").read_text())["stopped"].startswith("failed: the position of body cart")
+    assert json.loads((out / "run.json").read_text())["stopped"].startswith(
+        "failed: the position of body cart"
+    )
     assert len(read_trajectory(out / "trajectory.h5")) >= 1
 
 

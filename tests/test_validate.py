@@ -110,7 +110,9 @@ def other_bed(tmp_path):
         {"name": "uniform_force", "a": [0.3, 0.0], "bodies": ["7", "9"]},
         {"name": "spring", "body": "8", "anchor": [0.0, 0.0], "stiffness": 0.2, "length": 0.01},
     ]
-    roles = np.array(["free" if body.role == "head" else body.role.replace("tail", "grain") for body in scene.bodies])
+    roles = np.array(
+        ["free" if body.role == "head" else body.role.replace("tail", "grain") for body in scene.bodies]
+    )
     start = np.array([body.initial for body in scene.bodies])
     start[:, 0] %= scene.periodic_x
     arrays = {
@@ -140,7 +142,9 @@ def other_bed(tmp_path):
 class TestCrosscheck:
     @pytest.mark.parametrize("mode", ["verlet", "chipmunk", "python", "reference"])
     def test_another_bed(self, mode, other_bed, tmp_path, capsys):
-        assert main(["crosscheck", str(other_bed()), "--mode", mode, "--json", str(tmp_path / "out.json")]) == 0
+        assert (
+            main(["crosscheck", str(other_bed()), "--mode", mode, "--json", str(tmp_path / "out.json")]) == 0
+        )
         data = json.loads((tmp_path / "out.json").read_text())
         assert [set(entry) for entry in data] == [{"steps", "max_position_error"}] * 2
         assert [entry["steps"] for entry in data] == [7, 60]

@@ -210,6 +210,11 @@ class Forces:
         np.subtract.at(force, i, push)
         np.subtract.at(self.torque, i, self.radius[i] * sideways)
         np.subtract.at(self.torque, j, self.radius[j] * sideways)
+        if item.name == "rolling_resistance":
+            reduced = 1 / (self.inverse_mass[i] + self.inverse_mass[j])
+            normal = mechanisms.pressed(values, gap, (u * n).sum(axis=1), reduced)
+            for k in (i, j):
+                np.add.at(self.torque, k, mechanisms.rolling(values, normal, self.radius[k], self.spin[k]))
 
     def _field(
         self, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, rows: np.ndarray

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring", "pin_friction")
-PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication")
+PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
 CHAIN_LAWS = (
     "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
     "actuator_delay", "actuator_saturation",
@@ -73,13 +73,21 @@ def pair(
         return -values["c"] * reduced * approach * values["range"] / (
             values["range"] + np.maximum(gap, 0.0)
         ), none
+    if name == "rolling_resistance":
+        return none, none
+    return none, -values["mu"] * pressed(values, gap, approach, reduced) * smooth_sign(slip, values["v_0"])
+
+
+def pressed(values: Values, gap: np.ndarray, approach: np.ndarray, reduced: np.ndarray) -> np.ndarray:
+    """(k,) repulsion [N] in contacts, linear or Hertz, never below zero."""
     overlap = np.maximum(-gap, 0.0)
-    normal = (
-        values["stiffness"] * overlap
-        + values["hertz"] * overlap**1.5
-        - values["damping"] * reduced * approach
-    )
-    return none, -values["mu"] * np.maximum(normal, 0.0) * smooth_sign(slip, values["v_0"])
+    elastic = values["stiffness"] * overlap + values["hertz"] * overlap**1.5
+    return np.maximum(elastic - values["damping"] * reduced * approach, 0.0)
+
+
+def rolling(values: Values, normal: np.ndarray, radius: np.ndarray, spin: np.ndarray) -> np.ndarray:
+    """(k,) torques [N m] against the spin of bodies in contacts with forces ``normal`` [N]."""
+    return -values["mu_r"] * radius * normal * smooth_sign(spin, values["w_0"])
 
 
 def head_angle(values: Values, t: float) -> float:

@@ -1,21 +1,24 @@
 """``granswim run SCENE``: simulate a scene, and keep its trajectory, frames and a video.
 
 SCENE is a TOML file or the name of a scene that comes with the package (swim, two_disks, pendulum ...).
-Ctrl-C stops between blocks of steps; what was written is kept and can be read.
+Ctrl-C stops between blocks of steps; what was written is kept and can be read, and ``granswim run --resume DIR``
+goes on from the last checkpoint.
 """
 
 import argparse
 from pathlib import Path
 
 from ..engine import MODES
+from ..errors import InputError
 from ..render import COLORS
-from ..run import VIDEOS, find_scene, run_scene
+from ..run import VIDEOS, find_scene, resume_run, run_scene
 
 HELP = "simulate a scene: trajectory, frames, video"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", help="a TOML file, or the name of a scene that comes with the package")
+    parser.add_argument("scene", nargs="?", help="a TOML file, or the name of a scene that comes with the package")
+    parser.add_argument("--resume", metavar="DIR", help="go on with the run in this folder, from its last checkpoint")
     parser.add_argument("--out", metavar="DIR", help="where to write (default: out/NAME)")
     parser.add_argument("--duration", type=float, metavar="S", help="how long to run [s] (default: as the scene says)")
     parser.add_argument("--dt", type=float, metavar="S", help="time step [s] (default: one that resolves the laws)")
@@ -26,10 +29,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--color", choices=COLORS, help="what colours the grains (default: speed)")
     parser.add_argument("--video", choices=VIDEOS, help="of the frames, 25 a second (default: gif)")
     parser.add_argument("--seed", type=int, help="how the bed is packed (default: as the scene says)")
+    parser.add_argument(
+        "--max-overlap", type=float, metavar="P",
+        help="stop when two bodies overlap by more than P %% of the smaller radius (default: 2 in a scene with grains)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--softened", type=float, metavar="F", help="contacts F times softer and steps longer, for screening runs"
+    )
     parser.add_argument("--no-cache", action="store_true", help="pack the bed anew, and do not keep it")
 
 
 def main(args: argparse.Namespace) -> int:
+    if args.resume:
+        if args.scene:
+            raise InputError("a run goes on with its own scene: leave out SCENE", where="--resume")
+        resume_run(args.resume)
+        return 0
+    if args.max_overlap is not None and not args.max_overlap > 0:
+        raise InputError(f"should be above zero, got {args.max_overlap}", where="--max-overlap")
+    if not args.scene:
+        raise InputError("give a scene, or a folder with --resume")
     scene = find_scene(args.scene)
     run_scene(
         scene,
@@ -43,5 +62,7 @@ def main(args: argparse.Namespace) -> int:
         video=args.video,
         seed=args.seed,
         cache=not args.no_cache,
+        max_overlap=None if args.max_overlap is None else args.max_overlap / 100,
+        soft=args.softened,
     )
     return 0

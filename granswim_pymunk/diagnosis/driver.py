@@ -28,6 +28,7 @@ SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apa
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
 REPLICATES = 299
+SINGLE = ("linear_drag", "quadratic_drag", "coulomb_substrate")  # laws of one strength, alike over a short time
 
 Progress = Callable[[str, float], None]
 
@@ -517,7 +518,47 @@ def _pair(
         fit = winner[0].fit
         fit = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
         winner = [replace(t, fit=fit, gain=base.chi2 - fit.chi2) for t in winner]
+        winner = _partners(winner, base, fitter, terms, inner, inner_scores, training)
     return winner
+
+
+def _partners(
+    pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], training: Sequence[Case],
+) -> list[Trial]:  # fmt: skip
+    """The pair with its drag (a law of one strength on single bodies) exchanged for every other, the best of them.
+
+    The signatures that found the pair were those of a short first part, where one drag looks like another.
+    Each begins at the amount that moves the bodies as the present one does.
+    """
+    best, fit = pair, pair[0].fit
+    assert fit is not None
+    offset = len(base.values)
+    for which in (0, 1):
+        term, keep = pair[which].term, pair[1 - which]
+        at = offset + (len(pair[0].term.free) if which else 0)
+        if len(term.free) != 1 or term.mechanism not in SINGLE:
+            continue
+        rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
+        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
+        others = [t for t in terms if t.mechanism in SINGLE and len(t.free) == 1 and t.label != term.label]
+        others = [t for t in others if t.mechanism != keep.mechanism]
+        for other in make_bank(fitter, fit, others).signatures:
+            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
+            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
+            power = float(column @ column)
+            if power == 0.0:
+                continue
+            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
+            hypothesis = base.hypothesis.with_term(keep.term, other.term)
+            begin = [*fit.values[:offset], *fit.values[rows], amount]
+            found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
+            gain = base.chi2 - found.chi2
+            if gain > best[0].gain + SAME * spread_of(found, training):
+                score, _ = inner.score(hypothesis, found)
+                inner_scores[f"{keep.term.label} + {other.term.label}"] = score
+                best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
+    return best
 
 
 def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:

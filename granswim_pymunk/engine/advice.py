@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from ..errors import InputError
 from ..scene import Scene
 
 
@@ -37,10 +39,41 @@ def contact_duration(scene: Scene) -> float | None:
     return shortest
 
 
+def softened(scene: Scene, factor: float) -> Scene:
+    """The scene with contacts ``factor`` times softer, for screening runs.
+
+    The stiffness of ``contact_linear`` and ``contact_hertz`` is divided by the factor and their damping by its root,
+    so that the coefficient of restitution stays. A contact lasts, and a time step may be, sqrt(factor) times longer;
+    the scene's own dt, if any, grows as far as its other laws allow. Overlaps grow by sqrt(factor) in impacts and by
+    the factor under a steady load. Raises InputError where there is no such contact or the factor is below 1.
+    """
+    if not (math.isfinite(factor) and factor >= 1):
+        raise InputError(f"should be 1 or more, got {factor!r}", where="softened")
+    names = ("contact_linear", "contact_hertz")
+    if not any(item.name in names for item in scene.laws):
+        raise InputError("the scene has no contact_linear or contact_hertz to soften", where="softened")
+    laws = tuple(
+        item.with_values(
+            stiffness=item.values["stiffness"] / factor, damping=item.values["damping"] / math.sqrt(factor)
+        )
+        if item.name in names
+        else item
+        for item in scene.laws
+    )
+    soft = replace(scene, laws=laws)
+    if scene.time.dt is None:
+        return soft
+    longest = max(advise_dt(soft), scene.time.dt)
+    return replace(soft, time=replace(soft.time, dt=min(scene.time.dt * math.sqrt(factor), longest)))
+
+
 def advise_dt(scene: Scene) -> float:
     """A time step [s] that resolves the fastest law: 15 steps a contact, 100 a period, 1 % of a decay.
 
-    A contact of 34 microseconds, as in the paper's bed, gets 2.3 microseconds.
+    A contact of 34 microseconds, as in the paper's bed, gets 2.3 microseconds. Forces at a distance and cohesion count
+    by the stiffness of their slope, lubrication and drags by their decay, friction by the time in which gravity's
+    share of it stops the slip below which it is smooth: in a hard impact the slip itself may change by more in a step,
+    which friction bounds.
     """
     steps = [1e-3]
     duration = contact_duration(scene)
@@ -68,8 +101,26 @@ def advise_dt(scene: Scene) -> float:
             steps.append(2 * math.pi * math.sqrt(values["length"] / scene.gravity_size) / 1000)
             if speed > 0:
                 steps.append(values["length"] / speed / 500)
-        elif item.name == "linear_drag" and values["c"] > 0:
+        elif item.name in ("linear_drag", "ambient_flow", "wall_drag") and values["c"] > 0:
             steps.append(0.01 * lightest / values["c"])
+        elif item.name == "pair_lubrication" and values["c"] > 0:
+            steps.append(0.05 / values["c"])
+        elif item.name == "cohesion" and values["force"] > 0 and values["range"] > 0:
+            steps.append(2 * math.pi * math.sqrt(lightest / 2 * values["range"] / values["force"]) / 100)
+        elif item.name == "distance_force" and values["s"] != 0:
+            # its slope is steepest where two disks touch
+            touch = 2 * min(b.radius for b in scene.bodies)
+            mean = float(np.mean([scene.bodies[k].radius for k in scene.rows(item)]))
+            slope = abs(values["s"] * values["n"]) / touch * (mean / touch) ** values["n"]
+            if slope > 0:
+                steps.append(2 * math.pi * math.sqrt(lightest / 2 / slope) / 100)
+        elif item.name == "nonlinear_spring" and values["k_3"] > 0:
+            ways = [math.dist(b.initial[:2], values["anchor"]) for b in scene.bodies if b.mobile and b.initial]
+            stiffest = 3 * values["k_3"] * max((abs(way - values["length"]) for way in ways), default=0.0) ** 2
+            if stiffest > 0:
+                steps.append(2 * math.pi * math.sqrt(lightest / stiffest) / 1000)
+        elif item.name in ("contact_friction", "coulomb_substrate") and values["mu"] > 0 and values["v_0"] > 0:
+            steps.append(0.2 * values["v_0"] / (values["mu"] * scene.gravity_size))
         elif item.name == "quadratic_drag" and values["c"] > 0 and speed > 0:
             steps.append(0.01 * lightest / (values["c"] * speed))
     return float(np.min(steps))

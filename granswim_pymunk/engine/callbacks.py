@@ -522,6 +522,14 @@ def pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, sca
         si += ti
         sj += tj
     return sx, sy, si, sj
+
+
+@njit(**PLAIN)
+def pair_forces(i, j, normal, t, state, inverse_mass, radius, parameters, uses, mask, scalars, out):
+    """The same of many pairs, along their ``normal`` (k, 2), into ``out`` (k,) [N]."""
+    for k in range(out.shape[0]):
+        px, py, ti, tj = pair_force(i[k], j[k], t, state, inverse_mass, radius, parameters, uses, mask, scalars)
+        out[k] = px * normal[k, 0] + py * normal[k, 1]
 ''')
     if offsets is not None:
         parts.append(_native_text(offsets, arguments))

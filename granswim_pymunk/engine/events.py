@@ -13,7 +13,8 @@ from numba import njit
 
 from .native import call_step, load_float, store_float
 
-SHORTEST = 0.1  # of a step: how short the one across an impact is
+# of a step: how short the one across an impact is; the normal of the impact is off by half of it
+SHORTEST = 0.001
 
 
 @njit(cache=True, nogil=True)

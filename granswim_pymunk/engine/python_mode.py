@@ -119,6 +119,10 @@ class PythonCallbacks:
             "vt": (vj - vi) * nx - (uj - ui) * ny - wj * rj - wi * ri,
             "reduced_mass": 1.0 / (float(a["inverse_mass"][i]) + float(a["inverse_mass"][j])),
             "reduced_radius": ri * rj / (ri + rj),
+            "radius_i": ri,
+            "radius_j": rj,
+            "spin_i": wi,
+            "spin_j": wj,
         }
         fx = fy = ti = tj = 0.0
         for u, item in enumerate(s._uses):
@@ -127,11 +131,12 @@ class PythonCallbacks:
             reach = self._encoded[u][item.law.reach] if item.law.reach else 0.0
             if gap >= reach:
                 continue
-            fn, ft = self._call(item, u, available)
+            fn, ft, *torques = self._call(item, u, available)
+            mi, mj = torques or (0.0, 0.0)
             fx += fn * nx - ft * ny
             fy += fn * ny + ft * nx
-            ti -= ri * ft
-            tj -= rj * ft
+            ti += mi - ri * ft
+            tj += mj - rj * ft
         return fx, fy, ti, tj
 
     def _call(self, item: LawUse, u: int, available: dict[str, Any]) -> Any:
@@ -234,6 +239,13 @@ class PythonCallbacks:
             body.velocity = (v[k, 0] / unit, v[k, 1] / unit)
             body.angular_velocity = half * torque[k] * s._inverse_moment[k] * s.units.time
         self._summed_step = -1
+
+    def resume(self) -> None:
+        """Go on from what stands in the simulation's arrays."""
+        a = self.simulation._a
+        self._fx[:], self._fy[:], self._torque[:] = a["fx"], a["fy"], a["torque"]
+        self._summed_step = -1
+        self._lay_out_seam()
 
     def _touching(self) -> list[tuple[int, int]]:
         s = self.simulation

@@ -480,7 +480,7 @@ class Simulation:
 
     # ---- the seam (Chipmunk knows no periodic boundary) --------------------------------------------
 
-    def _lay_out_seam(self) -> None:
+    def _lay_out_seam(self, wrap: bool = True) -> None:
         """Wrap the bodies in the Space, and put ghosts of those near the left edge one period on."""
         a = self._a
         length = self.scene.periodic_x
@@ -496,7 +496,7 @@ class Simulation:
             body = self._bodies[k]
             position = body.position
             turns = math.floor(position.x / period)
-            if turns:
+            if turns and wrap:
                 body.position = (position.x - turns * period, position.y)
                 self._images[k] += turns
                 if self._shapes_in:
@@ -683,21 +683,14 @@ class Simulation:
         """
         if self.mode != "verlet" or self.impulse:
             raise InputError("only a simulation in mode verlet, without impulses, can begin again")
-        u, o = self.units, self._offsets
-        assert o is not None
+        u = self.units
         rows = self._rows_of
         self._initial = np.column_stack([xy, v])[rows]
         self._initial[self._n_mobile :, 2:] = 0.0
-        place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
-        self._images[:] = 0.0
         zeros = np.zeros(self._n)
-        self._write(
-            {
-                o.position: place[:, 0], o.position + 8: place[:, 1], o.transform: place[:, 0],
-                o.transform + 8: place[:, 1], o.velocity: speed[:, 0], o.velocity + 8: speed[:, 1],
-                **dict.fromkeys((o.angle, o.spin, o.force, o.force + 8, o.torque), zeros),
-            }
-        )  # fmt: skip
+        self._images[:] = 0.0
+        place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
+        self._set_bodies(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], zeros, zeros)
         if not self._in_place:
             for k, name in enumerate(("x", "y")):
                 self._a[name][:] = self._initial[:, k]  # walls are not read again
@@ -916,26 +909,70 @@ class Simulation:
         return result
 
     def _restore_inner(self, raw: dict[str, np.ndarray]) -> None:
-        u, o = self.units, self._offsets
+        u = self.units
         period = self.scene.periodic_x or 0.0
         x, y = (raw["x"] - self._images * period) / u.length, raw["y"] / u.length
-        if o is None:
+        self._set_bodies(
+            x, y, raw["vx"] / u.velocity, raw["vy"] / u.velocity, raw["angle"], raw["spin"] * u.time
+        )  # fmt: skip
+        self._forget_lists()
+
+    def _frozen(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of each body, inner order: Chipmunk's fields, and the forces of the last step."""
+        names = ("x", "y", "vx", "vy", "angle", "spin")
+        if self._offsets is not None:
+            o = self._offsets
+            fields = np.array([o.position, o.position + 8, o.velocity, o.velocity + 8, o.angle, o.spin])
+            stepping.read_fields(self._a["bodies"], fields, values := np.empty((6, self._n)))
+        else:
+            values = np.array(
+                [(*b.position, *b.velocity, b.angle, b.angular_velocity) for b in self._bodies]
+            ).reshape(self._n, 6).T  # fmt: skip
+        result = dict(zip(names, values, strict=True)) | {"images": self._images}
+        result |= {name: self._a[name] for name in ("fx", "fy", "torque")}
+        laid = ("near_x", "near_y") if self.mode == "chipmunk" else ("old_x", "old_y")
+        result |= {"laid_x": np.nan_to_num(self._a[laid[0]]), "laid_y": np.nan_to_num(self._a[laid[1]])}
+        return result | {"vx_start": self._initial[:, 2], "vy_start": self._initial[:, 3]}
+
+    def _thaw(self, arrays: dict[str, np.ndarray], step: int, begun: bool) -> None:
+        """The counterpart of ``_frozen``: go on from there."""
+        if any(array.shape != (self._n,) for array in arrays.values()):
+            raise InputError(f"the checkpoint has other bodies than its scene, which has {self._n}")
+        self._images[:] = arrays["images"]
+        self._initial[:, 2], self._initial[:, 3] = arrays["vx_start"], arrays["vy_start"]
+        self._set_bodies(*(arrays[name] for name in ("x", "y", "vx", "vy", "angle", "spin")))
+        for name in ("fx", "fy", "torque"):
+            self._a[name][:] = arrays[name]
+        self.step, self._started = step, begun
+        if hasattr(self, "_ints"):
+            self._floats[_FLOAT_SLOT["step"]] = float(step)
+        self._forget_lists()
+        if self.mode == "chipmunk":
+            # ghosts where bodies are; who is wrapped, and when next, stays as it was: wrapping rounds
+            self._lay_out_seam(wrap=False)
+            self._a["near_x"][:], self._a["near_y"][:] = arrays["laid_x"], arrays["laid_y"]
+        elif self.mode == "python":
+            self._python.resume()
+
+    def _set_bodies(
+        self, x: np.ndarray, y: np.ndarray, vx: np.ndarray, vy: np.ndarray, angle: np.ndarray, spin: np.ndarray
+    ) -> None:
+        """Put the bodies there [engine units], free of forces."""
+        if self._offsets is None:
             for k, body in enumerate(self._bodies):
                 body.position = (x[k], y[k])
                 if k < self._n_mobile:
-                    body.velocity = (raw["vx"][k] / u.velocity, raw["vy"][k] / u.velocity)
-                    body.angle, body.angular_velocity = raw["angle"][k], raw["spin"][k] * u.time
+                    body.velocity, body.angle, body.angular_velocity = (vx[k], vy[k]), angle[k], spin[k]
                     body.force, body.torque = (0.0, 0.0), 0.0
-        else:
-            self._write(
-                {
-                    o.position: x, o.position + 8: y, o.transform: x, o.transform + 8: y,
-                    o.velocity: raw["vx"] / u.velocity, o.velocity + 8: raw["vy"] / u.velocity,
-                    o.angle: raw["angle"], o.spin: raw["spin"] * u.time,
-                    **dict.fromkeys((o.force, o.force + 8, o.torque), np.zeros(self._n)),
-                }
-            )  # fmt: skip
-        self._forget_lists()
+            return
+        o = self._offsets
+        self._write(
+            {
+                o.position: x, o.position + 8: y, o.transform: x, o.transform + 8: y, o.velocity: vx,
+                o.velocity + 8: vy, o.angle: angle, o.spin: spin,
+                **dict.fromkeys((o.force, o.force + 8, o.torque), np.zeros(self._n)),
+            }
+        )  # fmt: skip
 
     def raw(self) -> dict[str, np.ndarray]:
         """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
@@ -993,6 +1030,23 @@ class Simulation:
         result[self._n_mobile :] = 0.0
         return result[self._inner]
 
+    def overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Overlapping pairs that a pair law acts on: rows i, j of ``scene.bodies``, and overlap/smaller radius."""
+        self._begin()
+        if not self._room:
+            empty = np.zeros(0, dtype=np.int64)
+            return empty, empty, np.zeros(0)
+        raw = self._raw_inner()
+        a = self._a
+        count = self._fresh_list(raw["x"], raw["y"], 0.0)
+        i, j = a["pair_i"][:count].astype(np.int64), a["pair_j"][:count].astype(np.int64)
+        self._forget_lists()
+        dx = raw["x"][j] - raw["x"][i]
+        if self.scene.periodic_x:
+            dx -= self.scene.periodic_x * np.floor(dx / self.scene.periodic_x + 0.5)
+        overlap = a["radius"][i] + a["radius"][j] - np.hypot(dx, raw["y"][j] - raw["y"][i])
+        return self._rows_of[i], self._rows_of[j], overlap / np.minimum(a["radius"][i], a["radius"][j])
+
     def contacts(self) -> Contacts:
         """Touching pairs with the normal force of all pair laws, velocities at the time of the positions."""
         raw = self._synchronised()
@@ -1009,17 +1063,16 @@ class Simulation:
         dy = raw["y"][j] - raw["y"][i]
         distance = np.hypot(dx, dy)
         normal = np.column_stack([dx, dy]) / np.where(distance > 0, distance, 1.0)[:, None]
-        state = self._rows_of_now(raw)
         force = np.empty(count)
-        for k in range(count):
-            if self._kernel is None:
+        if self._kernel is None:
+            for k in range(count):
                 px, py, _, _ = self._python.pair_force(int(i[k]), int(j[k]), self.t, raw)
-            else:
-                px, py, _, _ = self._kernel.pair_force(
-                    int(i[k]), int(j[k]), self.t, state, a["inverse_mass"], a["radius"], a["parameters"], a["uses"],
-                    a["mask"], a["scalars"],
-                )  # fmt: skip
-            force[k] = px * normal[k, 0] + py * normal[k, 1]
+                force[k] = px * normal[k, 0] + py * normal[k, 1]
+        else:
+            self._kernel.pair_forces(
+                i, j, normal, self.t, self._rows_of_now(raw), a["inverse_mass"], a["radius"], a["parameters"],
+                a["uses"], a["mask"], a["scalars"], force,
+            )  # fmt: skip
         rows = self._rows_of
         oi, oj = rows[i], rows[j]
         flip = oi > oj

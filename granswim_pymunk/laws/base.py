@@ -20,7 +20,8 @@ Kinds
     returns ``(fx, fy)`` [N], the force on one body.
 ``pair``
     for two bodies whose gap is below ``reach`` (0: contact); n points from i to j, t is n turned by
-    +90 degrees; returns ``(fn, ft)`` [N], the force on j along n and t; i gets the opposite.
+    +90 degrees; returns ``(fn, ft)`` [N], the force on j along n and t; i gets the opposite. A law that
+    asks for ``spin_i`` or ``spin_j`` returns ``(fn, ft, mi, mj)``, with a torque on each besides [N m].
 ``chain``
     sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``.
 ``constraint``
@@ -61,6 +62,10 @@ STATE: dict[str, dict[str, str]] = {
         "distance": "distance of centres [m]",
         "vn": "relative velocity of j against i along n [m/s]",
         "vt": "relative surface velocity of j against i along t, spin counted [m/s]",
+        "radius_i": "radius of i [m]",
+        "radius_j": "radius of j [m]",
+        "spin_i": "angular velocity of i [rad/s]; the law then returns (fn, ft, torque on i, torque on j)",
+        "spin_j": "angular velocity of j [rad/s]; as spin_i",
         "reduced_mass": "m_i m_j/(m_i + m_j), that of the mobile one against a wall [kg]",
         "reduced_radius": "r_i r_j/(r_i + r_j) [m]",
         "r0": "mean radius of the bodies the law acts on [m]",

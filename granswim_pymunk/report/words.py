@@ -24,6 +24,7 @@ _SPOKEN = {
     "coulomb_substrate": "dry friction with the substrate",
     "uniform_force": "a uniform force",
     "contact_friction": "friction in contacts",
+    "rolling_resistance": "resistance to rolling in contacts",
     "restitution": "another restitution",
     "distance_force": "a force at a distance",
     "actuator_lag": "a lag of the actuator",

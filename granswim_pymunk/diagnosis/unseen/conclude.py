@@ -35,8 +35,10 @@ from .search import (
 )
 from .suspects import Suspect
 
+# one and the same where only the drive depends on time (contract): what differs is the error of the runs
+EQUIVALENT = {frozenset(("actuator_delay", "time_offset"))}
 POOR = 0.1  # share of the misfit that a named law may leave where what it leaves is significant
-LEFT_ALARM = 1e-4  # how improbable (F tail) what is left has to be before it is called unmodelled
+LEFT_ALARM = 1e-4  # how improbable (chi2 tail) what is left has to be before it is called unmodelled
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Finding:
     label: str  # of the runs of the revised scene
     true: bool  # whether those have the scene's own contacts
     rivals: list[tuple[Trial, bool]]
-    left: tuple[float, float]  # p-values of what the last fit leaves: rank among whole runs, F tail
+    left: tuple[float, float]  # p-values of what the last fit leaves: rank among the nulls, chi2 tail
     spots: list[Spot] = field(default_factory=list)
     proposal: tuple[str, list[str], float] | None = None
     train: dict[str, float | None] = field(default_factory=dict)
@@ -134,6 +136,7 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
         _again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
     settled: set[str] = set()
+    dueled: set[str] = set()
     while leaders and not late(0.75):
         # whoever comes near the best has to be known as well as the best
         near = [t for t in leaders if leaders[0].worth - t.worth < 0.2 * leaders[0].worth + SAME]
@@ -148,7 +151,15 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
         if verdict == "no_mismatch" and s.adjust and s.p_recalibration <= ALARM:
             verdict = "recalibrate"
         return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
-    same = [t for t in leaders if leaders[0].worth - t.worth < SAME]
+    best_one = leaders[0]
+    for t in [t for t in leaders[1:3] if best_one.worth - t.worth < SAME + 2 * _noise(s, best_one, t)]:
+        # the error of the simulated means is what keeps these two together: more runs of both
+        for one in (best_one, t):
+            if one.suspect.label not in dueled and not late(0.78):
+                _again(s, one, 0.8, 1, s.sizes.duel)
+                dueled.add(one.suspect.label)
+    leaders.sort(key=lambda t: -t.worth)
+    same = [t for t in leaders if _alike(s, leaders[0], t)]
     chosen_ = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
     found_ = [chosen_]
     revised = chosen_.fit
@@ -160,10 +171,14 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
             found_, revised = pair
             left = goodness(s, revised, len(revised.u))
     rivals = [
-        (t, chosen_.worth - t.worth < SAME)
+        (t, _alike(s, chosen_, t))
         for t in leaders
         if t.suspect.name not in {f.suspect.name for f in found_} and t.gain > 0.2 * chosen_.gain
     ]
+    if all(c.any_view.curve for c in s.training):
+        # a few speeds say one thing only: whatever explains it to first order is of the same class
+        first_order = [t for t in open_ if t.fit is None and t.gain > 0.95 * best]
+        rivals += [(t, True) for t in first_order if t.suspect.name != chosen_.suspect.name]
     rivals = _once(rivals)
     excess = (revised.chi2 - revised.count) / max(s.base.chi2 - s.base.count, 1e-9)
     verdict = "measurement" if all(t.suspect.apparatus for t in found_) else "missing_physics"
@@ -179,6 +194,33 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
         at += t.suspect.size
     label = label_of(s.adjust, rounded(revised.u[: len(s.adjust)]), extra)
     return Finding(s, verdict, found_, revised, label, False, rivals, left)
+
+
+def _noise(s: Search, a: Trial, b: Trial) -> float:
+    """Standard deviation of the difference of two objectives that comes from the error of their simulated means."""
+    if a is b or a.fit is None or b.fit is None:
+        return 0.0
+
+    def own(t: Trial) -> float:
+        assert t.fit is not None
+        shares = []
+        for c in s.training:
+            points = t.fit.model.anchor[c.name]
+            found = s.means.mean[c.name]
+            # what both share, the naive runs and those of the recalibrated scene, drops out of the difference
+            apart = [p for p in points if p[0] not in (NAIVE, base_point(s))]
+            shares.append(sum(points[p] ** 2 / found[p][1] for p in apart))
+        return float(np.mean(shares))
+
+    left = min(a.fit.chi2, b.fit.chi2)
+    return 2.0 * math.sqrt(max(left * (own(a) + own(b)), 0.0))
+
+
+def _alike(s: Search, best: Trial, other: Trial) -> bool:
+    """Whether these data, and the runs that were done, cannot tell the other law from the best."""
+    if frozenset((best.suspect.name, other.suspect.name)) in EQUIVALENT:
+        return True
+    return best.worth - other.worth < SAME + _noise(s, best, other)
 
 
 def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:

@@ -72,10 +72,10 @@ def diagnose_unseen(
 def sizes_for(conditions: int, curve: bool) -> Sizes:
     """Runs of each kind: the more recordings, the fewer packings each needs."""
     if curve:
-        return Sizes(true=6, soft=6, adjustable=3, screen=2, more=1, leader=3, final=4, leaders=4)
+        return Sizes(true=6, soft=6, adjustable=3, screen=2, more=1, leader=3, final=4, leaders=4, duel=6)
     if conditions <= 2:
         return Sizes()
-    return Sizes(true=8, soft=6, adjustable=3, screen=1, more=2, leader=3, final=4, leaders=5)
+    return Sizes(true=8, soft=6, adjustable=3, screen=1, more=2, leader=3, final=4, leaders=5, duel=8)
 
 
 def affordable(sizes: Sizes, s, seconds: float) -> Sizes:
@@ -87,15 +87,15 @@ def affordable(sizes: Sizes, s, seconds: float) -> Sizes:
 
     def planned(z: Sizes) -> float:
         count = suspects * z.screen + len(s.training) * (
-            z.soft * bool(s.adjust) + z.adjustable * len(s.adjust) + 6 * z.more + 2 * z.leaders * z.leader
+            z.soft * bool(s.adjust) + z.adjustable * len(s.adjust) + 6 * z.more + 2 * z.leaders * z.leader + 2 * z.duel
         )
         return cost * (0.7 * count + z.final * len(s.conditions) * 1.5)
 
     for smaller in (
         sizes,
-        replace(sizes, more=1, leader=3, final=3, leaders=4),
-        replace(sizes, screen=1, more=1, leader=2, final=2, leaders=3, soft=4, adjustable=2),
-        replace(sizes, screen=1, more=0, leader=2, final=2, leaders=2, soft=3, adjustable=2),
+        replace(sizes, more=1, leader=3, final=3, leaders=4, duel=6),
+        replace(sizes, screen=1, more=1, leader=2, final=2, leaders=3, soft=4, adjustable=2, duel=4),
+        replace(sizes, screen=1, more=0, leader=2, final=2, leaders=2, soft=3, adjustable=2, duel=2),
     ):
         if planned(smaller) <= seconds:
             return smaller

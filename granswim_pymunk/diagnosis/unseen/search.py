@@ -18,9 +18,7 @@ from .runs import Change, Job, Runner
 from .suspects import Suspect, suspects_of
 
 ALARM = 0.01  # share of recordings of the naive physics that may be called a mismatch
-# two laws whose objectives differ by less cannot be told apart on these data: d' below 2, and the simulated means'
-# own error on top
-SAME = 6.0
+SAME = 4.0  # two laws whose objectives differ by less (d' below 2) cannot be told apart on these data
 SURVIVES = 0.02  # of a signature, below which recalibration imitates it
 VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
 REPLICATES = 299
@@ -41,6 +39,7 @@ class Sizes:
     leader: int = 4
     final: int = 6
     leaders: int = 5
+    duel: int = 10  # of the best two, where they are near each other
 
 
 @dataclass
@@ -615,15 +614,14 @@ def anchored(
 
 
 def goodness(s: Search, found: Fit, free_numbers: int) -> tuple[float, float]:
-    """Two p-values of what a fit leaves: its rank among whole runs seen as recordings, and the F tail.
+    """Two p-values of what a fit leaves: its rank among the nulls, and the tail of chi2.
 
-    T^2 (nu - n + 1)/(nu n) of n numbers against F(n, nu - n + 1) (Hotelling 1931, Ann. Math. Stat. 2, 360), with nu
-    the runs' degrees of freedom, at least n + 3.
+    chi2 is divided by 1 + n/(2 nu) first, n numbers of a recording weighed by a spread of nu degrees of freedom.
     """
     assert s.nulls is not None
     n = max(found.count - free_numbers, 1)
     scaled = np.sort(s.nulls.left) * n / max(found.count - len(s.base.u), 1)
     rank = Nulls.p(found.chi2, scaled)
-    nu = max(sum(s.means.dof[c.name] for c in s.training), n + 3)
-    f = found.chi2 * (nu - n + 1) / (nu * n)
-    return rank, float(stats.f.sf(f, n, nu - n + 1))
+    size = found.count / len(s.training)
+    nu = max(min(s.means.dof[c.name] for c in s.training), 1)
+    return rank, float(stats.chi2.sf(found.chi2 / (1 + 0.5 * size / nu), n))

@@ -44,7 +44,7 @@ def outcome_of(f: Finding, seconds: float, seed: int) -> Outcome:
         verdict["null"] = {"p_false_alarm": p, "replicates": len(s.nulls.best)}
     if f.proposal is not None:
         change, names, d = f.proposal
-        verdict["next_experiment"] = {"change": change, "separates": names, "d_prime": d}
+        verdict["next_experiment"] = {"change": change, "separates": names, "d_prime": float(d)}
     n = len(s.adjust)
     verdict["recalibrated"] = {
         term.label: dict(zip(("value", "low", "high"), (float(f.revised.u[k]), *f.revised.interval(k)), strict=True))
@@ -266,7 +266,7 @@ def _notes(f: Finding, curves_only: bool) -> list[str]:
         notes.append("the contract's units of errors do not fit a curve of speeds: fit is null, see the figure")
     if f.left[0] <= ALARM and f.verdict not in ("unmodelled",):
         rank, tail = f.left
-        notes.append(f"what the last fit leaves is more than packings do (rank p = {rank:.2g}, F tail p = {tail:.2g})")
+        notes.append(f"the last fit leaves more than packings do (rank p = {rank:.2g}, chi2 tail p = {tail:.2g})")
     unseen = [t.suspect.label for t in s.trials if t.reason.startswith("no amount")]
     if unseen:
         notes.append("these recordings would not show: " + ", ".join(unseen))
