@@ -325,6 +325,15 @@ def test_a_late_motor_is_found_at_the_head(few_suspects):
     assert verdict["next_experiment"]["change"] == "film a flash that the motor triggers"
 
 
+def test_a_stiffness_that_was_off_is_recalibrated(few_suspects):
+    more = replace(FEW, true=8, soft=8, screen=3, leader=6, final=6)
+    verdict = diagnose_unseen([read_recording(FOLDER / "softer_10_Hz")], sizes=more).verdict
+    assert verdict["verdict"] == "recalibrate" and not verdict["mechanisms"]
+    found = verdict["recalibrated"]["bending.stiffness"]
+    assert found["low"] < 1.6e-3 < found["high"] < 2e-3
+    assert verdict["fit"]["heldout"]["recalibrated"] < verdict["fit"]["heldout"]["naive"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("case", "name", "parameter", "value"),

@@ -117,14 +117,8 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
         more_runs(s, chosen, 0.6)
         screen(s, suspects)
         open_ = [t for t in s.trials if not t.reason and t.gain > 0]
-    left = goodness(s, s.base, len(s.base.u))
     if s.p_search > ALARM:
-        verdict = "no_mismatch"
-        if s.adjust and s.p_recalibration <= ALARM:
-            verdict = "recalibrate"
-        if left[0] <= ALARM and left[1] < LEFT_ALARM:
-            verdict = "unmodelled"
-        return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
+        return _without(s)
     threshold = float(np.quantile(s.nulls.best, 1 - ALARM))
     best = open_[0].gain
     # signatures are not linear: everything that comes near is refitted once, the best of those to the end
@@ -147,10 +141,7 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
         settled.add(rest[0].suspect.label)
         leaders.sort(key=lambda t: -t.worth)
     if not leaders or leaders[0].worth < max(threshold, 8.0):
-        verdict = "unmodelled" if left[0] <= ALARM and left[1] < LEFT_ALARM else "no_mismatch"
-        if verdict == "no_mismatch" and s.adjust and s.p_recalibration <= ALARM:
-            verdict = "recalibrate"
-        return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
+        return _without(s)
     best_one = leaders[0]
     for t in [t for t in leaders[1:3] if best_one.worth - t.worth < SAME + 2 * _noise(s, best_one, t)]:
         # the error of the simulated means is what keeps these two together: more runs of both
@@ -159,6 +150,8 @@ def search_and_conclude(s: Search, late: Callable[[float], bool]) -> Finding:
                 _again(s, one, 0.8, 1, s.sizes.duel)
                 dueled.add(one.suspect.label)
     leaders.sort(key=lambda t: -t.worth)
+    if leaders[0].worth < max(threshold, 8.0):
+        return _without(s)
     same = [t for t in leaders if _alike(s, leaders[0], t)]
     chosen_ = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
     found_ = [chosen_]
@@ -231,14 +224,33 @@ def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
     return list(best.values())
 
 
+def _without(s: Search) -> Finding:
+    """The verdict where no suspect is needed, or none helps."""
+    left = goodness(s, s.base, len(s.base.u))
+    verdict = "recalibrate" if s.adjust and s.p_recalibration <= ALARM else "no_mismatch"
+    if left[0] <= ALARM and left[1] < LEFT_ALARM:
+        verdict = "unmodelled"
+    return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
+
+
 def _again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
     """Refit a trial by simulation, from where it stands."""
     found, done, reason = refit(s, [t.suspect], share, rounds, count, t.fit)
     t.refitted += done
     if found is not None and (done or t.fit is None):
-        t.fit, t.gain = found, s.base.objective - found.objective
+        t.fit = found
     elif found is None:
         t.reason = reason
+    _level(s)
+
+
+def _level(s: Search) -> None:
+    """Every run tells more of the spread: base and trials are fitted again with what is known of it now."""
+    s.base = fit(s.base.model, s.means, s.training)
+    for t in s.trials:
+        if t.fit is not None:
+            t.fit = fit(t.fit.model, s.means, s.training)
+            t.gain = s.base.objective - t.fit.objective
 
 
 def _second(s: Search, first: Trial, suspects: list[Suspect], threshold: float) -> tuple[list[Trial], Fit] | None:
