@@ -46,7 +46,7 @@ def test_plans(setting: Setting) -> None:
     assert len({tuple(p.values()) for p in points}) == len(points)
     assert len(setting.seeds) == (8 if setting is POCKET else 20)
     # every block has every packing, and every point builds
-    for name, block in blocks().items():
+    for name, block in blocks(setting).items():
         mine = points_of(setting, [name])
         assert {p["seed"] for p in mine} == set(setting.seeds)
         assert len(mine) == len({tuple(complete(b, setting, 1).values()) for b in block}) * len(setting.seeds)

@@ -68,9 +68,8 @@ class Verdict:
 
     @property
     def packings(self) -> int:
-        """The fewest packings that any of its statements rests on."""
-        counts = [f.packings for f in self.findings if f.packings]
-        return min(counts) if counts else 0
+        """The fewest packings that any of its statements rests on (0 where one has no runs, or none needs any)."""
+        return min((f.packings for f in self.findings), default=0)
 
     def to_dict(self) -> dict[str, Any]:
         return {

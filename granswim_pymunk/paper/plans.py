@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from .measure import Plan
+from .scenes import STEP
 
 Point = dict[str, Any]
 
@@ -29,12 +31,6 @@ READINGS: tuple[Point, ...] = (
     {"form": "head_axis"},
     {"gamma_B": 1.0e3},
     {"k_B_scale": 0.17},
-)
-CONVERGENCE: tuple[Point, ...] = (
-    {"softness": 1.0},
-    {"softness": 5.0},
-    {"dt": 1.0e-5},
-    {"width": 0.140},
 )
 
 
@@ -74,12 +70,19 @@ PAPER = Setting("paper", tuple((name, _TWENTY) for name in BLOCKS), Plan(duratio
 SETTINGS = {s.name: s for s in (POCKET, PAPER)}
 
 
-def blocks() -> dict[str, list[Point]]:
+def convergence(setting: Setting) -> tuple[Point, ...]:
+    """What is changed to see whether it matters: stiffness of the contacts, half the step, a longer box."""
+    others: list[Point] = [{"softness": s} for s in (1.0, 5.0, 25.0) if s != setting.softness]
+    half = round(STEP * math.sqrt(setting.softness) / 2, 12)
+    return (*others[:2], {"dt": half}, {"width": 0.140})
+
+
+def blocks(setting: Setting) -> dict[str, list[Point]]:
     """Points of each block, without seed and softness, the most telling ones first."""
     return {
         "free": [{"k_B": 100.0, "frequency": f} for f in FREE[100.0]],
         "k_B": [{"k_B": k, "frequency": f} for k in (200.0, 500.0, 150.0) for f in FREE[k]],
-        "convergence": [{"frequency": 9.0, **c} for c in CONVERGENCE],
+        "convergence": [{"frequency": 9.0, **c} for c in convergence(setting)],
         "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
         "readings": [{**r, "frequency": f} for r in READINGS for f in THREE],
@@ -89,7 +92,7 @@ def blocks() -> dict[str, list[Point]]:
 
 def points_of(setting: Setting, names: list[str] | None = None) -> list[Point]:
     """All points of these blocks (default: all), in the order in which they should be run, each once."""
-    chosen = blocks()
+    chosen = blocks(setting)
     result: dict[tuple[Any, ...], Point] = {}
     for name, seeds in setting.order:
         if names is None or name in names:

@@ -7,7 +7,7 @@ from ..analysis.speed import mean_error
 from .claim import OPEN, Claim, Finding, above, number, within
 from .draw import curve, frequency_axis, styled
 from .f3 import peaked
-from .plans import CONVERGENCE, READINGS, THREE, Point
+from .plans import READINGS, THREE, Point, convergence
 from .results import Results
 
 NAMES: dict[str, Point] = {
@@ -85,9 +85,7 @@ def judge_convergence(results: Results) -> list[Finding]:
             note=f"contacts {results.setting.softness:g} times softer than the paper's",
         )
     ]  # fmt: skip
-    for change in CONVERGENCE:
-        if change.get("softness") == results.setting.softness:
-            continue
+    for change in convergence(results.setting):
         d, e, n = results.difference("speed", {**change, "frequency": 9.0}, {"frequency": 9.0})
         own = results.mean("speed", **change, frequency=9.0)
         what = ", ".join(f"{k} {v:g}" for k, v in change.items())
