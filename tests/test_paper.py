@@ -10,13 +10,14 @@ import xarray as xr
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.paper import driver, plans, t1
-from granswim_pymunk.paper.calibrate import fit_curve, third_of_free
+from granswim_pymunk.paper.calibrate import calibrate, fit_curve, third_of_free
 from granswim_pymunk.paper.claim import FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
 from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
 from granswim_pymunk.paper.measure import Plan
 from granswim_pymunk.paper.plans import PAPER, POCKET, Setting, blocks, complete, points_of
-from granswim_pymunk.paper.results import Results
+from granswim_pymunk.paper.results import Results, jobs_of, summarise
 from granswim_pymunk.paper.scenes import paper_scene
+from granswim_pymunk.recording.folder import read_curve
 from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.sweep import read_dataset
 
@@ -136,6 +137,24 @@ def test_a_curve_is_fitted() -> None:
     assert fit_curve(curve, mu, speeds).mu_eff == pytest.approx(0.18, abs=0.02)
     with pytest.raises(InputError, match="two values"):
         fit_curve(curve, mu, [[np.zeros(0)] * 3] * 4)
+
+
+def test_a_curve_is_run_for(tmp_path: Path) -> None:
+    """Speeds made by the simulation itself at one mu_eff give that mu_eff back."""
+    file = tmp_path / "curve.csv"
+    short = Setting("short", (("free", (1,)),), Plan(duration=0.4, settle=0.1, spacing=0), 25.0, usual=TINY.usual)
+    mu = (0.0, 0.2)
+    rough = np.zeros(1, dtype=CURVE)
+    rough["frequency"], rough["layers"], rough["speed_sem"] = 9.0, 11.0, np.nan
+    first = calibrate(rough, short, tmp_path / "runs", mu, processes=1, quiet=True)
+    assert first.packings == 1 and len(list((tmp_path / "runs").glob("*.nc"))) == 2
+    point = complete({"frequency": 9.0, "layers": 11.0, "mu_eff": 0.2}, short, 1)
+    (job,) = jobs_of([point], short, tmp_path / "runs")
+    assert job.done
+    speed = float(summarise(read_dataset(job.file))["speed"])
+    file.write_text(f"frequency,layers,speed\n9,11,{speed!r}\n")
+    again = calibrate(read_curve(file), short, tmp_path / "runs", mu, processes=1, quiet=True)
+    assert again.mu_eff == pytest.approx(0.2, abs=1e-6) and again.rms < 1e-9
 
 
 # ---- the whole --------------------------------------------------------------------------------

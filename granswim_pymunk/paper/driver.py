@@ -213,9 +213,8 @@ def page(verdicts: Sequence[Verdict], setting: Setting, out: Path, pages: Path) 
     ]
     for v in verdicts:
         name = v.claim.name
-        lines.append(
-            f"| [{name}](#{name.lower()}) | {v.claim.title} | {v.verdict} | {v.packings if v.claim.blocks else '–'} | {v.missing or '–'} |"
-        )
+        packings = v.packings if v.claim.blocks else "–"
+        lines.append(f"| [{name}](#{name.lower()}) | {v.claim.title} | {v.verdict} | {packings} | {v.missing or '–'} |")
     for v in verdicts:
         lines += ["", f"## {v.claim.name}", "", f"{v.claim.title}, {v.claim.where}: {v.verdict}.", ""]
         if v.figure:
