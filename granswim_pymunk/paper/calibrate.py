@@ -45,7 +45,8 @@ class Calibration:
 def third_of_free(results: Results, seed: int = 0, draws: int = 1000) -> Calibration:
     """mu_eff at which the speed at 9 Hz under 11 layers is a third of the free one.
 
-    Straight lines between the values of mu_eff that were run (0 included); packings are resampled for the error.
+    Straight lines between the values of mu_eff that were run (0 included). For the error every mean is drawn anew
+    from its own Student t.
     """
     mu = np.array([0.0, *sorted(FRICTION)])
     speeds = [
@@ -63,7 +64,7 @@ def third_of_free(results: Results, seed: int = 0, draws: int = 1000) -> Calibra
     rng = np.random.default_rng(seed)
     sampled = []
     for _ in range(draws):
-        drawn = np.array([s[rng.integers(0, len(s), len(s))].mean() for s in speeds])
+        drawn = np.array([_redrawn(s, rng) for s in speeds])
         sampled.append(_crossing(mu, drawn / drawn[0]))
     kept = np.array(sampled)
     kept = kept[np.isfinite(kept)]
@@ -75,6 +76,12 @@ def third_of_free(results: Results, seed: int = 0, draws: int = 1000) -> Calibra
         _crossing(mu, means / means[0]), float(high - low) / 2, ratio, np.nan, min(len(s) for s in speeds), mu,
         np.abs(means / means[0] - TARGET),
     )  # fmt: skip
+
+
+def _redrawn(values: np.ndarray, rng: np.random.Generator) -> float:
+    """A mean as it might have been: from its Student t, which knows how few packings there were."""
+    n = len(values)
+    return float(values.mean() + (values.std(ddof=1) / np.sqrt(n) * rng.standard_t(n - 1) if n > 1 else 0.0))
 
 
 def _crossing(mu: np.ndarray, ratio: np.ndarray) -> float:
@@ -95,7 +102,8 @@ def fit_curve(
     curve : structured (k,) as ``recording.folder.read_curve`` gives it (frequency, layers, speed, speed_sem)
     mu : (m,) values that were run [s/m], rising;  speeds[i][j] : (packings,) speeds at mu i, row j [m/s]
     Between the values of mu speeds are interpolated linearly; rows are weighed by 1/speed_sem^2 where all rows
-    have one. The error is that of resampled packings. Raises InputError where fewer than two mu have runs.
+    have one. For the error every mean is drawn anew from its own Student t. Raises InputError where fewer than two
+    mu have runs.
     """
     mu = np.asarray(mu, dtype=float)
     if len(mu) < 2 or any(len(s) == 0 for row in speeds for s in row):
@@ -113,7 +121,7 @@ def fit_curve(
     best = int(np.argmin(squares))
     rng = np.random.default_rng(seed)
     sampled = [
-        fine[np.argmin(misfit(np.array([[s[rng.integers(0, len(s), len(s))].mean() for s in row] for row in speeds])))]
+        fine[np.argmin(misfit(np.array([[_redrawn(s, rng) for s in row] for row in speeds])))]
         for _ in range(draws)
     ]
     low, high = np.percentile(sampled, [2.5, 97.5])
