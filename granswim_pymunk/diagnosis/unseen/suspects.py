@@ -143,6 +143,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
     amounts: dict[str, tuple[float, ...]] = {
         "linear_drag": (mass * rate,), "quadratic_drag": (mass * rate / speed,), "coulomb_substrate": (0.15,),
         "added_mass": (0.2,), "uniform_force": (0.3, 0.3), "contact_friction": (0.2,), "cohesion": (force,),
+        "rolling_resistance": (0.2,),
         "distance_force": (force,), "wall_drag": (4 * mass * rate,), "pair_lubrication": (1e3,),
     }  # fmt: skip
     found = []
