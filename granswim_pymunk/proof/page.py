@@ -47,8 +47,16 @@ def draw_detection(rows: Sequence[Row]) -> Drawing:
     axis.set(
         xscale="log", ylim=(-0.18, 1.08), xlabel="standard errors of the concealed effect", ylabel="share of cases"
     )
+    _plain_ticks(axis)
     axis.legend(loc="center right")
     return figure
+
+
+def _plain_ticks(axis: Any) -> None:
+    """Standard errors as plain numbers on a logarithmic scale."""
+    axis.set_xlim(1.0, 170.0)
+    axis.set_xticks((1, 2, 5, 10, 20, 50, 100), ("1", "2", "5", "10", "20", "50", "100"))
+    axis.minorticks_off()
 
 
 @styled
@@ -82,6 +90,7 @@ def draw_held_out(rows: Sequence[Row]) -> Drawing:
         axis.plot(x, y, "o", ms=4, color=COLOURS[key], label=key, alpha=0.85)
     axis.axhline(1.0, color=COLOURS["floor"], lw=0.8)
     axis.set(xscale="log", yscale="log", xlabel="standard errors of the effect", ylabel="held-out error / floor")
+    _plain_ticks(axis)
     axis.legend(loc="upper left")
     return figure
 
