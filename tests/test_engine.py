@@ -473,3 +473,40 @@ class TestConstraints:
         np.testing.assert_allclose(sim.sample(times)[:, 0], times[:, None] * [[2.0, -1.0]], atol=1e-15)
         with pytest.raises(InputError, match="rise"):
             sim.sample([0.05])
+
+
+def two_swimmers(*laws) -> Scene:
+    """Two chains of three disks side by side, stretched and bent a little."""
+    bodies = []
+    for k in range(2):
+        for n, b in enumerate(swimmer(disks=3, head=(0.0, 0.05 * k))):
+            x, y = b.initial[:2]
+            bodies.append(replace(b, id=f"{'ab'[k]}{n}", initial=(1.1 * x, y + 1e-4 * n * n, 0.1 * n, 0.0)))
+    return Scene(tuple(bodies), laws=laws, time=Time(dt=1e-6))
+
+
+class TestTwoSwimmers:
+    NAMES = ("b0", "b1", "b2")
+
+    @pytest.mark.parametrize("mode", ["verlet", "batch", "python"])
+    def test_a_law_acts_on_the_swimmer_that_it_names(self, mode):
+        laws = [
+            {"stiffness": 1e3, "damping": 1e3},
+            {"stiffness": 2e-3, "damping": 1e2, "amplitude": 0.8, "frequency": 9.0},
+        ]
+        both = two_swimmers(*(use(name, **v) for name, v in zip(("union", "bending"), laws, strict=True)))
+        one = two_swimmers(
+            *(use(name, bodies=self.NAMES, **v) for name, v in zip(("union", "bending"), laws, strict=True))
+        )
+        assert len(one.chains) == 2
+        full, part = (run(scene, mode, 50).forces() for scene in (both, one))
+        assert (np.abs(full).max(axis=1) > 0).all()
+        np.testing.assert_array_equal(part[:3], 0.0)
+        np.testing.assert_array_equal(part[3:], full[3:])
+
+    def test_one_disk_stands_for_its_swimmer(self):
+        some, all_ = (
+            two_swimmers(use("union", stiffness=1e3, damping=0.0, bodies=names))
+            for names in (("a1",), ("a0", "a1", "a2"))
+        )
+        np.testing.assert_array_equal(run(some, steps=20).forces(), run(all_, steps=20).forces())

@@ -7,7 +7,7 @@ import argparse
 import os
 from pathlib import Path
 
-from ..benchmarks.speed import ENGINES, as_json, benchmark, draw
+from ..benchmarks.speed import ENGINES, as_json, benchmark, draw, table
 from ..errors import InputError
 from ..validation.output import check_folder, write_json
 
@@ -16,7 +16,12 @@ HELP = "time per step and memory, side by side with LAMMPS and a plain compiled 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--grains", type=int, nargs="+", default=[500, 2264, 5000], metavar="N", help="sizes of the bed"
+        "--grains",
+        type=int,
+        nargs="+",
+        default=[500, 2264, 5000, 20000, 100000],
+        metavar="N",
+        help="sizes of the bed (default: 500 2264 5000 20000 100000)",
     )
     parser.add_argument(
         "--engines", nargs="+", default=list(ENGINES), metavar="NAME", help=f"some of {', '.join(ENGINES)}"
@@ -24,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)")
     parser.add_argument("--no-memory", action="store_true", help="do not measure memory (a process for each row)")
     parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
-    parser.add_argument("--out", metavar="DIR", help="write benchmark.json and benchmark.png there")
+    parser.add_argument(
+        "--out", metavar="DIR", help="write benchmark.json, a table (benchmark.md) and a figure (benchmark.png) there"
+    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -43,8 +50,9 @@ def main(args: argparse.Namespace) -> int:
         write_json(as_json(rows), args.json)
     if out is not None:
         write_json(as_json(rows), out / "benchmark.json")
+        (out / "benchmark.md").write_text(table(rows), encoding="utf-8")
         beside = out / f".benchmark.{os.getpid()}.png"
         draw(rows, beside)
         beside.replace(out / "benchmark.png")
-        print(f"\n{out / 'benchmark.json'}, {out / 'benchmark.png'}")
+        print(f"\n{out / 'benchmark.json'}, {out / 'benchmark.md'}, {out / 'benchmark.png'}")
     return 0

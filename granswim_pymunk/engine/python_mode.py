@@ -173,6 +173,8 @@ class PythonCallbacks:
             kind = item.law.kind
             if kind == "chain":
                 for first, last in a["chains"]:
+                    if not a["mask"][u, first]:
+                        continue
                     m = slice(first, last)
                     arrays = {
                         "t": t, "x": state[m, 0].copy(), "y": state[m, 1].copy(), "vx": state[m, 2].copy(),

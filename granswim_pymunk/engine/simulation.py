@@ -272,6 +272,9 @@ class Simulation:
             parameters += item.law.encode(values)
             rows += chosen.tolist()
             mask[u, chosen] = 1
+            if item.law.kind == "chain":
+                for first, last in spans:  # a law acts on whole swimmers: on those of which it names a disk
+                    mask[u, first:last] = mask[u, first:last].any()
             if item.law.reach:
                 reach = max(reach, float(values[item.law.reach]))
         a["parameters"] = np.array(parameters or [0.0], dtype=float)
