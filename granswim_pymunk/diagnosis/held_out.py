@@ -183,19 +183,26 @@ def noise_floor(
     for case in cases:
         frames = case.start if case.held_out else case.training
         fitter = Fitter([case], predictor, {case.name: frames}, stop)
+        # what belongs to a held-out recording alone has to be found from its first frames in repeats, too
+        reduced, own = own_numbers(hypothesis, training.values, case)
+        alone = case.held_out and len(own) > 0
         try:
             starts = None if case.held_out else training.starts
-            fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+            if alone:
+                fit = fitter.fit(reduced, training.values[own], starts)
+            else:
+                fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
             truth = fitter.predict(fit, case, np.ones(len(case.t), dtype=bool))
         except Failed:
             continue
-        for _ in range(repeats):
+        # a number found from few frames moves the floor more than noise does
+        for _ in range(4 * repeats if alone else repeats):
             noisy = truth + rng.normal(size=truth.shape) * case.sigma
             noisy[~np.isfinite(case.values)] = np.nan
             twin = replace(case, values=noisy)
             inner = Fitter([twin], predictor, {case.name: frames}, stop)
             try:
-                found = inner.fit(hypothesis, training.values, fit.starts, fixed=True, evaluations=6)
+                found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=6)
                 seen = inner.predict(found, twin, np.ones(len(case.t), dtype=bool))
             except Failed:
                 continue

@@ -30,6 +30,7 @@ REPLICATES = 499
 TWINS = 8
 FEWEST_TWINS = 4
 SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
+CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
 RESPONSE = (0.12, 2.0)  # rms of a signature in standard deviations: above what chaos leaves, still near linear
@@ -39,6 +40,7 @@ LEADERS = 7
 LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
 GAUGE = 4  # members that are timed
 MINUTES = 10.0  # where no budget is given
+LATE = ("actuator_lag", "actuator_delay")
 APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 
 Progress = Callable[[str, float], None]
@@ -533,7 +535,7 @@ class Search:
         """Trials with the gains of those that were refitted, in all training windows."""
         most = trials[0].linear
         chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
-        chosen = chosen[: 2 * self.plan.leaders]
+        chosen = _with_clock(chosen[: 2 * self.plan.leaders], trials)
         rough = []
         for k, t in enumerate(chosen):
             self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
@@ -551,6 +553,7 @@ class Search:
                     rough.append(other)
                     best.append(other)
         best = sorted(best, key=lambda t: -t.worth)[: max(self.plan.leaders - 2, 2)]
+        best = _with_clock(best, rough)
         done = []
         for k, t in enumerate(best):
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
@@ -803,15 +806,31 @@ def _rivals(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[Be
             continue
         seen.add(key)
         names.add(t.mechanism)
-        rivals.append((t, bool(score - t.worth < SAME)))
+        rivals.append((t, bool(score - t.worth < SAME + CHAOS)))
     return rivals
 
 
+def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial]:
+    """Where a late motor is to be refitted, the shifted clock that would look the same is refitted beside it.
+
+    To first order it may be far behind: a shift that is not small is no longer linear.
+    """
+    late = next((t for t in chosen if t.mechanism in LATE), None)
+    clock = next((t for t in trials if t.mechanism == "time_offset"), None)
+    if late is None or clock is None or clock in chosen:
+        return chosen
+    amount = -float(late.values[0]) / clock.term.free[0].scale
+    low, high = limits(clock.term)
+    twin = replace(clock, amounts=np.clip(np.array([amount]), low, high))
+    at = chosen.index(late) + 1
+    return [*chosen[:at], twin, *chosen[at:]]
+
+
 def _clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
-    """A pure delay of the only thing that depends on time is a shifted clock: of the two the clock is named."""
-    if not trials or trials[0].gain is None or trials[0].mechanism != "actuator_delay":
+    """A late motor that a shifted clock imitates to within chaos: apparatus comes before physics."""
+    if not trials or trials[0].gain is None or trials[0].mechanism not in LATE:
         return trials
     offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
-    if offset is None or trials[0].worth - offset.worth > SAME:
+    if offset is None or trials[0].worth - offset.worth > SAME + CHAOS:
         return trials
     return [offset, *(t for t in trials if t is not offset)]
