@@ -14,6 +14,7 @@ from .hypothesis import Failed, Hypothesis, Predictor, Term
 from .innovations import inflation
 from .signatures import Bank, Signature
 
+SPECIAL_CASES = {"ambient_flow": "linear_drag"}  # law: the law it becomes when all but its first number are zero
 INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
 
 
@@ -132,7 +133,30 @@ def try_candidates(
         else:
             found = refit(fitter, base, signature, stages)
             trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
+    if not late():
+        trials = [_from_special_case(fitter, base, t, trials) for t in trials]
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence[Trial]) -> Trial:
+    """A law that holds another as a special case cannot fit worse: where it does, the search begins from that one.
+
+    Drag in still air is a flow of no speed.
+    """
+    names = SPECIAL_CASES.get(trial.mechanism)
+    if names is None or trial.fit is None:
+        return trial
+    special = [t for t in trials if t.mechanism == names and t.numbers == 1 and t.fit is not None]
+    best = max(special, key=lambda t: t.gain, default=None)
+    if best is None or best.fit is None or best.gain <= trial.gain:
+        return trial
+    n = len(base.values)
+    rest = [0.0] * (trial.numbers - 1)
+    hypothesis = base.hypothesis.with_term(trial.term)
+    found = fitter.fit(hypothesis, [*best.fit.values[:n], best.fit.values[n], *rest], best.fit.starts, evaluations=20)
+    if found.chi2 >= trial.fit.chi2:
+        return trial
+    return Trial(trial.signature, found, base.chi2 - found.chi2, float("inf"))
 
 
 def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
