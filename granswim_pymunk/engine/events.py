@@ -14,7 +14,7 @@ from numba import njit
 from .native import call_step, load_float, store_float
 
 # of a step: how short the one across an impact is; the normal of the impact is off by half of it
-SHORTEST = 0.001
+SHORTEST = 0.01
 
 
 @njit(cache=True, nogil=True)
