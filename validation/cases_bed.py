@@ -230,7 +230,12 @@ def against_reference(mode: str = "verlet", quick: bool = False) -> Case:
         (use("gravity"), use("rail", direction=(0.0, 1.0)), use("contact_elastic", restitution=0.7)),
         gravity=(0.0, -9.81),
     )
-    scenes.append(("contact_elastic, two falling disks", bounce, 1e-5, 8_000 if quick else 30_000, 1e-4))
+    # until the low one rests: an impact on a disk at rest on the floor is two impacts in turn for the reference,
+    # one of three bodies for Chipmunk
+    whole_steps = 1e-4 if mode in ("python", "batch") else 1e-7  # an impact there is up to a step late
+    scenes.append(("contact_elastic, two falling disks", bounce, 1e-5, 8_000 if quick else 16_000, whole_steps))
+    alone = replace(bounce, bodies=bounce.bodies[:2])
+    scenes.append(("contact_elastic, a disk that comes to rest", alone, 1e-5, 30_000, 1e-7))
     figures = [
         Figure(name, _apart(scene, mode, dt, n), bound, "m", f"{n} steps")
         for name, scene, dt, n, bound in scenes

@@ -48,6 +48,7 @@ class Offsets:
 
 _BODY_BYTES = 216  # what is known to lie inside cpBody
 _CONSTRAINT_BYTES = 104
+_SPACE_BYTES = 128
 
 
 def _find(memory: Any, size: int, value: bytes, what: str, *, skip: tuple[int, ...] = ()) -> int:
@@ -121,6 +122,19 @@ def step_address() -> int:
         return int(ctypes.cast(library.cpSpaceStep, ctypes.c_void_p).value or 0)
     except (OSError, AttributeError) as error:
         raise ProbeError(f"cpSpaceStep is not exported: {error}") from None
+
+
+@functools.cache
+def last_step_offset() -> int:
+    """Byte offset in a cpSpace of the length of its last step. Raises ProbeError where it is not found."""
+    space = pymunk.Space()
+    memory = ffi.cast("char *", space._space)
+    space.step(1.2345e-7)
+    found = _find(memory, _SPACE_BYTES, struct.pack("d", 1.2345e-7), "the last step of a space")
+    space.step(2.5e-3)
+    if found != _find(memory, _SPACE_BYTES, struct.pack("d", 2.5e-3), "the last step of a space"):
+        raise ProbeError("the last step of a space moves")
+    return found
 
 
 def address(pointer: Any) -> int:

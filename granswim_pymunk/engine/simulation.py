@@ -39,6 +39,7 @@ from .native import (
     ProbeError,
     address,
     column,
+    last_step_offset,
     offsets,
     releaser,
     rows_of_bodies,
@@ -740,9 +741,9 @@ class Simulation:
         radius = a["radius"] / self.units.length
         out = np.full((len(ends), len(rows), 2), np.nan)
         reached, last = events.advance_to(
-            step_address(), address(self._space._space), self.t, ends, self.dt, self.units.time, self._ints,
-            _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"], a["bodies"],
-            radius, a["group"], touching, a["mobile"], self._offsets.position, self._offsets.velocity,
+            step_address(), address(self._space._space), last_step_offset(), self.t, ends, self.dt, self.units.time,
+            self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
+            a["bodies"], radius, a["group"], touching, a["mobile"], self._offsets.position, self._offsets.velocity,
             self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"], a["inverse_mass"],
             a["bodies"][rows].copy(), out,
         )  # fmt: skip
