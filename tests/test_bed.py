@@ -23,6 +23,7 @@ from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_val
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.diagnosis.kept import load_array, store_array
 from granswim_pymunk.diagnosis.outcome import check_verdict
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
@@ -282,3 +283,33 @@ def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp
     assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
     assert Simulation(read_scene(tmp_path / "out" / "revised.toml")).dt > 0
     assert found.notes  # half a minute is not enough for everything, and it says so
+
+
+def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
+    recording = small("small_joint")
+    options = {"candidates": ["weak_joint"], "plan": Plan(1, 1, 4, 8, 2), "seed": 3}
+    whole = diagnose_windows([recording], **options)
+    tried = []
+
+    def stop(text: str, share: float) -> None:
+        tried.append(text)
+        if sum(t.startswith("signatures") for t in tried) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_windows([recording], **options, progress=stop)
+    rest = diagnose_windows([recording], **options)
+    assert rest.runs < 0.7 * whole.runs  # recalibration, twins and three signatures were kept
+    assert rest.score == whole.score and np.array_equal(rest.values, whole.values)
+    assert rest.found is not None and np.array_equal(rest.found.values, whole.found.values)
+    again = diagnose_windows([recording], **options)
+    assert again.runs == whole.runs  # with its verdict a diagnosis is forgotten: the next one starts anew
+
+
+def test_a_damaged_file_of_an_interrupted_diagnosis_is_computed_again(tmp_path):
+    file = tmp_path / "a.npy"
+    store_array(file, np.arange(6.0).reshape(2, 3))
+    assert np.array_equal(load_array(file, (2, 3)), np.arange(6.0).reshape(2, 3))
+    assert load_array(file, (3, 2)) is None and load_array(tmp_path / "b.npy") is None
+    file.write_bytes(file.read_bytes()[:90])
+    assert load_array(file, (2, 3)) is None

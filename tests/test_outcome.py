@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from granswim_pymunk.diagnosis.diagnose import kind_of, verdict_of
+from granswim_pymunk.diagnosis.diagnose import grouped, kind_of, verdict_of
 from granswim_pymunk.diagnosis.outcome import (
     Outcome,
     Table,
@@ -17,9 +17,10 @@ from granswim_pymunk.diagnosis.outcome import (
     mismatch_entry,
     write_outcome,
 )
+from granswim_pymunk.diagnosis.together import combined, diagnose_together
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording
-from granswim_pymunk.scene import Bed, Body, Scene, read_scene, swimmer
+from granswim_pymunk.scene import Bed, Body, Scene, read_scene, swimmer, use
 
 
 @pytest.fixture
@@ -93,7 +94,98 @@ def test_kinds_of_recordings():
     seen = recording("seen", Scene((*chain, grain)))
     hidden = recording("hidden", Scene((*chain, replace(grain, observed=False))))
     bed = recording("bed", Scene(chain, bed=Bed(0.03, 0.8, (2e-3, 3e-3), 2500.0)))
-    assert [kind_of([r]) for r in (alone, seen, hidden, bed)] == ["bodies", "bed", "unseen", "unseen"]
-    assert kind_of([hidden, bed]) == "unseen"
-    with pytest.raises(InputError, match="recording seen: shows a bed that is seen, alone bodies without a bed"):
-        kind_of([alone, seen])
+    assert [kind_of(r) for r in (alone, seen, hidden, bed)] == ["bodies", "bed", "unseen", "unseen"]
+    groups = grouped([hidden, alone, bed], [seen])
+    assert {k: ([r.name for r in a], [r.name for r in b]) for k, (a, b) in groups.items()} == {
+        "unseen": (["hidden", "bed"], []), "bodies": (["alone"], []), "bed": ([], ["seen"]),
+    }  # fmt: skip
+
+
+# ---- several kinds together ------------------------------------------------------------------
+
+
+def one_body(name: str) -> Recording:
+    scene = Scene((Body("a", "free", 1e-3, 1e-4, True, (0.0, 0.0, 0.1, 0.0)),))
+    return Recording(name=name, scene=scene, t=np.arange(3) * 0.1, ids=("a",), xy=np.zeros((3, 1, 2)))
+
+
+def method_of(truth: dict[str, float], value: float = 1e-4, half: float = 1e-5, aliases: bool = False):
+    """A diagnosis that knows which laws its recordings lack, and names what their scenes do not have of them."""
+    calls = []
+
+    def diagnosed(training, held, *, minutes, seed, progress):
+        progress("looking", 0.5)
+        scene = training[0].scene
+        calls.append([item.name for item in scene.laws])
+        missing = {k: c for k, c in truth.items() if not scene.laws_named(k)}
+        if aliases and missing:
+            missing = {"quadratic_drag": 1e-2}
+        wrong = [item.name for item in scene.laws if item.name not in truth]
+        verdict = empty_verdict("missing_physics" if missing else "no_mismatch")
+        if wrong:
+            verdict["verdict"] = "unmodelled"
+            verdict["mechanisms"] = [mechanism_entry("unknown", "F(v)", [], {}, None, None)]
+        for k in missing:
+            found = {"c": (value, value - half, value + half, "kg/s")}
+            verdict["mechanisms"].append(mechanism_entry(k, "F = -c v", ["a"], found, 0.9, 10.0))
+            verdict["mismatch"].append(mismatch_entry(["a"], 100.0 * truth.get(k, 0.05), 1e-9))
+        verdict["null"] = {"p_false_alarm": 0.004, "replicates": 249}
+        revised = scene.with_laws(*(use(k, c=c) for k, c in missing.items()))
+        return Outcome(verdict, {r.name: (revised, {}) for r in training}, "found", [])
+
+    return diagnosed, calls
+
+
+def together(**methods) -> Outcome:
+    groups = {kind: ([one_body(kind)], []) for kind in methods}
+    found = diagnose_together(groups, {k: m for k, (m, _) in methods.items()}, minutes=3.0)
+    check_verdict(verdict_of(found))
+    return found
+
+
+def test_a_law_seen_in_two_kinds_is_one_law_with_both_measurements():
+    second = method_of({"linear_drag": 0.1}, 1.1e-4, 2e-5)
+    found = together(bodies=method_of({"linear_drag": 0.2}, 1e-4, 1e-5), bed=second)
+    (entry,) = found.verdict["mechanisms"]
+    c = entry["parameters"]["c"]
+    assert c["value"] == pytest.approx((1e-4 * 4 + 1.1e-4) / 5) and c["high"] - c["low"] < 2e-5
+    assert entry["gain_heldout"] == 20.0 and found.verdict["verdict"] == "missing_physics"
+    assert found.verdict["null"] == {"p_false_alarm": 0.008, "replicates": 249}
+    assert set(found.revised) == {"bodies", "bed"}
+
+
+def test_what_one_kind_shows_explains_what_another_misnames():
+    weak, calls = method_of({"linear_drag": 0.1}, aliases=True)
+    found = together(bodies=method_of({"linear_drag": 0.2}), unseen=(weak, calls))
+    assert [m["name"] for m in found.verdict["mechanisms"]] == ["linear_drag"]
+    assert calls == [[], ["linear_drag"]]
+    assert found.notes == ["linear_drag, found in bodies without a bed, explains a bed that is not seen too"]
+
+
+def test_two_laws_that_two_kinds_show_are_both_kept():
+    other, calls = method_of({"linear_drag": 0.1, "quadratic_drag": 0.1}, aliases=False)
+    found = together(bodies=method_of({"linear_drag": 0.2}), bed=(other, calls))
+    assert sorted({m["name"] for m in found.verdict["mechanisms"]}) == ["linear_drag", "quadratic_drag"]
+
+
+def test_a_law_that_does_not_act_in_the_other_kind_is_not_forced_on_it():
+    found = together(bodies=method_of({"linear_drag": 0.2}), bed=method_of({}))
+    assert found.verdict["verdict"] == "missing_physics"
+    assert "does not act in a bed that is seen" in found.notes[0]
+    assert not found.revised["bed"][0].laws and found.revised["bodies"][0].laws_named("linear_drag")
+
+
+def test_kinds_that_show_nothing_say_so(tmp_path):
+    found = together(bodies=method_of({}), bed=method_of({}))
+    assert found.verdict["verdict"] == "no_mismatch" and not found.verdict["mechanisms"]
+    write_outcome(found, tmp_path)
+    assert "a bed that is seen" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_measurements_that_disagree_widen_the_interval():
+    one = {"value": 1.0, "low": 0.9, "high": 1.1, "unit": "kg/s"}
+    far = combined(one, {**one, "value": 2.0, "low": 1.9, "high": 2.1})
+    assert far["value"] == pytest.approx(1.5) and far["high"] - far["low"] > 0.9
+    near = combined(one, one)
+    assert near["high"] - near["low"] == pytest.approx(0.2 / 2**0.5)
+    assert combined(one, {**one, "low": None}) == one

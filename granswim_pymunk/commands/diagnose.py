@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+MOST_BODIES = 8  # named one by one
+
 HELP = "find the physics that the scene of a recording lacks"
 
 
@@ -30,7 +32,9 @@ def main(args: argparse.Namespace) -> int:
     verdict = verdict_of(found)
     print(f"verdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
-        print(f"  {entry['name']} on {', '.join(entry['bodies'])}: {entry['expression']}")
+        shown, more = entry["bodies"][:MOST_BODIES], len(entry["bodies"]) - MOST_BODIES
+        whom = ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+        print(f"  {entry['name']}{f' on {whom}' if whom else ''}: {entry['expression']}")
     same = [rival["name"] for rival in verdict["rivals"] if rival["indistinguishable"]]
     worse = [rival["name"] for rival in verdict["rivals"] if not rival["indistinguishable"]]
     if same:

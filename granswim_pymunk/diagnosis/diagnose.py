@@ -13,6 +13,7 @@ from ..recording import Recording, read_recording, resolve_recording
 from .bed import diagnose_bed
 from .driver import Diagnosis, diagnose_bodies
 from .outcome import Outcome, check_verdict, plain_numbers, write_outcome
+from .together import diagnose_together
 from .unseen import diagnose_unseen
 from .verdict import verdict_dict, write_verdict
 
@@ -24,32 +25,30 @@ METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {
 }
 
 
-def kind_of(recordings: Sequence[Recording]) -> str:
-    """How these recordings are compared with simulations.
+def kind_of(recording: Recording) -> str:
+    """How a recording is compared with simulations.
 
     "bodies": whole tracks;  "bed": short windows, where a swimmer and its grains are seen;
     "unseen": statistics over packings, where the grains are not seen or there are only curves.
-    Raises InputError where recordings of different kinds are mixed that cannot be explained together.
     """
-    kinds: dict[str, str] = {}
-    for recording in recordings:
-        scene = recording.scene
-        grains = [b for b in scene.bodies if b.role == "grain"]
-        if not len(recording.t) or (scene.bed is not None and not grains):
-            kinds[recording.name] = "unseen"
-        elif scene.chains and grains:
-            kinds[recording.name] = "bed" if any(b.observed for b in grains) else "unseen"
-        else:
-            kinds[recording.name] = "bodies"
-    if len(set(kinds.values())) > 1:
-        first = recordings[0].name
-        other = next(name for name, kind in kinds.items() if kind != kinds[first])
-        spoken = {"bodies": "bodies without a bed", "bed": "a bed that is seen", "unseen": "a bed that is not seen"}
-        raise InputError(
-            f"shows {spoken[kinds[other]]}, {first} {spoken[kinds[first]]}; diagnose them one after the other",
-            where=f"recording {other}",
-        )
-    return next(iter(kinds.values()), "bodies")
+    scene = recording.scene
+    grains = [b for b in scene.bodies if b.role == "grain"]
+    if not len(recording.t) or (scene.bed is not None and not grains):
+        return "unseen"
+    if scene.chains and grains:
+        return "bed" if any(b.observed for b in grains) else "unseen"
+    return "bodies"
+
+
+def grouped(
+    training: Sequence[Recording], held: Sequence[Recording]
+) -> dict[str, tuple[list[Recording], list[Recording]]]:
+    """Kind to (training, held out)."""
+    groups: dict[str, tuple[list[Recording], list[Recording]]] = {}
+    for part, recordings in enumerate((training, held)):
+        for recording in recordings:
+            groups.setdefault(kind_of(recording), ([], []))[part].append(recording)
+    return groups
 
 
 def verdict_of(found: Diagnosis | Outcome) -> dict[str, Any]:
@@ -98,7 +97,8 @@ def diagnose(
     recordings, hold_out : Recording objects, folders, or names of shipped recordings
     out : folder for verdict.json, report.html, figures/, revised.toml
     minutes : time budget; seed : of the nulls
-    Bodies without a bed give a Diagnosis, beds and curves an Outcome; ``verdict_of`` reads either.
+    Recordings of different kinds are explained together, see ``together``.
+    Bodies without a bed give a Diagnosis, everything else an Outcome; ``verdict_of`` reads either.
     Raises InputError for recordings that cannot be used.
     """
     training = _read(recordings)
@@ -109,12 +109,17 @@ def diagnose(
     if len(set(every)) != len(every):
         twice = next(n for n in every if every.count(n) > 1)
         raise InputError("two recordings have this name", where=twice)
-    kind = kind_of([*training, *held])
+    groups = grouped(training, held)
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise InputError("is a file; --out should name a folder", file=out)
-    method = METHODS[kind]
-    diagnosis = method(training, held, minutes=minutes, seed=seed, progress=progress or (lambda *a: None))
+    tell = progress or (lambda text, share: None)
+    diagnosis: Diagnosis | Outcome
+    if len(groups) > 1:
+        diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
+    else:
+        method = METHODS[next(iter(groups), "bodies")]
+        diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
     if isinstance(diagnosis, Outcome):
         write_outcome(diagnosis, out)
         return diagnosis

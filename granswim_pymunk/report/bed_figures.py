@@ -175,7 +175,7 @@ def candidates(d: BedDiagnosis, most: int = 20) -> Figure:
     figure = Figure(figsize=(WIDTH, 0.9 + 0.21 * len(trials)), layout="constrained")
     axis, side = figure.subplots(1, 2, sharey=True, width_ratios=(4, 1))
     for k, t in enumerate(trials):
-        named = d.found is not None and t.term.label == d.found.term.label
+        named = t.term.label in {law.term.label for law in d.laws}
         colour = REVISED if named else "#8fb3cc"
         if t.gain is None:
             axis.barh(k, max(t.linear, 0.0), height=0.62, facecolor="none", edgecolor=MUTED, linewidth=0.9)

@@ -571,7 +571,7 @@ def _made(diagnosis: Diagnosis) -> str:
     )
 
 
-def _captions(diagnosis: Diagnosis) -> dict[str, tuple[str, str]]:
+def captions(diagnosis: Diagnosis) -> dict[str, tuple[str, str]]:
     """Alternative text and caption of every figure."""
     several = len(diagnosis.cases) > 12
     shown = (
@@ -643,12 +643,12 @@ def _known(diagnosis: Diagnosis) -> bool:
 
 def page(diagnosis: Diagnosis, pictures: dict[str, bytes]) -> str:
     """The report as one HTML text; ``pictures``: PNG by figure name, embedded."""
-    captions = _captions(diagnosis)
+    told = captions(diagnosis)
 
     def picture(name: str) -> str:
         if name not in pictures:
             return ""
-        alt, caption = captions[name]
+        alt, caption = told[name]
         data = base64.b64encode(pictures[name]).decode("ascii")
         return (
             f'<figure id="{name}"><div class="scroll"><img alt="{escaped(alt)}" '

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..hypothesis import Failed, Hypothesis
+from ..kept import Store
 from .signatures import Noise, ensemble_noise, twin_noise
 from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
 
@@ -18,11 +19,14 @@ Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
 class Bench:
     """Predicts, and compares with what was seen. ``members`` of each window, ``twins`` of each recording."""
 
-    def __init__(self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS) -> None:
+    def __init__(
+        self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS, store: Store | None = None
+    ) -> None:
         self.beds = list(beds)
         self.members = members
         self.twins = twins
-        self.predictors = [BedPredictor(b, members=members) for b in beds]
+        self.store = store
+        self.predictors = [BedPredictor(b, members=members, store=store) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
 
@@ -125,10 +129,15 @@ class Bench:
         def one(task: tuple[int, int]) -> np.ndarray:
             b, k = task
             bed, predictor = self.beds[b], self.predictors[b]
-            film = predictor.twin(hypothesis, values, k)
-            own = BedPredictor(bed, film, self.members)
-            left = own.seen() - own(hypothesis, values).mean(axis=1)
-            predictor.runs += own.runs
+            key = predictor.key("twin", hypothesis, values, k, self.members) if self.store else ""
+            left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
+            if left is None:
+                film = predictor.twin(hypothesis, values, k)
+                own = BedPredictor(bed, film, self.members)
+                left = own.seen() - own(hypothesis, values).mean(axis=1)
+                predictor.runs += own.runs
+                if self.store:
+                    self.store.put(key, left)
             done[0] += 1
             progress(done[0] / len(tasks))
             return left

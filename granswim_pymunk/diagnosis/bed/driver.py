@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 from scipy import stats
@@ -17,7 +17,9 @@ from scipy import stats
 from ...errors import InputError
 from ...recording import Recording
 from ..data import choose_held_out
+from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
+from ..kept import Store
 from .bench import Bench, Prediction, Windows, check_runs
 from .candidates import bed_terms, check_bed, flexible_terms, siblings
 from .experiment import Proposal, propose
@@ -37,6 +39,7 @@ RESPONSE = (0.12, 2.0)  # rms of a signature in standard deviations: above what 
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
 ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
 LEADERS = 7
+SECONDS = 6  # laws that are tried beside the one that was found
 LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
 GAUGE = 4  # members that are timed
 MINUTES = 10.0  # where no budget is given
@@ -85,7 +88,7 @@ class Errors:
 
 @dataclass
 class BedDiagnosis:
-    """Everything that was found; ``verdict`` is one of the contract's five."""
+    """Everything that was found; ``verdict`` is one of the contract's five; ``partner`` a second law."""
 
     bench: Bench
     verdict: str
@@ -95,6 +98,7 @@ class BedDiagnosis:
     values: np.ndarray
     value_covariance: np.ndarray
     found: BedTrial | None
+    partner: BedTrial | None
     rivals: list[tuple[BedTrial, bool]]
     trials: list[BedTrial]
     null: np.ndarray
@@ -116,6 +120,11 @@ class BedDiagnosis:
     @property
     def beds(self) -> list[BedCase]:
         return self.bench.beds
+
+    @property
+    def laws(self) -> list[BedTrial]:
+        """What was found, the more telling first."""
+        return [t for t in (self.found, self.partner) if t is not None]
 
 
 class Clock:
@@ -188,7 +197,8 @@ def diagnose_windows(
 
     ``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out,
     and the notes say so. ``candidates``: names of the mechanisms to try, all where not given. ``plan``: how much is
-    simulated, whatever the time.
+    simulated, whatever the time. Finished predictions are kept in the user's cache until there is a verdict: a
+    diagnosis that was interrupted goes on from there.
     Raises InputError for recordings that cannot be used.
     """
     clock = Clock(minutes)
@@ -216,8 +226,15 @@ def diagnose_windows(
     windows = sum(len(b.starts) for b in beds)
     training = sum(int(b.training.sum()) for b in beds)
     given = plan is not None
+    store = Store("bed", *((b.film.t, b.film.xy, b.scene.hash) for b in beds), minutes, seed, twins, candidates)
     if plan is None:
-        plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins)
+        kept = store.get("plan", (5,))
+        # an interrupted diagnosis goes on with what it had planned: only then are its runs the same
+        if kept is not None:
+            plan = Plan(*map(int, kept))
+        else:
+            plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins)
+        store.put("plan", np.array(astuple(plan), dtype=float))
     if plan.windows < max(len(b.starts) for b in beds):
         beds = cut(recordings, hold_out, seed, plan.windows)
     if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS):
@@ -225,7 +242,7 @@ def diagnose_windows(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
         )
-    bench = Bench(beds, plan.twins, plan.members)
+    bench = Bench(beds, plan.twins, plan.members, store)
     used = bench.training
 
     # recalibration first
@@ -300,16 +317,37 @@ def diagnose_windows(
     revised = hypothesis
     revised_values, after = values, bench
     unexplained = float(left @ left - null_chi2.mean()) / float(null_chi2.std())
+    partner: BedTrial | None = None
+    single: tuple[Hypothesis, np.ndarray] | None = None  # the first law alone, where there are two
+
+    def still(rows: Prediction | None, judge: Bench) -> float:
+        """Standard deviations of the nulls' chi2 that are left."""
+        if rows is None:
+            return unexplained
+        rest = off(nuisance, judge.white(rows, used))
+        return float(rest @ rest - null_chi2.mean()) / float(null_chi2.std())
+
     if found is not None:
         revised = hypothesis.with_term(found.term)
         readjusted = _readjusted(bench, hypothesis, values, nuisance, found, used)
-        revised_values, covariance, found, after = _polish(
-            bench, hypothesis, readjusted, found, used, clock.late(0.85), plan
+        revised_values, covariance, found, after, columns = _polish(
+            bench, hypothesis, readjusted, found, used, clock.late(0.85), plan, len(values)
         )
         rows = after.predict([(revised, revised_values)], used)[0]
-        if rows is not None:
-            rest = off(nuisance, after.white(rows, used))
-            unexplained = float(rest @ rest - null_chi2.mean()) / float(null_chi2.std())
+        unexplained = still(rows, after)
+        if unexplained > UNEXPLAINED and columns is not None and rows is not None and not clock.late(0.8):
+            progress("a second law", 0.80)
+            search = Search(after, revised, revised_values, rows, columns, used, few, at, plan, clock, progress)
+            partner = _second_law(search, found, signatures, rng)
+        if partner is not None:
+            single, alone = (revised, revised_values), (covariance, found, after, unexplained)
+            revised_values, covariance, partner, after, _ = _polish(
+                bench, revised, revised_values, partner, used, clock.late(0.87), plan, len(values)
+            )
+            revised = revised.with_term(partner.term)
+            part = slice(len(values), len(values) + len(found.values))
+            found = _moved_to(found, revised_values[part], covariance[part, part])
+            unexplained = still(after.predict([(revised, revised_values)], used)[0], after)
 
     # the flexible arms, where something is left that no law with a name explains
     arm: BedTrial | None = None
@@ -320,13 +358,14 @@ def diagnose_windows(
             progress("flexible arms", 0.84)
             arm = _flexible(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
             best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
+            best_named += partner.worth if partner is not None else 0.0
             if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
                 notes.append(
                     f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
                 )
                 arm = None
             if arm is not None:
-                found, revised = arm, hypothesis.with_term(arm.term)
+                found, partner, single, revised = arm, None, None, hypothesis.with_term(arm.term)
                 revised_values, after = np.concatenate([values, arm.values]), bench
                 covariance = np.full((len(revised_values),) * 2, np.nan)
                 trials = [arm, *trials]
@@ -337,7 +376,23 @@ def diagnose_windows(
     wanted = [(hypothesis, naive_values), (hypothesis, values), (revised, revised_values)]
     if found is None:
         wanted = wanted[:2]
+    if single is not None:
+        wanted.append(single)
     simulated = bench.predict(wanted, every)
+    if partner is not None and single is not None and found is not None:
+        # the second law has to earn its place on windows that it never saw
+        with_both, with_one = simulated[2], simulated[3]
+        if with_both is None or with_one is None:
+            earned = -math.inf
+        else:
+            earned = 0.5 * float(
+                np.sum(bench.white(with_one, bench.held) ** 2) - np.sum(bench.white(with_both, bench.held) ** 2)
+            )
+        if earned <= LEAST_HELD and any(len(w) for w in bench.held):
+            notes.append(f"{partner.mechanism} beside {found.mechanism} does not predict held-out windows better")
+            (revised, revised_values), (covariance, found, after, unexplained) = single, alone
+            partner = None
+            simulated[2] = with_one
     predicted: dict[str, Prediction] = {}
     for label, rows in zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True):
         if rows is not None:
@@ -352,7 +407,7 @@ def diagnose_windows(
         )
         if gain_held <= LEAST_HELD:
             notes.append(f"{found.mechanism} does not predict the held-out windows better: it is not named")
-            found, covariance = None, plain_covariance
+            found, partner, covariance = None, None, plain_covariance
             predicted["revised"] = predicted["recalibrated"]
             train["revised"], held["revised"] = train["recalibrated"], held["recalibrated"]
             gain_held = None
@@ -365,8 +420,9 @@ def diagnose_windows(
         judge = after if label == "revised" and found is not None else bench
         rest = off(nuisance, judge.white(rows, used)) if label != "naive" else bench.white(rows, used)
         excess[label] = float((rest @ rest - null_chi2.mean()) / null_chi2.std())
-    verdict = _verdict(found, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
-    rivals = _rivals(found, trials)
+    laws = [t for t in (found, partner) if t is not None]
+    verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
+    rivals = [r for r in _rivals(found, trials) if partner is None or r[0].mechanism != partner.mechanism]
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
     places: list[Place] = []
     if verdict != "no_mismatch" and shown in predicted:
@@ -376,10 +432,11 @@ def diagnose_windows(
         progress("the next experiment", 0.93)
         proposal = propose(bench, hypothesis, values, found, rivals[0][0], used)
     progress("done", 1.0)
+    store.forget()
     return BedDiagnosis(
         bench, verdict, adjustables, naive_values, values, revised_values[: len(values)],
-        covariance[: len(values), : len(values)], found, rivals, trials, null, score, p, train, held, floor, gain_held,
-        places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed,
+        covariance[: len(values), : len(values)], found, partner, rivals, trials, null, score, p, train, held,
+        floor, gain_held, places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed,
     )  # fmt: skip
 
 
@@ -653,10 +710,13 @@ def _polish(
     windows: Windows,
     hurried: bool,
     plan: Plan,
-) -> tuple[np.ndarray, np.ndarray, BedTrial, Bench]:
-    """Adjustables and law together, with the bias of twins that have the law: values, covariance, trial, bench.
+    adjusted: int,
+) -> tuple[np.ndarray, np.ndarray, BedTrial, Bench, np.ndarray | None]:
+    """Adjustables and laws together, with the bias of twins that have the laws.
 
     The estimator's bias depends on the physics, and the first-order step from a scene without the law falls short.
+    ``hypothesis``, ``values``: what is there beside the law of ``trial``; the first ``adjusted`` are adjustables.
+    Returns values of all, their covariance, the trial, the bench of those twins, and its whitened columns.
     """
     full = hypothesis.with_term(trial.term)
     z = np.concatenate([values, trial.values])
@@ -665,11 +725,11 @@ def _polish(
     rough = np.full((len(z), len(z)), np.nan)
     rough[n:, n:] = trial.covariance
     if hurried:
-        return z, rough, trial, bench
-    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members)
+        return z, rough, trial, bench, None
+    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members, bench.store)
     second.predictors = bench.predictors
-    steps = [0.1 * (f.high - f.low) for f in free[:n]]
-    for v, f in zip(trial.values, free[n:], strict=True):
+    steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
+    for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
         steps.append(0.4 * (v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
     try:
         second.make_twins(full, z)
@@ -695,15 +755,60 @@ def _polish(
             if np.all(np.abs(z - before) < 0.15 * np.abs(steps)):
                 break
     except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
-        return np.concatenate([values, trial.values]), rough, trial, bench
+        return np.concatenate([values, trial.values]), rough, trial, bench, None
     # the twins' covariance is measured, not known, and columns carry the bed's chaos
     rest = white - columns @ change
     size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
     covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
+    return z, covariance, _moved_to(trial, z[n:], covariance[n:, n:]), second, columns
+
+
+def _moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:
+    """The trial with other numbers."""
     scales = np.array([f.scale for f in trial.term.free])
     neutral = np.array([f.neutral for f in trial.term.free])
-    trial = replace(trial, values=z[n:], amounts=(z[n:] - neutral) / scales, covariance=covariance[n:, n:])
-    return z, covariance, trial, second
+    return replace(trial, values=values, amounts=(values - neutral) / scales, covariance=covariance)
+
+
+def _second_law(
+    search: Search, found: BedTrial, signatures: Sequence[BedSignature], rng: np.random.Generator
+) -> BedTrial | None:
+    """What gains most beside the law that was found, beyond what the same search gives in nulls; or None.
+
+    ``search``: about the scene with that law; its ``nuisance`` has the columns of adjustables and law.
+    """
+    bench, few = search.bench, search.few
+    beside = search.nuisance[search.at]
+    left = off(beside, bench.white(search.base, few))
+    drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
+    q = basis(beside)
+    null = np.zeros(REPLICATES)
+    order: list[tuple[float, BedSignature]] = []
+    for s in signatures:
+        if s.term.label == found.term.label:
+            continue
+        clear = s.columns - q @ (q.T @ s.columns)
+        share = float(np.linalg.norm(clear)) / max(float(np.linalg.norm(s.columns)), 1e-300)
+        other = replace(s, clear=clear, surviving=share)
+        null = np.maximum(null, other.best(drawn)[1])
+        order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
+    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
+    order.sort(key=lambda item: -item[0])
+    trials = []
+    for gain, s in order[:SECONDS]:
+        if gain < 0.5 * threshold or search.clock.late(0.82):
+            break
+        search.progress(f"beside it: {s.term.label}", 0.80)
+        signature = _signature(
+            bench, search.hypothesis, search.values, search.base, beside, s.term, few, search.plan.screening
+        )
+        if signature is not None:
+            amounts, linear = signature.best(left[:, None])
+            trials.append(_trial(signature, amounts[:, 0], float(linear[0]), None))
+    trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
+    done = [search.refit(t, search.used, search.nuisance, bench.members, FINE) for t in trials]
+    done = [t for t in done if (t.gain or 0.0) > threshold]
+    return max(done, key=lambda t: t.worth, default=None)
 
 
 def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, windows: int) -> np.ndarray:
@@ -775,11 +880,11 @@ def _flexible(
     return max(done, key=lambda t: t.worth, default=None)
 
 
-def _verdict(found, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
-    if found is not None:
-        if found.mechanism == "unknown":
+def _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
+    if laws:
+        if laws[0].mechanism == "unknown":
             return "unmodelled"
-        return "measurement" if found.mechanism in APPARATUS else "missing_physics"
+        return "measurement" if all(t.mechanism in APPARATUS for t in laws) else "missing_physics"
     if unexplained > 2 * UNEXPLAINED:
         return "unmodelled"
     if len(values):

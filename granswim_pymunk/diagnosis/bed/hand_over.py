@@ -73,13 +73,14 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
     verdict = empty_verdict(d.verdict)
     scene = d.beds[0].scene
     if d.found is not None:
-        parameters = parameters_of(d.found)
-        name, expression = d.found.mechanism, equation(d.found.term, parameters)
-        verdict["mechanisms"] = [
-            mechanism_entry(
-                name, expression, _acting(d.found.term, scene), parameters, d.found.signature.surviving, d.gain_held
-            )
-        ]
+        for trial in d.laws:
+            parameters = parameters_of(trial)
+            verdict["mechanisms"].append(
+                mechanism_entry(
+                    trial.mechanism, equation(trial.term, parameters), _acting(trial.term, scene), parameters,
+                    trial.signature.surviving, d.gain_held,
+                )
+            )  # fmt: skip
     elif d.verdict == "unmodelled":
         verdict["mechanisms"] = [
             mechanism_entry("unknown", "no law that was tried explains the windows", [], {}, None, None)
@@ -127,39 +128,43 @@ def _frequencies(d: BedDiagnosis) -> tuple[float, float] | None:
 
 
 def _where_it_acts(d: BedDiagnosis) -> list[dict[str, Any]]:
-    """Where the law that was found does its work: one joint, the head, contacts. Its significance is the law's."""
-    if d.found is None or d.verdict not in ("missing_physics",):
+    """Where the laws that were found do their work: one joint, the head, contacts. Significance is the law's."""
+    if d.verdict != "missing_physics":
         return []
-    scene = d.beds[0].scene
-    z = math.sqrt(max(d.found.gain or d.found.linear, 0.0))
-    acting = _acting(d.found.term, scene)
-    if d.found.mechanism in CONTACT_LAWS:
-        touching = None if d.found.mechanism in ("distance_force",) else False
-        if d.found.mechanism in ("cohesion", "pair_lubrication"):
-            touching = None
-        return [mismatch_entry([], z, d.p, region="contacts", before_contact=touching, frequency=_frequencies(d))]
+    found = []
+    for trial in d.laws:
+        z = math.sqrt(max(trial.gain or trial.linear, 0.0))
+        found += _place_of(trial, d.beds[0].scene, z, d.p, _frequencies(d))
+    return found
+
+
+def _place_of(
+    trial: BedTrial, scene: Scene, z: float, p: float, frequency: tuple[float, float] | None
+) -> list[dict[str, Any]]:
+    acting = _acting(trial.term, scene)
+    if trial.mechanism in CONTACT_LAWS:
+        bounded = trial.mechanism not in ("distance_force", "cohesion", "pair_lubrication")
+        return [mismatch_entry([], z, p, region="contacts", before_contact=False if bounded else None,
+                               frequency=frequency)]  # fmt: skip
     swimmer = {scene.bodies[k].id for k in scene.swimmer}
-    if set(acting) <= swimmer:
-        region = "swimmer"
-        if len(acting) == 1:
-            joint = d.found.term.choices.get("joint")
-            region = (
-                f"joint {joint}"
-                if joint is not None
-                else "head"
-                if acting[0] == scene.bodies[scene.swimmer[0]].id
-                else "swimmer"
-            )
-        return [mismatch_entry(acting, z, d.p, region=region, frequency=_frequencies(d))]
-    return []
+    if not set(acting) <= swimmer:
+        return []
+    region = "swimmer"
+    if len(acting) == 1:
+        joint = trial.term.choices.get("joint")
+        if joint is not None:
+            region = f"joint {joint}"
+        elif acting[0] == scene.bodies[scene.swimmer[0]].id:
+            region = "head"
+    return [mismatch_entry(acting, z, p, region=region, frequency=frequency)]
 
 
 def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any]]:
     """The scene of a recording with what was found, from a state estimated at its third frame; and its camera."""
     bed = d.beds[number]
     hypothesis, values = Hypothesis(d.adjustables), d.values
-    if d.found is not None:
-        hypothesis, values = hypothesis.with_term(d.found.term), np.concatenate([values, d.found.values])
+    for trial in d.laws:
+        hypothesis, values = hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
     scene, camera = hypothesis.scene(bed.case, values)
     xy, v = BedPredictor(bed).start_at(HALF, (3, 0), camera)
     start = float(bed.film.t[HALF])
@@ -215,13 +220,17 @@ def _headline(d: BedDiagnosis) -> str:
         return "The physics is right; " + " and ".join(_moved(d)) + " was off"
     if d.verdict == "unmodelled" or d.found is None:
         return "Something is missing that no law with a name explains"
-    what = _said(d.found.mechanism)
-    joint = d.found.term.choices.get("joint")
-    if joint is not None and d.found.mechanism == "weak_joint":
-        what = f"{'a weak' if float(d.found.values[0]) < 1 else 'a stiff'} joint (joint {joint})"
+    what = " and ".join(map(_law_in_words, d.laws))
     if d.verdict == "measurement":
         return f"The apparatus was off: {what}"
     return f"The scene lacks {what}"
+
+
+def _law_in_words(trial: BedTrial) -> str:
+    joint = trial.term.choices.get("joint")
+    if joint is not None and trial.mechanism == "weak_joint":
+        return f"{'a weak' if float(trial.values[0]) < 1 else 'a stiff'} joint (joint {joint})"
+    return _said(trial.mechanism)
 
 
 def _moved(d: BedDiagnosis) -> list[str]:
@@ -235,7 +244,8 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
     answers: list[tuple[str, str]] = []
     names = [f.name for t in d.adjustables for f in t.free]
     if d.found is not None and d.verdict != "unmodelled":
-        answers.append(("What is wrong?", f"{_said(d.found.mechanism).capitalize()}: {_values_in_words(d.found)}."))
+        laws = [f"{_said(t.mechanism).capitalize()}: {_values_in_words(t)}." for t in d.laws]
+        answers.append(("What is wrong?", " ".join(laws)))
     elif d.verdict == "recalibrate":
         changes = [
             f"{n} is {_number(v)}, not {_number(v0)}"

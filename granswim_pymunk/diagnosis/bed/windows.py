@@ -24,6 +24,7 @@ from ...recording.camera import see
 from ...scene import Scene
 from ..data import TRAINING_SHARE, Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
+from ..kept import Store, digest
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 
 LENGTH = 0.016  # s, of a window
@@ -34,7 +35,7 @@ DT = 4.0e-6  # s, at most; nine steps a contact of the paper's bed
 NEAR = 3.0e-3  # m between the surfaces of a grain and the swimmer: two diameters
 SUMS = ("mean dx", "mean dy", "along", "across", "spread")  # what is said of many grains at once
 
-THREADS = max(os.cpu_count() or 1, 1)
+THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 POOL = ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="granswim-bed")
 
 
@@ -213,12 +214,15 @@ def _shown(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
 class BedPredictor:
     """Predicts windows of one film under a hypothesis; a start is estimated once for each camera.
 
-    ``runs`` counts members simulated.
+    ``runs`` counts members simulated.  ``store``: where finished predictions are kept.
     """
 
-    def __init__(self, bed: BedCase, film: Film | None = None, members: int = MEMBERS) -> None:
+    def __init__(
+        self, bed: BedCase, film: Film | None = None, members: int = MEMBERS, store: Store | None = None
+    ) -> None:
         self.bed = bed
         self.film = film or bed.film
+        self.store = store
         self.members = members
         self._lock = threading.Lock()
         self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
@@ -327,6 +331,14 @@ class BedPredictor:
 
     # ---- predictions --------------------------------------------------------------------------
 
+    def key(self, what: str, hypothesis: Hypothesis, values: np.ndarray, *numbers: Any) -> str:
+        """What a prediction is of, as the name of its file."""
+        scene, camera = hypothesis.scene(self.bed.case, values)
+        bed = self.bed
+        return digest(
+            [what, bed.name, scene.hash, sorted(camera.items()), bed.starts, bed.looks, bed.dt, bed.seed, *numbers]
+        )
+
     def simulation(self, hypothesis: Hypothesis, values: np.ndarray) -> tuple[Simulation, Mapping[str, Any]]:
         """A simulation under a hypothesis, ready to be restarted anywhere, and its camera. Raises Failed."""
         scene, camera = hypothesis.scene(self.bed.case, values)
@@ -347,11 +359,17 @@ class BedPredictor:
         bed = self.bed
         chosen = range(len(bed.starts)) if windows is None else windows
         count = members or self.members
+        key = self.key("windows", hypothesis, values, list(map(int, chosen)), count) if self.store else ""
+        out = self.store.get(key, (len(chosen), count, bed.size)) if self.store else None
+        if out is not None:
+            return out
         simulation, camera = self.simulation(hypothesis, values)
         out = np.empty((len(chosen), count, bed.size))
         for k, window in enumerate(chosen):
             for member in range(count):
                 out[k, member] = self.member(simulation, camera, int(window), member)
+        if self.store:
+            self.store.put(key, out)
         return out
 
     def member(self, simulation: Simulation, camera: Mapping[str, Any], window: int, number: int) -> np.ndarray:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import os
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,9 +19,8 @@ from ...engine.callbacks import cache_folder
 from ...errors import InputError, SimulationError
 from ...packing import pack
 from ...scene import Scene
+from ..kept import load_array, store_array
 from .conditions import Condition
-
-log = logging.getLogger("granswim")
 
 SOFTER = 4.0  # contacts are softer by this in runs that only give differences; restitution stays the same
 FIRST_SEED = 700_001  # of the packings of a diagnosis: unlikely to be that of a simulated recording
@@ -118,14 +115,14 @@ class Runner:
             dt = self._time_step(job.condition, job.soft)
             scene = replace(scene, time=replace(scene.time, dt=dt))
             file = self._file(scene, job.condition)
-            xy = _load(file, (len(job.condition.frames), len(job.condition.rows), 2))
-            if xy is None:
+            xy = load_array(file, (len(job.condition.frames), len(job.condition.rows), 2))
+            if xy is None or not np.isfinite(xy).all():
                 began = time.perf_counter()
                 with np.errstate(all="ignore"):
                     xy = Simulation(scene).sample(job.condition.frames, list(job.condition.rows))
                 if not np.isfinite(xy).all():
                     raise SimulationError("a position is not finite")
-                _store(file, xy)
+                store_array(file, xy)
                 with self._lock:
                     self.runs += 1
                     self.busy += time.perf_counter() - began
@@ -212,28 +209,3 @@ def softened(scene: Scene) -> Scene:
 def workers() -> int:
     """Threads that this process may use at once."""
     return max(1, min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 8))
-
-
-def _load(file: Path, shape: tuple[int, ...]) -> np.ndarray | None:
-    try:
-        xy: np.ndarray = np.load(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
-        return None
-    return xy if xy.shape == shape and np.isfinite(xy).all() else None
-
-
-def _store(file: Path, xy: np.ndarray) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.save(stream, xy)
-            os.replace(beside, file)
-        except BaseException:
-            Path(beside).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        log.warning("a finished run is not kept: %s", error)
-
-

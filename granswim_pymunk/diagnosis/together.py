@@ -1,0 +1,309 @@
+"""Recordings of different kinds, explained by one set of laws.
+
+Free flights, a bed that is seen, a bed that is not: each kind is compared with simulations in its own way. What the
+most telling kind shows is then added to the scenes of the others, which are diagnosed again: either that explains
+them, or something else is missing there besides, or the law does not act there; each is said.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from ..errors import InputError
+from ..recording import Recording
+from ..scene import LawUse, Scene
+from .driver import Diagnosis
+from .outcome import MODELS, Outcome, Table, empty_verdict, plain_numbers
+from .verdict import revised_scene, verdict_dict
+
+Progress = Callable[[str, float], None]
+Method = Callable[..., Diagnosis | Outcome]
+SPOKEN = {"bodies": "bodies without a bed", "bed": "a bed that is seen", "unseen": "a bed that is not seen"}
+APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
+QUIET = ("no_mismatch", "recalibrate")
+
+
+@dataclass
+class Part:
+    """The recordings of one kind and what was found in them."""
+
+    kind: str
+    training: list[Recording]
+    held: list[Recording]
+    found: Diagnosis | Outcome
+    verdict: dict[str, Any]
+    given: tuple[LawUse, ...] = ()  # laws of other kinds that their scenes had
+
+    @property
+    def names(self) -> list[str]:
+        """Of the physics that was found, the most telling first."""
+        return [m["name"] for m in self.verdict["mechanisms"] if m["name"] not in (*APPARATUS, "unknown")]
+
+    @property
+    def z(self) -> float:
+        """Significance of what was found."""
+        return max((float(m["z"]) for m in self.verdict["mismatch"] if m["z"] is not None), default=0.0)
+
+    def scenes(self) -> dict[str, tuple[Scene, Mapping[str, Any]]]:
+        """For each recording its revised scene and camera."""
+        if isinstance(self.found, Outcome):
+            return dict(self.found.revised)
+        scenes = {c.name: revised_scene(self.found, c) for c in self.found.cases}
+        return {name: (scene, scene.camera) for name, scene in scenes.items()}
+
+    def laws(self) -> list[LawUse]:
+        """The laws that were found missing, with their numbers; ``bodies`` None where they act on all."""
+        known = {item.name for r in self.training for item in r.scene.laws}
+        new: dict[str, LawUse] = {}
+        for scene, _ in self.scenes().values():
+            every = {b.id for b in scene.bodies if b.mobile}
+            for item in scene.laws:
+                if item.name in self.names and item.name not in known:
+                    whole = item.bodies is None or set(item.bodies) == every
+                    new[f"{item.name} {None if whole else item.bodies}"] = replace(
+                        item, bodies=None if whole else item.bodies
+                    )
+        return list(new.values())
+
+
+def diagnose_together(
+    groups: Mapping[str, tuple[Sequence[Recording], Sequence[Recording]]],
+    methods: Mapping[str, Method],
+    *,
+    minutes: float | None = None,
+    seed: int = 0,
+    progress: Progress = lambda text, share: None,
+) -> Outcome:
+    """Explain recordings of several kinds together.
+
+    groups : kind to (training, held out);  methods : kind to the way it is diagnosed;  minutes : of all together
+    Raises InputError for recordings that cannot be used.
+    """
+    began = time.monotonic()
+    notes: list[str] = []
+    rounds = 2 * len(groups) - 1
+    each = None if minutes is None else minutes / rounds
+    done = 0
+
+    def diagnosed(kind: str, given: tuple[LawUse, ...] = ()) -> Part | None:
+        nonlocal done
+        training, held = ([_with(r, given) for r in part] for part in groups[kind])
+        if given and all(a.scene is b.scene for a, b in zip(training, groups[kind][0], strict=True)):
+            done += 1
+            return None  # none of the laws can act there
+        begin = done / rounds
+
+        def tell(text: str, share: float) -> None:
+            progress(f"{SPOKEN[kind]}: {text}", begin + 0.99 * share / rounds)
+
+        if not training:
+            raise InputError("every recording of this kind is held out: nothing is left to learn from", where=kind)
+        found = methods[kind](training, held, minutes=each, seed=seed, progress=tell)
+        done += 1
+        verdict = dict(found.verdict) if isinstance(found, Outcome) else verdict_dict(found)
+        return Part(kind, training, held, found, plain_numbers(verdict), given)
+
+    alone = [part for kind in groups if (part := diagnosed(kind)) is not None]
+    leader = max(alone, key=lambda p: (bool(p.names), p.z))
+    parts = [leader]
+    laws = tuple(leader.laws()) if leader.names else ()
+    for part in alone:
+        if part is leader:
+            continue
+        if not laws or set(part.names) == set(leader.names):
+            parts.append(part)
+            continue
+        again = diagnosed(part.kind, laws)
+        told = " and ".join(dict.fromkeys(item.name for item in laws))
+        if again is None:
+            notes.append(f"{told}, found in {SPOKEN[leader.kind]}, cannot act in {SPOKEN[part.kind]}")
+            parts.append(part)
+        elif again.verdict["verdict"] in QUIET:
+            explained = "explains" if part.verdict["verdict"] not in QUIET else "agrees with"
+            notes.append(f"{told}, found in {SPOKEN[leader.kind]}, {explained} {SPOKEN[part.kind]} too")
+            parts.append(again)
+        elif part.verdict["verdict"] in QUIET:
+            notes.append(
+                f"{told}, found in {SPOKEN[leader.kind]}, does not act in {SPOKEN[part.kind]}: nothing is missing "
+                "there without it, and something is with it"
+            )
+            parts.append(part)
+        else:
+            notes.append(f"{SPOKEN[part.kind]} lacks something beside {told}")
+            parts.append(again)
+    progress("done", 1.0)
+    return _outcome(parts, leader, notes, time.monotonic() - began, seed)
+
+
+def _with(recording: Recording, given: Sequence[LawUse]) -> Recording:
+    """The recording with laws as a known part of its scene, as far as they can act there."""
+    scene = recording.scene
+    mobile = {b.id for b in scene.bodies if b.mobile}
+    new = []
+    for item in given:
+        bodies = None if item.bodies is None else tuple(b for b in item.bodies if b in mobile)
+        if bodies == () or scene.laws_named(item.name):
+            continue
+        new.append(replace(item, bodies=bodies))
+    for item in new:
+        extended = scene.with_laws(item)
+        try:
+            extended.resolved(item)
+        except InputError:
+            continue
+        scene = extended
+    return recording if scene is recording.scene else replace(recording, scene=scene)
+
+
+# ---- what is handed over ---------------------------------------------------------------------
+
+
+def combined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
+    """One parameter measured twice: x = (x_1/s_1^2 + x_2/s_2^2)/(1/s_1^2 + 1/s_2^2), 1/s^2 the sum.
+
+    The interval is widened by |x_1 - x_2|/sqrt(s_1^2 + s_2^2) where that is above one (the Birge ratio).
+    Source: Birge 1932, Phys. Rev. 40, 207.
+    """
+
+    def spread(p: Mapping[str, Any]) -> float | None:
+        if not all(isinstance(p[k], int | float) for k in ("value", "low", "high")):
+            return None
+        half = (p["high"] - p["low"]) / 2 / 1.96
+        return float(half) if half > 0 and math.isfinite(half) else None
+
+    a, b = spread(first), spread(second)
+    if a is None or b is None or first["unit"] != second["unit"]:
+        return dict(first)
+    weight = 1 / a**2 + 1 / b**2
+    value = (first["value"] / a**2 + second["value"] / b**2) / weight
+    birge = max(abs(first["value"] - second["value"]) / math.hypot(a, b), 1.0)
+    half = 1.96 * birge / math.sqrt(weight)
+    return {"value": value, "low": value - half, "high": value + half, "unit": first["unit"]}
+
+
+def _mechanisms(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    for part in parts:
+        for entry in part.verdict["mechanisms"]:
+            same = next((e for e in entries if e["name"] == entry["name"] and part is not parts[0]), None)
+            if same is None or set(same["parameters"]) != set(entry["parameters"]):
+                entries.append(dict(entry))
+                continue
+            same["parameters"] = {k: combined(p, entry["parameters"][k]) for k, p in same["parameters"].items()}
+            same["bodies"] = list(dict.fromkeys([*same["bodies"], *entry["bodies"]]))
+            gains = [g for g in (same["gain_heldout"], entry["gain_heldout"]) if g is not None]
+            same["gain_heldout"] = sum(gains) if gains else None
+    return entries
+
+
+def _verdict(parts: Sequence[Part]) -> str:
+    every = {p.verdict["verdict"] for p in parts}
+    return next(v for v in ("missing_physics", "unmodelled", "measurement", "recalibrate", "no_mismatch") if v in every)
+
+
+def _outcome(parts: list[Part], leader: Part, notes: list[str], seconds: float, seed: int) -> Outcome:
+    verdict = empty_verdict(_verdict(parts), leader.verdict["fit"]["unit"])
+    verdict["mechanisms"] = _mechanisms(parts)
+    verdict["mismatch"] = sorted(
+        (m for p in parts for m in p.verdict["mismatch"]), key=lambda m: -(m["z"] if m["z"] is not None else 0.0)
+    )
+    verdict["rivals"] = list(leader.verdict["rivals"])
+    verdict["fit"] = leader.verdict["fit"]
+    nulls = [p.verdict["null"] for p in parts if p.verdict["null"]]
+    if nulls:
+        least = min(n["p_false_alarm"] for n in nulls)
+        # the best of several searches
+        verdict["null"] = {
+            "p_false_alarm": min(1.0, least * len(nulls)), "replicates": min(n["replicates"] for n in nulls),
+        }  # fmt: skip
+    for p in (leader, *parts):
+        verdict["next_experiment"] = verdict["next_experiment"] or p.verdict["next_experiment"]
+        verdict["recalibrated"] = {**p.verdict["recalibrated"], **verdict["recalibrated"]}
+    figures: dict[str, tuple[Figure, str]] = {}
+    tables: list[Table] = []
+    revised: dict[str, tuple[Scene, Mapping[str, Any]]] = {}
+    rows = []
+    for p in parts:
+        revised.update(p.scenes())
+        for name, (figure, caption) in _figures(p).items():
+            figures[f"{p.kind}_{name}"] = (figure, f"{SPOKEN[p.kind].capitalize()}. {caption}")
+        if isinstance(p.found, Outcome):
+            tables += [replace(t, title=f"{t.title}, {SPOKEN[p.kind]}") for t in p.found.tables]
+        notes += [n for n in p.verdict.get("notes", []) if n not in notes]
+        fit = p.verdict["fit"]["heldout"]
+        told = ", ".join(m["name"] for m in p.verdict["mechanisms"]) or "–"
+        rows.append(
+            [
+                SPOKEN[p.kind], ", ".join(r.name for r in (*p.training, *p.held)), p.verdict["verdict"], told,
+                ", ".join(dict.fromkeys(item.name for item in p.given)) or "–",
+                *("–" if fit[m] is None else f"{fit[m]:.3g} {p.verdict['fit']['unit'].split()[0]}" for m in MODELS),
+            ]
+        )  # fmt: skip
+    header = ("kind", "recordings", "verdict", "found", "taken over from the others",
+              *(f"held out, {m.replace('_', ' ')}" for m in MODELS))  # fmt: skip
+    tables.insert(0, Table("What each kind of recording says", header, rows, (5, 6, 7, 8)))
+    return Outcome(
+        verdict=verdict, revised=revised, headline=_headline(verdict), answers=_answers(parts, leader, verdict, notes),
+        figures=figures, tables=tables, notes=notes,
+        training=[r.name for p in parts for r in p.training], held_out=[r.name for p in parts for r in p.held],
+        seconds=seconds, runs=sum(p.found.runs for p in parts if isinstance(p.found, Outcome)), seed=seed,
+    )  # fmt: skip
+
+
+def _figures(part: Part) -> dict[str, tuple[Figure, str]]:
+    if isinstance(part.found, Outcome):
+        return part.found.figures
+    from ..report.figures import figures
+    from ..report.page import captions
+
+    told = captions(part.found)
+    return {name: (draw(), told[name][1]) for name, draw in figures(part.found).items()}
+
+
+def _said(name: str) -> str:
+    from ..report.words import spoken
+
+    return spoken(name)
+
+
+def _headline(verdict: Mapping[str, Any]) -> str:
+    physics = list(dict.fromkeys(_said(m["name"]) for m in verdict["mechanisms"] if m["name"] not in APPARATUS))
+    return {
+        "missing_physics": f"The scenes lack {' and '.join(physics)}",
+        "unmodelled": "Something is missing that no law with a name explains",
+        "measurement": "The apparatus was off",
+        "recalibrate": "The physics is right; what may be adjusted was off",
+        "no_mismatch": "Nothing is missing that these recordings could show",
+    }[verdict["verdict"]]
+
+
+def _answers(
+    parts: Sequence[Part], leader: Part, verdict: Mapping[str, Any], notes: Sequence[str]
+) -> list[tuple[str, str]]:
+    """The leader's answers, with what the others say of it."""
+    found = leader.found
+    own = dict(found.answers) if isinstance(found, Outcome) else {}
+    laws = "; ".join(dict.fromkeys(m["expression"] for m in verdict["mechanisms"]))
+    answers = {"What is wrong?": f"{laws}." if laws else "Nothing that a law would have to explain."}
+    fit = leader.verdict["fit"]["heldout"]
+    if verdict["mechanisms"] and fit["recalibrated"] and fit["revised"]:
+        answers["How much better?"] = (
+            f"In {SPOKEN[leader.kind]}, what was not used is predicted to {fit['revised']:.2g} instead of "
+            f"{fit['recalibrated']:.2g} {leader.verdict['fit']['unit']}."
+        )
+    answers = {**answers, **own} if own else answers
+    said = [n for n in notes if n.startswith(tuple(item.name for item in leader.laws()))] if leader.names else []
+    answers["Do the kinds of recording agree?"] = (
+        ". ".join(s[0].upper() + s[1:] for s in said) + "." if said
+        else "; ".join(f"{SPOKEN[p.kind]}: {p.verdict['verdict'].replace('_', ' ')}" for p in parts) + "."
+    )  # fmt: skip
+    following = verdict["next_experiment"]
+    if following and "What to measure next?" not in answers:
+        answers["What to measure next?"] = f"{following['change']}."
+    return list(answers.items())
