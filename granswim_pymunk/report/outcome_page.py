@@ -54,6 +54,8 @@ def _law_box(entry: Mapping[str, Any]) -> str:
 def _value(value: Any, low: float | None, high: float | None, unit: str) -> str:
     if isinstance(value, str):
         return escaped(value)
+    if isinstance(value, int):
+        return str(value)
     if low is None or high is None or not all(map(math.isfinite, (low, high))):
         return number(value) + (f" {unit_text(unit)}" if unit_text(unit) else "")
     shown, between = interval(value, low, high, unit)
@@ -85,10 +87,10 @@ def _places(verdict: Mapping[str, Any]) -> str:
             pair = place["when"].get(key)
             if pair:
                 spans.append(f"{number(pair[0])} to {number(pair[1])} {unit}")
-        if place.get("frequency"):
+        if place.get("frequency") and place["frequency"][1] > place["frequency"][0]:
             spans.append(f"{number(place['frequency'][0])} to {number(place['frequency'][1])} Hz")
         z = "over 37" if place["z"] > 37 else f"{place['z']:.1f}"
-        rows.append([listed(bodies(place["bodies"]), 6), escaped(where) or "–", z, number(place["p"], 2),
+        rows.append([listed(bodies(place["bodies"]), 3), escaped(where) or "–", z, number(place["p"], 2),
                      ", ".join(spans) or "–"])  # fmt: skip
     if not rows:
         return ""
