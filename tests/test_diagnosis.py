@@ -9,6 +9,7 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis.innovations import standard_deviations
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
@@ -324,3 +325,9 @@ def test_command_writes_the_contract_and_the_revised_scene_runs(tmp_path, capsys
     error = simulated[:, 0, 0] - record.xy[:, 0, 0]
     assert np.sqrt(np.mean(error**2)) < 2e-4
     assert "linear_drag" in capsys.readouterr().out
+
+
+def test_z_ends_where_doubles_end():
+    # windows that fit far better than expected have p = 1 to the last digit
+    assert standard_deviations(1.0) == pytest.approx(-7.94, abs=0.01)
+    assert standard_deviations(0.0) == pytest.approx(37.0, abs=0.1) and standard_deviations(0.5) == 0.0

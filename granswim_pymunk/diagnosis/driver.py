@@ -17,7 +17,7 @@ from .experiment import Proposal, propose
 from .fit import Fit, Fitter
 from .held_out import Errors, held_out_errors, learn_memory, noise_floor, training_errors
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
-from .innovations import Place, Whiteness, WindowMap, locate, whiteness, window_map
+from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
 from .name import InnerSplit, Trial, is_apparatus, pair_gains, refit, spread_of, try_candidates
 from .nulls import Null, search_nulls
 from .signatures import make_bank
@@ -665,7 +665,7 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     gain = recalibrated.chi2 - revised.chi2
     numbers = sum(t.numbers for t in found)
     p = float(stats.chi2.sf(gain, numbers))
-    z = float(stats.norm.isf(max(p, 1e-300)))
+    z = standard_deviations(p)
     t = [float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))]
     return (
         Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, max(p, 1e-300), cases[0].name),

@@ -108,6 +108,11 @@ class WindowMap:
     frames_per_window: int
 
 
+def standard_deviations(p: float) -> float:
+    """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
+    return float(stats.norm.isf(min(max(p, 1e-300), 1.0 - 1e-15)))
+
+
 def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
     """Cut every recording into ``pieces`` windows with starts of their own and see which the model cannot follow.
 
@@ -135,7 +140,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                 chi2 = float(values @ values) / spread
                 row = {"case": case.name, "body": body, "t": (float(case.t[part][0]), float(case.t[part][-1])),
                        "chi2": chi2, "dof": dof,
-                       "z": float(stats.norm.isf(max(stats.chi2.sf(chi2, dof), 1e-300)))}  # fmt: skip
+                       "z": standard_deviations(float(stats.chi2.sf(chi2, dof)))}  # fmt: skip
                 row |= _extent(case, body, part)
                 rows.append(row)
     return WindowMap(tuple(rows), size)
@@ -222,7 +227,7 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
         }
         contact = [r["before_contact"] for r in bad]
         before = None if None in contact else all(contact)
-        z = float(stats.norm.isf(max(min(p_all, p_one), 1e-300)))
+        z = standard_deviations(min(p_all, p_one))
         places.append(
             Place((body,), {k: _listed(span[k]) for k in ("x", "y", "gap")},
                   {"t": _listed(span["t"]), "before_contact": before}, span["speed"],

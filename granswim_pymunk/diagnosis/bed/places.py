@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
+from ..innovations import standard_deviations
 from .bench import Bench, Prediction
 from .windows import SUMS, BedCase
 
@@ -85,7 +86,7 @@ def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -
     for place, p_one in candidates:
         p = min(1.0, looked * p_one)
         if p < LEVEL:
-            z = min(float(stats.norm.isf(max(p_one, 1e-300))), LARGEST)
+            z = min(standard_deviations(p_one), LARGEST)
             places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, max(p, 1e-300)))
     return sorted(places, key=lambda q: -q.z)
 

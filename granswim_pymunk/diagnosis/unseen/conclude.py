@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
+from ..innovations import standard_deviations
 from .conditions import Condition
 from .observe import View
 from .response import Fit, Means, add, fit, spread_of
@@ -371,11 +372,11 @@ def locate(f: Finding) -> list[Spot]:
         nu = max(sum(p[2] for p in parts), n + 3)
         p = min(float(stats.f.sf(chi2 * (nu - n + 1) / (nu * n), n, nu - n + 1)) * looked, 1.0)
         if p < ALARM:
-            spots.append(Spot(j, float(stats.norm.isf(max(p, 1e-300))), max(p, 1e-300), curves[j][1]))
+            spots.append(Spot(j, standard_deviations(p), max(p, 1e-300), curves[j][1]))
     nu = max(sum(s.means.dof[c.name] for c in s.training), whole_n + 3)
     p = min(float(stats.f.sf(whole * (nu - whole_n + 1) / (nu * whole_n), whole_n, nu - whole_n + 1)) * looked, 1.0)
     if p < ALARM:
-        spots.append(Spot(None, float(stats.norm.isf(max(p, 1e-300))), max(p, 1e-300), None))
+        spots.append(Spot(None, standard_deviations(p), max(p, 1e-300), None))
     spots.sort(key=lambda spot: -spot.z)
     if not spots and f.verdict not in ("no_mismatch",):
         # nothing stands out by itself: the swimmer as a whole
