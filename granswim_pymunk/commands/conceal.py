@@ -1,7 +1,9 @@
 """``granswim conceal``: draw a case with a concealed effect (or none) and seal the truth.
 
-Writes DIR/KIND-SEED/ (a recording), DIR/KIND-SEED.sha256 (the hash that binds the truth) and, in another folder, the
-truth with its salt. Drawing needs the secret besides the seed.
+Writes DIR/KIND-SEED/ (a recording, or a folder for each of several films), DIR/KIND-SEED.sha256 (the hash that binds
+the truth) and, in another folder, the truth with its salt. Drawing needs the secret besides the seed.
+Kinds: bodies without a bed; bed, a swimmer and its grains filmed; unseen, films of the swimmer alone; curve, its
+speeds; small-bed, small-unseen, small-curve the same with 200 to 300 grains.
 """
 
 import argparse
@@ -25,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     from ..errors import InputError
+    from ..proof.beds import SUSPECTS
     from ..proof.cases import CATEGORIES
     from ..proof.conceal import conceal
     from ..proof.seal import read_secret
@@ -32,9 +35,9 @@ def main(args: argparse.Namespace) -> int:
 
     if args.seed < 0:
         raise InputError(f"should be zero or more, got {args.seed}", where="--seed")
-    known = (*CATEGORIES, "none", *STRENGTH, "restitution", "actuator_saturation")
+    known = (*CATEGORIES, "none", *STRENGTH, "restitution", "actuator_saturation", *SUSPECTS)
     if args.effect is not None and args.effect not in known:
-        raise InputError(f"unknown effect {args.effect!r}; known: {', '.join(known)}", where="--effect")
+        raise InputError(f"unknown effect {args.effect!r}; known: {', '.join(dict.fromkeys(known))}", where="--effect")
     sealed = args.sealed or args.out.with_name(f"{args.out.name}-sealed")
     folder = conceal(args.seed, args.out, read_secret(args.secret), sealed, kind=args.kind, effect=args.effect)
     print(f"recording: {folder}")

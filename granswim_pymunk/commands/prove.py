@@ -1,7 +1,8 @@
 """``granswim prove``: conceal, diagnose each recording in a process of its own, open the seals, score.
 
-The quick form runs a handful of small development cases; the full form the next scored seeds. Results lie in
-DIR/results, one file a case; an interrupted run goes on where it stopped, and a seed is scored once.
+The quick form runs a handful of small development cases; the full form the scored seeds, all kinds or one of them.
+Results lie in DIR/results, one file a case; an interrupted run goes on where it stopped, and a seed is scored once.
+Parts may be run apart (--seeds, --kind) into one DIR: each run scores all that lies there.
 """
 
 import argparse
@@ -9,17 +10,14 @@ from pathlib import Path
 
 HELP = "score the diagnosis on recordings with concealed effects"
 
-# development seeds: small, and of every sort
-QUICK = (6, 14, 25, 34, 37)
-FULL = tuple(range(1000, 1120))
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--quick", action="store_true", help="a handful of development cases (the default)")
     which.add_argument("--full", action="store_true", help="the scored seeds, and the real recordings")
     which.add_argument("--seeds", metavar="LIST", help="seeds as 1000-1019,1040; below 1000: development")
-    parser.add_argument("--kind", default="bodies", help="sort of recording (default: bodies)")
+    parser.add_argument("--kind", help="sort of recording: bodies, bed, small-bed, unseen, small-unseen, curve, "
+                                       "small-curve (default: bodies; with --full: all)")  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("granswim-proof"), metavar="DIR")
     parser.add_argument("--secret", type=Path, metavar="FILE", help="for scored seeds (default: yours)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="diagnoses at a time (default: 2)")
@@ -46,20 +44,25 @@ def main(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..proof.conceal import KINDS
-    from ..proof.prove import FIRST_SCORED, prove
+    from ..proof.prove import FIRST_SCORED, QUICK, full_cases, prove_cases
     from ..proof.score import figures_of_merit, held_out
     from ..proof.seal import read_secret
     from ..validation.output import check_folder, write_json
 
     check_folder(args.json)
-    if args.kind not in KINDS:
+    if args.kind is not None and args.kind not in KINDS:
         raise InputError(f"unknown kind {args.kind!r}; known: {', '.join(KINDS)}", where="--kind")
     if args.workers < 1:
         raise InputError(f"should be one or more, got {args.workers}", where="--workers")
     if args.minutes is not None and not args.minutes > 0:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
-    seeds = parse_seeds(args.seeds) if args.seeds else list(FULL if args.full else QUICK)
-    secret = read_secret(args.secret) if any(s >= FIRST_SCORED for s in seeds) else None
+    if args.seeds:
+        cases = [(args.kind or "bodies", seed) for seed in parse_seeds(args.seeds)]
+    else:
+        cases = full_cases(args.kind) if args.full else [c for c in QUICK if args.kind in (None, c[0])]
+    if not cases:
+        raise InputError(f"the quick form has no case of the kind {args.kind}", where="--kind")
+    secret = read_secret(args.secret) if any(s >= FIRST_SCORED for _, s in cases) else None
     began = time.monotonic()
 
     def progress(name: str, done: int, of: int) -> None:
@@ -67,14 +70,13 @@ def main(args: argparse.Namespace) -> int:
         left = f", about {spent / done * (of - done):.0f} s left" if done < of else ""
         print(f"{name}: {done} of {of}, {spent:.0f} s{left}", flush=True)
 
-    rows = prove(
-        seeds, args.out, kind=args.kind, secret=secret, minutes=args.minutes, workers=args.workers, real=args.full,
-        progress=progress,
-    )  # fmt: skip
-    print(f"{'case':<14} {'concealed':<28} {'st. errors':>10}  answer")
+    rows = prove_cases(
+        cases, args.out, secret=secret, minutes=args.minutes, workers=args.workers, real=args.full, progress=progress
+    )
+    print(f"{'case':<18} {'concealed':<28} {'st. errors':>10}  answer")
     for r in rows:
         concealed = "+".join(r.truth) or r.category
-        print(f"{r.case:<14} {concealed:<28} {r.sigma:>10.1f}  {r.failed or r.verdict} {'+'.join(r.named)}")
+        print(f"{r.case:<18} {concealed:<28} {r.sigma:>10.1f}  {r.failed or r.verdict} {'+'.join(r.named)}")
     merit, held = figures_of_merit(rows), held_out(rows)
     for f in merit:
         share = "no cases" if f.share is None else f"{100 * f.share[0]:.0f} % ({f.hits} of {f.n})"

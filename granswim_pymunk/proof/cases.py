@@ -35,10 +35,15 @@ CATEGORIES = {
 
 @dataclass(frozen=True)
 class Case:
-    """A concealed case: the recording that may be seen, and the truth that may not."""
+    """A concealed case: the recordings that may be seen, and the truth that may not."""
 
-    recording: Recording
+    recordings: tuple[Recording, ...]
     truth: dict[str, Any]
+
+    @property
+    def recording(self) -> Recording:
+        """The first, of most kinds the only one."""
+        return self.recordings[0]
 
 
 def _digits(value: Any, digits: int = 6) -> Any:
@@ -266,7 +271,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
         },
         "noise": setup.noise, "frames": len(setup.t), "bodies_in_all": len(mobile),
     }  # fmt: skip
-    return Case(as_recording(setup, belief, values, f"bodies-{seed}", noise_known), _plain(truth))
+    return Case((as_recording(setup, belief, values, f"bodies-{seed}", noise_known),), plain(truth))
 
 
 def _on_rod(setup: Setup, scene: Scene, start: np.ndarray) -> np.ndarray:
@@ -281,12 +286,12 @@ def _on_rod(setup: Setup, scene: Scene, start: np.ndarray) -> np.ndarray:
     return result
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Plain numbers, lists and dictionaries, as JSON has them."""
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, np.bool_ | bool):
         return bool(value)
     if isinstance(value, np.integer):

@@ -5,14 +5,25 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ..errors import InputError
 from ..recording import write_recording
+from .bed_cases import curve_case, seen_bed_case, swimmer_case
 from .cases import Case, bodies_case
 from .seal import commitment, derived
 
-KINDS: dict[str, Callable[..., Case]] = {"bodies": bodies_case}
+# bodies without a bed; a bed that is seen; several films of a swimmer alone; its speeds; each bed also in small
+KINDS: dict[str, Callable[..., Case]] = {
+    "bodies": bodies_case,
+    "bed": seen_bed_case,
+    "small-bed": partial(seen_bed_case, small=True),
+    "unseen": swimmer_case,
+    "small-unseen": partial(swimmer_case, small=True),
+    "curve": curve_case,
+    "small-curve": partial(curve_case, small=True),
+}
 MOMENT = 946684800  # s, 1 January 2000: what every file of a case says it was written
 
 
@@ -31,7 +42,7 @@ def conceal(
 ) -> Path:
     """Draw a case and write it; the folder of its recording.
 
-    out : gets KIND-SEED/ (the recording) and KIND-SEED.sha256 (the commitment)
+    out : gets KIND-SEED/ (the recording, or a folder for each of several) and KIND-SEED.sha256 (the commitment)
     secret : what the drawing needs besides the seed;  sealed : folder for KIND-SEED.json, the truth and its salt
     effect : a mechanism, or a category (null, outside ...), instead of a drawn one
     Raises InputError where a kind or effect does not exist, or the case has been written before.
@@ -48,8 +59,12 @@ def conceal(
     salt = derived(secret, kind, seed, "salt").hex()
     write_beside(sealed / f"{name}.json", json.dumps({"salt": salt, "truth": case.truth}, indent=1) + "\n", 0o600)
     write_beside(out / f"{name}.sha256", commitment(salt, case.truth) + "\n")
-    write_recording(case.recording, out / name)
-    for path in (*sorted((out / name).iterdir()), out / name, out / f"{name}.sha256"):
+    if len(case.recordings) == 1:
+        write_recording(case.recording, out / name)
+    else:
+        for recording in case.recordings:
+            write_recording(recording, out / name / recording.name)
+    for path in (*sorted((out / name).rglob("*")), out / name, out / f"{name}.sha256"):
         path.chmod(0o755 if path.is_dir() else 0o644)
         os.utime(path, (MOMENT, MOMENT))
     return out / name

@@ -360,6 +360,51 @@ def list_pairs(xy, kind, radius, in_chain, period, margin, pairs):
 
 
 @_jit
+def separate(xy, kind, radius, in_chain, chain, length, period, allowed, sweeps):
+    """Push overlapping disks apart and neighbours of the chain to ``length``, in place; the largest fault left [m].
+
+    Gauss-Seidel over the pairs, each fault shared by both bodies, until all are below ``allowed`` [m].
+    """
+    n = xy.shape[0]
+    pairs = np.empty((8 * n + 16, 2), dtype=np.int64)
+    mean = 0.0
+    for i in range(n):
+        mean += radius[i] / n
+    count = list_pairs(xy, kind, radius, in_chain, period, 0.3 * mean, pairs)
+    while count < 0:
+        pairs = np.empty((2 * pairs.shape[0], 2), dtype=np.int64)
+        count = list_pairs(xy, kind, radius, in_chain, period, 0.3 * mean, pairs)
+    worst = 0.0
+    for _ in range(sweeps):
+        worst = 0.0
+        for q in range(count + chain.shape[0] - 1):
+            joined = q >= count
+            i = chain[q - count] if joined else pairs[q, 0]
+            j = chain[q - count + 1] if joined else pairs[q, 1]
+            dx = xy[j, 0] - xy[i, 0]
+            dy = xy[j, 1] - xy[i, 1]
+            if period > 0.0:
+                dx -= period * round(dx / period)
+            d = math.sqrt(dx * dx + dy * dy)
+            fault = (length if joined else radius[i] + radius[j]) - d
+            if fault <= 0.0 and not joined:
+                continue
+            worst = max(worst, abs(fault))
+            share = 0.5
+            if kind[i] == WALL:
+                share = 0.0
+            elif kind[j] == WALL:
+                share = 1.0
+            xy[i, 0] -= share * fault * dx / d
+            xy[i, 1] -= share * fault * dy / d
+            xy[j, 0] += (1.0 - share) * fault * dx / d
+            xy[j, 1] += (1.0 - share) * fault * dy / d
+        if worst <= allowed:
+            break
+    return worst
+
+
+@_jit
 def collide(xy, v, kind, mass, radius, base, duration):
     """Straight motion for ``duration`` with every collision at its own moment; how many there were.
 
@@ -431,7 +476,8 @@ def run(
     field_weight, pair_code, pair_par, chain, in_chain, stiffer, rest, head, head_rate, driven, path, pace,
     frame_step, frame_rest,
 ):  # fmt: skip
-    """Integrate ``steps`` steps; positions (T, n, 2) and angles (T, n) at the frames, and whether all went well.
+    """Integrate ``steps`` steps; positions (T, n, 2), velocities (T, n, 2) and angles (T, n) at the frames, and
+    whether all went well.
 
     ``frame_step``, ``frame_rest`` (T,): the step before each frame and the time left to it. ``path``, ``pace``
     (steps + 1, k, 2): where driven bodies are and how fast. Arrays xy, v, spin are changed in place.
@@ -439,6 +485,7 @@ def run(
     n = xy.shape[0]
     frames = frame_step.shape[0]
     seen = np.zeros((frames, n, 2))
+    speeds = np.zeros((frames, n, 2))
     angles = np.zeros((frames, n))
     angle = np.zeros(n)
     force = np.zeros((n, 2))
@@ -462,8 +509,10 @@ def run(
     count = 0
     if wants_pairs:
         count = list_pairs(xy, kind, radius, in_chain, base[PERIOD], base[REACH] + skin, pairs)
-        if count < 0:
-            return seen, angles, False
+        while count < 0:
+            # what reaches far has many pairs
+            pairs = np.empty((2 * pairs.shape[0], 2), dtype=np.int64)
+            count = list_pairs(xy, kind, radius, in_chain, base[PERIOD], base[REACH] + skin, pairs)
     frame = 0
     for step in range(steps + 1):
         t = t0 + step * dt
@@ -511,8 +560,9 @@ def run(
             for i in range(n):
                 if (xy[i, 0] - listed[i, 0]) ** 2 + (xy[i, 1] - listed[i, 1]) ** 2 > limit:
                     count = list_pairs(xy, kind, radius, in_chain, base[PERIOD], base[REACH] + skin, pairs)
-                    if count < 0:
-                        return seen, angles, False
+                    while count < 0:
+                        pairs = np.empty((2 * pairs.shape[0], 2), dtype=np.int64)
+                        count = list_pairs(xy, kind, radius, in_chain, base[PERIOD], base[REACH] + skin, pairs)
                     listed[:] = xy
                     break
         force[:] = 0.0
@@ -551,12 +601,14 @@ def run(
                 v[i, 1] += 0.5 * dt * a[i, 1]
                 spin[i] += 0.5 * dt * turning[i]
         if not math.isfinite(a[0, 0]) or not math.isfinite(xy[n - 1, 0]):
-            return seen, angles, False
+            return seen, speeds, angles, False
         while frame < frames and frame_step[frame] == step:
             s = frame_rest[frame]
             for i in range(n):
                 seen[frame, i, 0] = xy[i, 0]
                 seen[frame, i, 1] = xy[i, 1]
+                speeds[frame, i, 0] = ahead[i, 0] if kind[i] == DRIVEN else v[i, 0] + s * a[i, 0]
+                speeds[frame, i, 1] = ahead[i, 1] if kind[i] == DRIVEN else v[i, 1] + s * a[i, 1]
                 angles[frame, i] = angle[i] + s * spin[i]
                 if kind[i] == PIN:
                     later = psi[i] + s * omega[i] + 0.5 * s * s * turning[i]
@@ -573,4 +625,4 @@ def run(
             frame += 1
         if frame == frames:
             break
-    return seen, angles, True
+    return seen, speeds, angles, True

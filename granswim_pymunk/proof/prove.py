@@ -25,8 +25,19 @@ from .seal import opened
 # seeds below this are development seeds: anybody may draw them, with a secret that is no secret
 FIRST_SCORED = 1000
 DEVELOPMENT_SECRET = b"the secret of the development seeds"
-LONGEST = 1800.0  # s, after which a diagnosis has failed
+LONGEST = 7200.0  # s, after which a diagnosis has failed
 REAL = ("pendulum", "falling_balls", "two_disk_spin")
+# development cases, small, and of every sort; the mix of the full form, 36 full seen beds among them
+QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
+FULL = {
+    "bodies": range(1120, 1260),
+    "bed": range(1000, 1036),
+    "small-bed": range(1000, 1050),
+    "unseen": range(1000, 1008),
+    "small-unseen": range(1000, 1032),
+    "curve": range(1000, 1004),
+    "small-curve": range(1000, 1016),
+}
 
 
 @dataclass(frozen=True)
@@ -121,7 +132,25 @@ def prove(
     real: bool = False,
     progress: Callable[[str, int, int], None] = lambda *a: None,
 ) -> list[Row]:
-    """Score the cases of these seeds; results of earlier runs in ``out`` are kept, and counted with them.
+    """Score the cases of one kind with these seeds; see ``prove_cases``."""
+    return prove_cases(
+        [(kind, seed) for seed in seeds], out, secret=secret, minutes=minutes, workers=workers, executor=executor,
+        real=real, progress=progress,
+    )  # fmt: skip
+
+
+def prove_cases(
+    cases: Sequence[tuple[str, int]],
+    out: str | Path,
+    *,
+    secret: bytes | None = None,
+    minutes: float | None = None,
+    workers: int = 1,
+    executor: Any = None,
+    real: bool = False,
+    progress: Callable[[str, int, int], None] = lambda *a: None,
+) -> list[Row]:
+    """Score cases (kind, seed); results of earlier runs in ``out`` are kept, and counted with them.
 
     Seeds below 1000 are development seeds and use the public secret; others need ``secret``.
     executor : anything with ``submit`` (concurrent.futures, dask.distributed.Client); else ``workers`` threads, each
@@ -129,13 +158,13 @@ def prove(
     Writes results/, reports/, score.csv and proof.html. Raises InputError without a secret for scored seeds.
     """
     out = Path(out)
-    if len(set(seeds)) != len(seeds):
+    if len(set(cases)) != len(cases):
         raise InputError("a seed is scored once, but one was given twice", where="--seeds")
-    if secret is None and any(s >= FIRST_SCORED for s in seeds):
+    if secret is None and any(s >= FIRST_SCORED for _, s in cases):
         raise InputError(f"seeds of {FIRST_SCORED} and more need a secret", where="--secret")
     tasks = [
         Task(s, kind, str(out.resolve()), DEVELOPMENT_SECRET if s < FIRST_SCORED else secret or b"", minutes)
-        for s in seeds
+        for kind, s in cases
     ]
     own = ThreadPoolExecutor(max(workers, 1)) if executor is None else None
     pool: Any = executor or own
@@ -159,9 +188,16 @@ def prove(
     return write_score(out)
 
 
+def full_cases(kind: str | None = None) -> list[tuple[str, int]]:
+    """The cases of the full form, all or those of one kind: the quick kinds first."""
+    order = ("bodies", "small-curve", "small-unseen", "small-bed", "bed", "curve", "unseen")
+    return [(k, seed) for k in order if kind in (None, k) for seed in FULL[k]]
+
+
 def read_results(out: Path) -> list[dict[str, Any]]:
     """All results of a folder, by kind and seed."""
-    files = sorted((out / "results").glob("*.json"), key=lambda f: (f.stem.split("-")[0], int(f.stem.split("-")[1])))
+    named = [(f.stem.rpartition("-"), f) for f in (out / "results").glob("*.json")]
+    files = [f for _, f in sorted(named, key=lambda item: (item[0][0], int(item[0][2])))]
     return [json.loads(file.read_text(encoding="utf-8")) for file in files]
 
 

@@ -76,6 +76,9 @@ def score_case(result: Mapping[str, Any]) -> Row:
     names = tuple(e["name"] for e in effects)
     rivals = {k: v for k, v in truth["rivals"].items() if v is not None}
     rival, d_prime = min(rivals.items(), key=lambda item: item[1], default=("", math.inf))
+    if not truth.get("rivals_computed", True):
+        d_prime = math.nan  # too long to compute: no case for the figures on naming
+    sigma = math.nan if truth["sigma"] is None else truth["sigma"]
     mechanisms = verdict.get("mechanisms", [])
     named = tuple(dict.fromkeys(m["name"] for m in mechanisms))
     first = named[0] if named else ""
@@ -104,7 +107,7 @@ def score_case(result: Mapping[str, Any]) -> Row:
     null = verdict.get("null")
     return Row(
         case=result["case"], setup=truth["setup"], category=category, truth=names,
-        other_form=any(e["other"] for e in effects), sigma=truth["sigma"], rival=rival, d_prime=d_prime, verdict=kind,
+        other_form=any(e["other"] for e in effects), sigma=sigma, rival=rival, d_prime=d_prime, verdict=kind,
         first=first, named=named, right_name=bool(right), right_class=bool(in_class),
         located=_located(truth, verdict) if category in ("mechanism", "outside", "pair") else None,
         physics_named=bool(physics), covered=covered, errors=errors,
@@ -119,11 +122,27 @@ def _located(truth: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool | Non
         return None
     right = set(truth["bodies"])
     places = verdict.get("mismatch", [])
-    if not places or not set(places[0]["bodies"]) <= right:
+    swimmer = truth.get("swimmer")
+    if not places or not _classes(places[0]["bodies"], swimmer) <= right:
         return False
-    bodies = {b for m in verdict["mechanisms"] for b in m["bodies"]}
+    bodies = _classes([b for m in verdict["mechanisms"] for b in m["bodies"]], swimmer)
     # an unknown force is located by its place; a named law says on whom it acts
     return verdict["verdict"] != "missing_physics" or bodies == right
+
+
+def _classes(bodies: Sequence[str], swimmer: Sequence[str] | None) -> set[str]:
+    """Ids; in a bed those of the swimmer's disks, and "grains" for any grain."""
+    if swimmer is None:
+        return set(bodies)
+    out: set[str] = set()
+    for b in bodies:
+        if b in swimmer:
+            out.add(b)
+        elif b in ("swimmer", "all"):
+            out |= set(swimmer) | ({"grains"} if b == "all" else set())
+        else:
+            out.add("grains")
+    return out
 
 
 def _numbers(effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]]):
@@ -138,6 +157,8 @@ def _numbers(effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[
         and len(entry["bodies"]) > 1
         and found.get("p", {}).get("value") != effect["values"]["p"]
     ):
+        return (), {}
+    if "joint" in effect["values"] and found.get("joint", {}).get("value") != effect["values"]["joint"]:
         return (), {}
     rename = {"camera_scale": lambda v: 1.0 + v}
     covered: list[bool] = []

@@ -22,7 +22,8 @@ STRENGTH = {
     "distance_force": "s", "pair_lubrication": "c", "actuator_lag": "tau", "actuator_delay": "tau",
     "joint_friction": "torque", "nonlinear_spring": "k_3", "wall_drag": "c", "attraction": "strength",
     "transverse_force": "strength", "shaking": "a", "phase_drag": "c", "camera_scale": "s", "camera_tilt": "angle",
-    "time_offset": "offset", "tracking_bias": "b",
+    "time_offset": "offset", "tracking_bias": "b", "weak_joint": "factor", "resting_curvature": "phi_0",
+    "nonlinear_bending": "k_3", "head_force": "force",
 }  # fmt: skip
 FITTED = {
     "ambient_flow": ("c", "u"), "cohesion": ("force", "range"), "distance_force": ("s", "n"),
@@ -35,6 +36,8 @@ def fitted(effect: Effect) -> tuple[str, ...]:
     """The numbers of an effect that a fit moves."""
     if effect.name == "restitution":
         return ("restitution",) if "restitution" in effect.values else ("damping",)
+    if effect.name == "joint_friction":
+        return ("torque",) if "torque" in effect.values else ("force",)
     return FITTED.get(effect.name) or (STRENGTH[effect.name],)
 
 

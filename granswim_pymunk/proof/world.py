@@ -58,9 +58,12 @@ class Camera:
 
 @dataclass(frozen=True)
 class Run:
-    """xy : (T, n, 2) [m] unwrapped;  angle : (T, n) [rad], a pinned body's that of its rod, 0 hanging."""
+    """xy : (T, n, 2) [m] unwrapped;  v : (T, n, 2) [m/s];  angle : (T, n) [rad], a pinned body's that of its rod,
+    0 hanging.
+    """
 
     xy: np.ndarray
+    v: np.ndarray
     angle: np.ndarray
 
 
@@ -325,11 +328,11 @@ class World:
         driven = np.array(sorted(self.drive), dtype=np.int64)
         path, pace = np.zeros((steps + 1, len(driven), 2)), np.zeros((steps + 1, len(driven), 2))
         for c, row in enumerate(driven):
-            speed = self._speed(int(row), grid)
-            moved = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * self.dt)])
+            pace_of = self._speed(int(row), grid)
+            moved = np.concatenate([[0.0], np.cumsum(0.5 * (pace_of[1:] + pace_of[:-1]) * self.dt)])
             direction = self.drive[int(row)][0]
             path[:, c] = xy[row] + moved[:, None] * direction
-            pace[:, c] = speed[:, None] * direction
+            pace[:, c] = pace_of[:, None] * direction
         code = np.array([f[0] for f in self.fields], dtype=np.int64)
         par = np.zeros((len(self.fields), 4))
         for r, f in enumerate(self.fields):
@@ -339,7 +342,7 @@ class World:
         pair_par = np.zeros((len(self.pairs), 5))
         for r, p in enumerate(self.pairs):
             pair_par[r, : len(p[1])] = p[1]
-        seen, angle, good = k.run(
+        seen, speed, angle, good = k.run(
             t0, self.dt, steps, xy, v, np.zeros(len(xy)), self.kind, self.geometry, self.mass, self.inertia,
             self.moment, self.radius, self.base, code, par, weight, pair_code, pair_par, self.chain, self.in_chain,
             self.stiffer, self.rest, head, rate, driven, path, pace, step, rest,
@@ -350,7 +353,7 @@ class World:
         for i in pinned:
             rod = np.unwrap(angle[:, i] - self.down)
             angle[:, i] = rod - 2 * np.pi * np.round(rod[0] / (2 * np.pi)) if len(rod) else rod
-        return Run(seen, angle)
+        return Run(seen, speed, angle)
 
     def _actuator(self) -> list[Effect]:
         return [e for e in self.effects if e.name.startswith("actuator_")]

@@ -1,0 +1,284 @@
+"""Short windows through a bed with the proof's own simulator: how strong an effect is there, and a calibration.
+
+A window starts from states estimated on the film (a parabola through five frames, overlaps pushed apart); members are
+drawn from how unsure that estimate is. Compared are the swimmer's disks 8 and 16 ms on, and of the grains near the
+swimmer and far from it the mean displacement and that along their motion. The noise is the members' scatter, pooled
+over the windows, half of its correlations kept, with the camera's noise added. The standard errors of an effect are
+the root of the chi2 of its mean change, what the adjustable numbers can imitate taken off, times (windows that the
+training part holds / windows computed). All is linear in the amounts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import SimulationError
+from ..scene import Scene
+from . import kernels as k
+from .bed_suspects import resolved
+from .beds import BedSetup
+from .fitting import with_adjusted
+from .world import Effect, World
+
+TRAINING = 0.6  # of the time
+LOOKS = (0.008, 0.016)  # s after the start of a window
+HALF = 2  # frames on each side of a start
+NEAR = 3e-3  # m, gap of near grains to the swimmer
+STEP = 4e-6  # s
+MEMBERS = 4
+MOST = 10  # windows computed
+
+
+def estimated(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Place and velocity (n, 2) at a frame by parabolas through the frames around, and how unsure: root (n, 2, 2).
+
+    A body seen in fewer than three of them stays where it was seen nearest, at rest.
+    """
+    around = slice(frame - HALF, frame + HALF + 1)
+    s = t[around] - t[frame]
+    design = np.column_stack([np.ones_like(s), s, s**2])
+    values = xy[around]
+    n = xy.shape[1]
+    place, speed = np.zeros((n, 2)), np.zeros((n, 2))
+    root = np.zeros((n, 2, 2))
+    seen = np.isfinite(values[..., 0])
+    for pattern in np.unique(seen, axis=1).T:
+        mine = (seen == pattern[:, None]).all(axis=0)
+        if pattern.sum() >= 3:
+            a = design[pattern]
+            inverse = np.linalg.inv(a.T @ a)
+            found = np.einsum("ij,jnc->inc", inverse @ a.T, values[pattern][:, mine])
+            place[mine], speed[mine] = found[0], found[1]
+            # beyond three frames nothing tells a parabola from its noise: the third number is left out of the draw
+            root[mine] = sigma * np.linalg.cholesky(inverse[:2, :2])
+            continue
+        for i in np.flatnonzero(mine):
+            known = np.flatnonzero(np.isfinite(xy[:, i, 0]))
+            place[i] = xy[known[np.argmin(np.abs(known - frame))], i]
+    return place, speed, root
+
+
+@dataclass
+class Windows:
+    """Windows of a film of a bed, ready to be predicted.
+
+    scene : packed, with the numbers everybody knows;  t (T,), xy (T, n, 2) of all its bodies, NaN where not seen
+    """
+
+    setup: BedSetup
+    scene: Scene
+    t: np.ndarray
+    xy: np.ndarray
+    seed: int = 0
+    most: int | None = None  # windows computed, at most; MOST where not given
+
+    def __post_init__(self) -> None:
+        bodies = self.scene.bodies
+        self.chain = np.array([i for i, b in enumerate(bodies) if b.role in ("head", "tail")], dtype=np.int64)
+        self.grains = np.array([i for i, b in enumerate(bodies) if b.role == "grain"], dtype=np.int64)
+        self.radius = np.array([b.radius for b in bodies])
+        self.walls = np.array([b.role == "wall" for b in bodies])
+        self.xy = self.xy.copy()
+        for i, b in enumerate(bodies):
+            if b.role == "wall" and b.initial is not None:
+                self.xy[:, i] = b.initial[:2]
+        spacing = float(np.median(np.diff(self.t)))
+        self.looks = [round(look / spacing) for look in LOOKS]
+        size = HALF + self.looks[-1] + 1
+        last = int(np.searchsorted(self.t, self.t[0] + TRAINING * (self.t[-1] - self.t[0]))) - self.looks[-1]
+        every = np.arange(HALF, max(last, HALF + 1), size)
+        self.count = len(every)
+        few = np.unique(np.round(np.linspace(0, self.count - 1, min(self.most or MOST, self.count))).astype(int))
+        self.frames = every[few]
+        self.share = self.count / len(self.frames)
+        self.starts = [self._members(int(frame)) for frame in self.frames]
+        self.noise: np.ndarray | None = None
+
+    def _members(self, frame: int):
+        place, speed, root = estimated(self.t, self.xy, frame, self.setup.noise)
+        rng = np.random.default_rng((self.seed, frame))
+        period = self.scene.periodic_x or 0.0
+        kind = np.where(self.walls, k.WALL, k.FREE).astype(np.int64)
+        in_chain = np.zeros(len(place), dtype=np.bool_)
+        in_chain[self.chain] = True
+        speed[self.walls], root[self.walls] = 0.0, 0.0
+        drawn = []
+        for _ in range(MEMBERS):
+            normal = rng.normal(size=(len(place), 2, 2))
+            shift = np.einsum("nij,njc->nic", root, normal)
+            xy = np.ascontiguousarray(place + shift[:, 0])
+            k.separate(xy, kind, self.radius, in_chain, self.chain, 2 * self.radius[self.chain[0]], period, 5e-7, 400)
+            drawn.append(np.column_stack([xy, speed + shift[:, 1]]))
+        disks = place[self.chain]
+        apart = place[self.grains][:, None] - disks[None]
+        if period:
+            apart[..., 0] -= period * np.round(apart[..., 0] / period)
+        gap = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1) - self.radius[self.grains] - self.radius[self.chain[0]]
+        return place, speed, gap < NEAR, drawn
+
+    def _numbers(self, window: int, xy: np.ndarray) -> np.ndarray:
+        """(D,) what is compared of places (looks, n, 2) [m]."""
+        place, speed, near, _ = self.starts[window]
+        v = speed[self.grains]
+        size = np.maximum(np.hypot(*v.T), 1e-12)
+        out = [xy[:, self.chain].ravel()]
+        for moved in xy[:, self.grains] - place[self.grains]:
+            along = np.einsum("gc,gc->g", moved, v / size[:, None])
+            for mine in (near, ~near):
+                good = mine & np.isfinite(moved[:, 0])
+                if good.sum() < 3:
+                    out.append(np.zeros(3))
+                    continue
+                out.append(np.array([*moved[good].mean(axis=0), float(size[good] @ along[good] / size[good].sum())]))
+        return np.concatenate(out)
+
+    def seen(self) -> np.ndarray:
+        """(W, D) as the film shows it."""
+        return np.array([
+            self._numbers(w, self.xy[[frame + look for look in self.looks]]) for w, frame in enumerate(self.frames)
+        ])  # fmt: skip
+
+    def predict(
+        self, scene: Scene, effects: Sequence[Effect] = (), members: int = MEMBERS, every: int = 1
+    ) -> np.ndarray:
+        """(W, m, D) of the first members, of every so many windows. Raises SimulationError."""
+        world = World(scene, [resolved(e, self.scene) for e in effects], max(STEP, self.setup.dt))
+        out = []
+        for w, frame in list(enumerate(self.frames))[::every]:
+            times = self.t[[frame + look for look in self.looks]]
+            out.append([
+                self._numbers(w, world.sample(times, start, t0=float(self.t[frame])).xy)
+                for start in self.starts[w][3][:members]
+            ])  # fmt: skip
+        return np.array(out)
+
+    def settle_noise(self) -> np.ndarray:
+        """The prediction of the known scene (W, MEMBERS, D), and from its scatter what whitens."""
+        base = self.predict(self.scene)
+        left = (base - base.mean(axis=1, keepdims=True)).reshape(-1, base.shape[-1])
+        covariance = left.T @ left / (len(self.frames) * (MEMBERS - 1))
+        covariance = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
+        disks = 2 * len(self.chain) * len(self.looks)
+        camera = np.full(len(covariance), 0.1 * self.setup.noise)
+        camera[:disks] = self.setup.noise
+        # a mean over some members scatters too
+        covariance = (1 + 1 / MEMBERS) * covariance + np.diag(camera**2)
+        self.noise = np.linalg.inv(np.linalg.cholesky(covariance))
+        return base
+
+    def white(self, change: np.ndarray) -> np.ndarray:
+        """Whitened changes (..., D), counted as many times as the training part holds windows."""
+        assert self.noise is not None
+        return math.sqrt(self.share) * np.nan_to_num(change @ self.noise.T)
+
+
+def adjusted_steps(setup: BedSetup) -> dict[str, float]:
+    """A step of every adjustable number: 10 % of its value."""
+    return {a.name: 0.1 * float(setup.scene.laws_named(a.law)[0].values[a.parameter]) for a in setup.scene.adjustable}
+
+
+def product(a: np.ndarray, b: np.ndarray) -> float:
+    """Scalar product of the mean changes behind members a (m, N) and b (k, N), from pairs of different members.
+
+    Members share no chaos, so what chaos adds to each of them averages out, which it does not in a square.
+    """
+    same = min(len(a), len(b))
+    pairs = len(a) * len(b) - same
+    crossed = a.sum(axis=0) @ b.sum(axis=0) - np.einsum("mn,mn->", a[:same], b[:same])
+    return float(crossed / max(pairs, 1))
+
+
+def beyond(truth: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[float, np.ndarray]:
+    """Size of what of a change (m, N) the columns, each (k, N), cannot imitate; and the fitted amounts of those."""
+    size = product(truth, truth)
+    shown = [c for c in columns if product(c, c) > 0]
+    amounts = np.zeros(len(columns))
+    if shown:
+        gram = np.array([[product(a, b) for b in shown] for a in shown])
+        scale = np.sqrt(np.diag(gram))
+        # what little noise the products have may not make a number out of two columns that are one
+        inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=0.02, hermitian=True)
+        along = np.array([product(c, truth) for c in shown]) / scale
+        found = inverse @ along
+        size -= float(along @ found)
+        amounts[[n for n, c in enumerate(columns) if product(c, c) > 0]] = found / scale
+    return math.sqrt(max(size, 0.0)), amounts
+
+
+@dataclass
+class WindowBench:
+    """Whitened changes of what windows show (m, N), one row a member; those of a small step of each adjustable."""
+
+    windows: Windows
+
+    def __post_init__(self) -> None:
+        self.base = self.windows.settle_noise()
+        self.columns: dict[str, np.ndarray] = {}
+        for name, step in adjusted_steps(self.windows.setup).items():
+            law, parameter = name.split(".")
+            value = float(self.windows.scene.laws_named(law)[0].values[parameter])
+            moved = self.windows.predict(with_adjusted(self.windows.scene, {name: value + step}))
+            self.columns[name] = self._rows(moved) / step
+
+    def _rows(self, moved: np.ndarray, every: int = 1) -> np.ndarray:
+        """(m, N) of predictions (w, m, D), every so many windows."""
+        change = moved - self.base[::every, : moved.shape[1]]
+        white = self.windows.white(change) * math.sqrt(len(self.base) / len(change))
+        return np.moveaxis(white, 1, 0).reshape(moved.shape[1], -1)
+
+    def adjustable(self, few: bool = False) -> list[np.ndarray]:
+        """The columns of the adjustable numbers."""
+        if not few:
+            return list(self.columns.values())
+        shape = (MEMBERS, len(self.base), -1)
+        factor = math.sqrt(len(self.base) / len(self.base[::2]))
+        return [factor * c.reshape(shape)[:, ::2].reshape(MEMBERS, -1) for c in self.columns.values()]
+
+    def change(self, effects: Sequence[Effect], few: bool = False) -> np.ndarray:
+        """(m, N) of some effects; ``few``: of half of the windows and members. Raises SimulationError."""
+        every = 2 if few else 1
+        scene = self.windows.scene
+        return self._rows(self.windows.predict(scene, effects, MEMBERS // every, every), every)
+
+
+def calibrated(setup: BedSetup, scene: Scene, t: np.ndarray, xy: np.ndarray, guess: Mapping[str, float]):
+    """The adjustable numbers that predict the windows of a film best: three steps of least squares from a guess.
+
+    A function of film, guess and scene alone.
+    """
+    windows = Windows(setup, scene, t, xy, most=min(MOST, 8))
+    windows.settle_noise()
+    seen = windows.seen()
+    here = dict(guess)
+    for _ in range(3):
+        now = windows.predict(with_adjusted(scene, here), members=2).mean(axis=1)
+        columns = []
+        for a in setup.scene.adjustable:
+            step = 0.1 * here[a.name] if here[a.name] * 1.1 < a.high else -0.1 * here[a.name]
+            moved = windows.predict(with_adjusted(scene, {**here, a.name: here[a.name] + step}), members=2)
+            columns.append(windows.white(moved.mean(axis=1) - now).ravel() / step)
+        found = np.linalg.lstsq(np.array(columns).T, windows.white(seen - now).ravel(), rcond=None)[0]
+        moved_by = 0.0
+        for a, change in zip(setup.scene.adjustable, found, strict=True):
+            new = float(np.clip(here[a.name] + np.clip(change, -0.4 * here[a.name], 0.4 * here[a.name]), a.low, a.high))
+            moved_by = max(moved_by, abs(new / here[a.name] - 1))
+            here[a.name] = new
+        if moved_by < 0.01:
+            break
+    return here
+
+
+def film_of(setup: BedSetup, scene: Scene, effects: Sequence[Effect], offset: float = 0.0) -> np.ndarray:
+    """(T, n, 2) true places [m] at the frames, of a run from rest at t = 0; ``offset`` of the camera's clock [s].
+
+    Raises SimulationError where the run fails.
+    """
+    world = World(replace(scene, adjustable=()), [resolved(e, scene) for e in effects], setup.dt)
+    run = world.sample(np.maximum(setup.t + offset, 0.0), t0=0.0)
+    if np.abs(run.xy[-1]).max() > 1.0:
+        raise SimulationError("a body left the bed")
+    return run.xy
