@@ -37,16 +37,17 @@ from .native import ROW, Offsets
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
 # columns of the integer table that says how a law is used
-USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "first_run", "last_run")
+USE_COLUMNS = ("code", "parameters", "first", "last", "mask")
 
 # slots of the context that the callbacks find behind a pointer: addresses and whole numbers ...
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
-    "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_near", "own_drift", "own_kick",
+    "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_blocks", "own_drift", "own_kick",
     "from_list", "constrained", "fixed_skin", "pushed",
     "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
-    "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "mask", "pair_i", "pair_j", "pair_shift",
-    "near_i", "near_j", "near_shift", "near_touch", "near_square", "near_mass",
+    "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "run_starts", "blocks", "mask",
+    "pair_i", "pair_j", "pair_shift", "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_starts",
+    "near_seam",
     "allowance", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts", "push",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
@@ -62,6 +63,9 @@ NEAR_LASTS = 24
 # steps between two full lists below and above which the skin is made wider and narrower
 SHORT_BUILD = 250
 LONG_BUILD = 1000
+# forces are summed body after body in blocks of so many, all laws for one block before the next, so that what a
+# block touches stays in the second-level cache; the disks of chains are one block, the first
+BODIES = 128
 # the pair laws go through the near list in blocks of so many pairs, which stay in the first-level cache;
 # WORK is what is kept of those that touch
 BLOCK = 256
@@ -213,14 +217,14 @@ def each_{law.name}(count, o, t, parameters, work):
 {_indent([*lines, *pack], 2)}
 
 @njit(**PLAIN)
-def sum_{law.name}(u, t, flat, radius, parameters, uses, mask, near_i, near_j, near_shift, near_touch, near_square, near_mass,
-                   n_near, which, work):
+def sum_{law.name}(u, t, begin, end, seam, flat, radius, parameters, uses, mask, near_i, near_j, near_shift, near_touch,
+                   near_mass, which, work):
     o = uses[u, 1]
 {_indent(read if reach else [], 1)}    reach = 0.0{reach}
-    for first in range(0, n_near, {BLOCK}):
-        last = min(first + {BLOCK}, n_near)
+    for first in range(begin, end, {BLOCK}):
+        last = min(first + {BLOCK}, end)
         {"if uses[u, 4] == 0:" if not reach else "if False:"}
-            count = touching(first, last, flat, near_i, near_j, near_shift, near_square, which, work)
+            count = touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work)
         else:
             count = reached(first, last, reach, uses[u, 4], mask[u], flat, near_i, near_j, near_shift, near_touch, which, work)
         count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
@@ -235,23 +239,24 @@ _PAIRS = f'''
 # are gathered as the bits of a word, and the bits that are set are then taken one by one. numba counts references
 # to arrays unless a function is one straight line to its end: hence two of them.
 @njit(**PLAIN)
-def touching(first, last, flat, near_i, near_j, near_shift, near_square, which, work):
+def touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work):
     """Which pairs of a block touch: their numbers in the block; of each pair the way from i to j."""
     m = np.uint64(0)
     begin = np.uint64(first)
-    end = np.uint64(last)
-    for low in range(begin, end, np.uint64(64)):
+    count = np.uint64(last) - begin
+    for low in range(np.uint64(0), count, np.uint64(64)):
         word = np.uint64(0)
-        for k in range(low, min(low + np.uint64(64), end)):
-            i = near_i[k]
-            j = near_j[k]
-            dx = flat[j + P_X] - flat[i + P_X] + near_shift[k]
-            dy = flat[j + P_Y] - flat[i + P_Y]
-            work[k - begin + W_DX] = dx
-            work[k - begin + W_DY] = dy
-            word |= np.uint64(dx * dx + dy * dy < near_square[k]) << (k - low)
+        for q in range(low, min(low + np.uint64(64), count), np.uint64(4)):
+            if seam == 0:
+                word |= four_ways(flat, P_X, near_i, near_j, near_shift, near_touch, begin + q,
+                                  work, q + W_DX, q + W_DY) << (q - low)
+            else:
+                word |= four_shifted_ways(flat, P_X, near_i, near_j, near_shift, near_touch, begin + q,
+                                          work, q + W_DX, q + W_DY) << (q - low)
+        if count - low < np.uint64(64):
+            word &= (np.uint64(1) << (count - low)) - np.uint64(1)  # the last four may be fewer
         while word != np.uint64(0):
-            which[m] = low - begin + lowest_bit(word)
+            which[m] = low + lowest_bit(word)
             m += np.uint64(1)
             word &= word - np.uint64(1)
     return m
@@ -297,8 +302,7 @@ def collect(first, count, round_, flat, radius, near_i, near_j, near_touch, near
         which[m] = k
         {_work("dx")} = dx
         {_work("dy")} = dy
-        {_work("ux")} = flat[j + P_VX] - flat[i + P_VX]
-        {_work("uy")} = flat[j + P_VY] - flat[i + P_VY]
+        difference(flat, i + P_VX, j + P_VX, work, m + W_UX, m + W_UY)
         {_work("touch")} = near_touch[k]
         {_work("mass")} = near_mass[k]
         if round_ != 0:
@@ -317,12 +321,7 @@ def scatter(count, spin, flat, near_i, near_j, which, work):
         k = which[m]
         i = near_i[k]
         j = near_j[k]
-        px = {_work("px")}
-        py = {_work("py")}
-        flat[j + P_FX] += px
-        flat[j + P_FY] += py
-        flat[i + P_FX] -= px
-        flat[i + P_FY] -= py
+        push_apart(flat, i + P_FX, j + P_FX, {_work("px")}, {_work("py")})
         if spin != 0:
             flat[i + P_TORQUE] += {_work("ti")}
             flat[j + P_TORQUE] += {_work("tj")}
@@ -344,7 +343,7 @@ def _body_block(law: Law, code: int) -> list[str]:
     lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
     # unsigned: numba then leaves out the test for an index counted from the end
     lines += [
-        "    for run in range(uses[u, 5], uses[u, 6]):",
+        "    for run in range(run_starts[u, b], run_starts[u, b + 1]):",
         "        for i in range(np.uint64(runs[run, 0]), np.uint64(runs[run, 1])):",
     ]
     if "command" in law.arguments:
@@ -355,15 +354,15 @@ def _body_block(law: Law, code: int) -> list[str]:
 
 def _chain_block(law: Law, code: int) -> list[str]:
     read, names = _parameter_locals(law)
-    available = {"t": "t"} | {a: f"state[a:b, {a.upper()}]" for a in ("x", "y", "vx", "vy", "fx", "fy")}
-    available |= {"mass": "mass[a:b]", **names}
+    available = {"t": "t"} | {a: f"state[first:last, {a.upper()}]" for a in ("x", "y", "vx", "vy", "fx", "fy")}
+    available |= {"mass": "mass[first:last]", **names}
     return [
         f"elif code == {code}:  # {law.name}",
         *("    " + line for line in read),
-        "    for k in range(chains.shape[0]):",
-        "        a = chains[k, 0]",
-        "        b = chains[k, 1]",
-        "        if mask[u, a]:",  # a law acts on whole swimmers
+        "    for k in range(chains.shape[0] if b == 0 else 0):",
+        "        first = chains[k, 0]",
+        "        last = chains[k, 1]",
+        "        if mask[u, first]:",  # a law acts on whole swimmers
         f"            {_call(law, available)}",
     ]
 
@@ -379,7 +378,8 @@ def _context_arrays(used: set[str]) -> str:
         "runs": ("(I[N_RUNS], 2)", "i8"), "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "u4"),
         "pair_j": ("I[ROOM]", "u4"), "pair_shift": ("I[ROOM]", "f8"), "near_i": ("I[ROOM]", "u4"),
         "near_j": ("I[ROOM]", "u4"), "near_shift": ("I[ROOM]", "f8"), "near_touch": ("I[ROOM]", "f8"),
-        "near_mass": ("I[ROOM]", "f8"), "near_square": ("I[ROOM]", "f8"), "starts": ("n + 1", "i8"),
+        "near_mass": ("I[ROOM]", "f8"), "near_starts": ("I[N_BLOCKS] + 1", "i8"), "near_seam": ("I[N_BLOCKS]", "u1"),
+        "blocks": ("I[N_BLOCKS] + 1", "i8"), "run_starts": ("(I[N_USES], I[N_BLOCKS] + 1)", "i8"), "starts": ("n + 1", "i8"),
         "heads": ("I[N_CELLS]", "i8"), "nexts": (n, "i8"), "chains": ("(I[N_CHAINS], 2)", "i8"),
         "input_t": ("I[N_INPUT]", "f8"), "input_v": ("I[N_INPUT]", "f8"), "input_at": ("(n, 2)", "i8"),
         "scalars": (str(len(SCALARS)), "f8"), "table_keys": ("I[N_TABLE]", "i8"),
@@ -405,7 +405,8 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
     parts = [
         '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
         "import math\n\nimport numpy as np\nfrom numba import carray, cfunc, njit, types\n",
-        "from granswim_pymunk.engine.native import load_float, load_int, lowest_bit, pointer_to, store_byte, store_float\n",
+        "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
+        "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
         "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
@@ -457,16 +458,17 @@ def interpolate(t, times, values, first, last):
     parts.append(_PAIRS)
     parts += [_pair_block(law, codes[law.name]) for law in pairs]
     arguments = (
-        "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, mask,\n"
-        "    near_i, near_j, near_shift, near_touch, near_square, near_mass, n_near, scalars, chains, input_t, input_v, input_at, which, work"
+        "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, run_starts, blocks, mask,\n"
+        "    near_i, near_j, near_shift, near_touch, near_mass, near_starts, near_seam, scalars, chains, input_t,\n"
+        "    input_v, input_at, which, work"
     )
     pair_sums = []
     for law in pairs:
         pair_sums += [
             f"elif code == {codes[law.name]}:",
             "    if from_list != 0:",
-            f"        sum_{law.name}(u, t, flat, radius, parameters, uses, mask,",
-            "            near_i, near_j, near_shift, near_touch, near_square, near_mass, n_near, which, work)",
+            f"        sum_{law.name}(u, t, near_starts[b], near_starts[b + 1], near_seam[b], flat, radius, parameters, uses,",
+            "            mask, near_i, near_j, near_shift, near_touch, near_mass, which, work)",
         ]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
@@ -475,23 +477,26 @@ def interpolate(t, times, values, first, last):
 
 @njit(**PLAIN)
 def add_forces(from_list, constrained, {arguments}):
-    """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE. Uses are sorted: pairs, chains, bodies, constraints.
+    """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE.
 
+    Block of bodies after block; of a pair, i is the smaller number, so behind a block nothing is added to its
+    bodies any more. Uses are sorted: pairs, chains (all in the first block), bodies, constraints.
     ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
     ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
     """
     flat = state.reshape(state.size)
-    for u in range(uses.shape[0]):
-        code = uses[u, 0]
-        o = uses[u, 1]
-        r0 = parameters[o - 1]
-        if code == 0:
-            continue
-        if constrained == 0 and code >= {min(constraint_codes, default=10**6)}:
-            continue
-        if False:
-            pass
-{_indent(pair_sums, 2)}{_indent(chains, 2)}{_indent(others, 2)}''')
+    for b in range(blocks.shape[0] - 1):
+        for u in range(uses.shape[0]):
+            code = uses[u, 0]
+            o = uses[u, 1]
+            r0 = parameters[o - 1]
+            if code == 0:
+                continue
+            if constrained == 0 and code >= {min(constraint_codes, default=10**6)}:
+                continue
+            if False:
+                pass
+{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(others, 3)}''')
     pair_calls = []
     for law in pairs:
         pair_calls += [
@@ -682,12 +687,11 @@ def verlet_step(constraint, space):
                 for i in range(n):
                     old_x[i] = place_x[i]
                     old_y[i] = place_y[i]
-            I[N_NEAR] = prune(place_x, place_y, reaching, inverse_mass, radius, pair_i, pair_j, pair_shift, I[N_PAIRS],
-                              near_i, near_j, near_shift, near_touch, near_square, near_mass, {ROW})
+            prune(place_x, place_y, reaching, inverse_mass, radius, starts, blocks, pair_i, pair_j, pair_shift, near_i,
+                  near_j, near_shift, near_touch, near_mass, near_starts, near_seam, {ROW})
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
-    n_near = I[N_NEAR]
     for i in range(n_mobile, n):
         state[i, FX] = 0.0  # of the mobile ones, the drift did it
         state[i, FY] = 0.0
@@ -794,7 +798,6 @@ def chipmunk_step(constraint, space):
                 state[j, TORQUE] += contact_tj[c]
         first = last
     I[N_CONTACTS] = 0
-    n_near = I[N_NEAR]
     add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion)

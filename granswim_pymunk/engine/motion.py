@@ -22,7 +22,7 @@ from llvmlite import ir
 from numba.core.registry import cpu_target
 from pymunk._chipmunk_cffi import ffi, lib
 
-from .native import LEAD, Offsets, column, offsets, releaser, rows_of_bodies, settle_in
+from .native import LEAD, ROW, Offsets, column, fetch, offsets, releaser, rows_of_bodies, settle_in
 
 # in front of each body: in place, the speed it may reach before the neighbour list is renewed, squared
 # [m2/s2]; apart, the address of its row. Then the address of the numbers in MOTION
@@ -35,6 +35,9 @@ MOTION = (
     # ... and a whole number in the same array
     "left",
 )  # fmt: skip
+
+# Chipmunk takes the bodies one after the other: while one moves, the rows so many bodies on come into the caches
+AHEAD = 16
 
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
 _PAIR = ir.VectorType(_FLOAT, 2)
@@ -66,6 +69,8 @@ class _Writer:
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_INT, *arguments]), name)
         self.body, *self.arguments = function.args
         self.builder = ir.IRBuilder(function.append_basic_block())
+        for line in (0, 64):
+            fetch(self.builder, self.at(self.body, 8 * ROW * AHEAD + line, ir.IntType(8)))
 
     def at(self, base: Any, offset: int, kind: Any) -> Any:
         place = self.builder.add(base, ir.Constant(_INT, offset))

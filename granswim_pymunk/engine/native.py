@@ -148,6 +148,8 @@ def address(pointer: Any) -> int:
 # inverse mass and what is ours share one line, position, velocity and force the next.
 LEAD = 2
 ROW = 40
+# rows this far on are asked for while the laws go through the pairs: beyond a column of grains, within the first cache
+LATER = 192
 
 
 def _room_of(body: pymunk.Body) -> int:
@@ -264,6 +266,123 @@ def lowest_bit(typingctx, word):
         return builder.cttz(args[0], cgutils.true_bit)
 
     return types.uint64(types.uint64), generate
+
+
+def fetch(builder: Any, pointer: Any) -> None:
+    """Ask for the cache line at a pointer, which may lie beyond what is allocated."""
+    ir = cgutils.ir
+    flag = ir.IntType(32)
+    kind = ir.FunctionType(ir.VoidType(), [pointer.type, flag, flag, flag])
+    prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+    # to read, into all levels, data
+    builder.call(prefetch, [pointer, *(ir.Constant(flag, k) for k in (0, 3, 1))])
+
+
+def _column(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Pointer to the first number of an array."""
+    return context.make_array(kind)(context, builder, array).data
+
+
+def _two(builder: Any, base: Any, at: Any) -> Any:
+    """Pointer to two floats side by side, in one register."""
+    pair = cgutils.ir.VectorType(cgutils.ir.DoubleType(), 2)
+    return builder.bitcast(builder.gep(base, [at]), pair.as_pointer())
+
+
+def _load(builder: Any, pointer: Any) -> Any:
+    value = builder.load(pointer)
+    value.align = 8
+    return value
+
+
+def _four_ways(shifts: bool) -> Any:
+    @intrinsic
+    def four_ways(typingctx, flat, x, near_i, near_j, near_shift, near_touch, k, work, at_x, at_y):
+        """Four pairs of a list, from the k-th: which of them touch, as four bits; the ways from i to j to ``work``.
+
+        ``flat`` holds the rows of bodies, their place side by side from column ``x``.
+        """
+
+        def generate(context, builder, signature, args):
+            ir = cgutils.ir
+            kinds = signature.args
+            flat, i, j, shift, touch, work = (_column(context, builder, kinds[a], args[a]) for a in (0, 2, 3, 4, 5, 7))
+            x, k, at_x, at_y = (args[a] for a in (1, 6, 8, 9))
+            number = ir.IntType(64)
+            four = ir.VectorType(ir.DoubleType(), 4)
+
+            def quad(base: Any, at: Any) -> Any:
+                return builder.bitcast(builder.gep(base, [at]), four.as_pointer())
+
+            def shuffled(a: Any, b: Any, *order: int) -> Any:
+                return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
+
+            ways = []
+            for q in range(4):
+                place = []
+                for rows in (j, i):
+                    row = builder.load(builder.gep(rows, [builder.add(k, ir.Constant(number, q))]))
+                    place.append(_two(builder, flat, builder.add(builder.zext(row, number), x)))
+                ways.append(builder.fsub(*(_load(builder, p) for p in place)))
+                # what stands in later rows comes into the caches meanwhile
+                later = builder.gep(place[1], [ir.Constant(number, ROW * LATER // 2)])
+                fetch(builder, builder.bitcast(later, ir.IntType(8).as_pointer()))
+            dx, dy = (
+                shuffled(shuffled(ways[0], ways[1], c, 2 + c), shuffled(ways[2], ways[3], c, 2 + c), 0, 1, 2, 3)
+                for c in (0, 1)
+            )
+            if shifts:
+                dx = builder.fadd(dx, _load(builder, quad(shift, k)))
+            reach = _load(builder, quad(touch, k))
+            for value, at in ((dx, at_x), (dy, at_y)):
+                builder.store(value, quad(work, at)).align = 8
+            square = builder.fadd(builder.fmul(dx, dx), builder.fmul(dy, dy))
+            near = builder.fcmp_ordered("<", square, builder.fmul(reach, reach))
+            return builder.zext(builder.bitcast(near, ir.IntType(4)), number)
+
+        count = types.uint64
+        lists = (near_i, near_j, near_shift, near_touch)
+        return count(flat, count, *lists, count, work, count, count), generate
+
+    return four_ways
+
+
+four_ways = _four_ways(False)  # where no pair has a shift
+four_shifted_ways = _four_ways(True)
+
+
+@intrinsic
+def difference(typingctx, flat, i, j, work, at_x, at_y):
+    """Two floats side by side at j less those at i, into two places of ``work``."""
+
+    def generate(context, builder, signature, args):
+        flat, work = (_column(context, builder, signature.args[a], args[a]) for a in (0, 3))
+        there, here = (_load(builder, _two(builder, flat, at)) for at in (args[2], args[1]))
+        apart = builder.fsub(there, here)
+        for c, at in enumerate(args[4:]):
+            value = builder.extract_element(apart, cgutils.ir.Constant(cgutils.ir.IntType(64), c))
+            builder.store(value, builder.gep(work, [at]))
+        return context.get_dummy_value()
+
+    return types.void(flat, types.uint64, types.uint64, work, types.uint64, types.uint64), generate
+
+
+@intrinsic
+def push_apart(typingctx, flat, i, j, px, py):
+    """Add (px, py) to two floats side by side at j, and take it from those at i."""
+
+    def generate(context, builder, signature, args):
+        ir = cgutils.ir
+        flat = _column(context, builder, signature.args[0], args[0])
+        force = ir.Constant(ir.VectorType(ir.DoubleType(), 2), ir.Undefined)
+        for c in (0, 1):
+            force = builder.insert_element(force, args[3 + c], ir.Constant(ir.IntType(64), c))
+        for at, change in ((args[2], builder.fadd), (args[1], builder.fsub)):
+            place = _two(builder, flat, at)
+            builder.store(change(_load(builder, place), force), place).align = 8
+        return context.get_dummy_value()
+
+    return types.void(flat, types.uint64, types.uint64, types.float64, types.float64), generate
 
 
 @intrinsic

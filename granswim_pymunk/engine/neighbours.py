@@ -156,36 +156,45 @@ def build_list(
 
 @njit(cache=True, error_model="numpy")
 def prune(
-    x, y, room, inverse_mass, radius, pair_i, pair_j, pair_shift, count, near_i, near_j, near_shift,
-    near_touch, near_square, near_mass, row,
+    x, y, room, inverse_mass, radius, ends, blocks, pair_i, pair_j, pair_shift, near_i, near_j, near_shift, near_touch,
+    near_mass, near_starts, near_seam, row,
 ):  # fmt: skip
     """Keep the pairs of a list that are closer than the sum of their ``room`` (n,) [m]; their number.
 
+    ``ends`` (n,): where the pairs of each i end in the list. ``blocks`` (b + 1,): where blocks of bodies begin;
+    in ``near_starts`` (b + 1,) where the pairs of their i begin, in ``near_seam`` (b,) whether one has a shift.
     ``near_i`` and ``near_j`` are ``row`` times the bodies' numbers: where their rows begin in a flat array.
-    ``near_touch`` [m] is the sum of radii, ``near_square`` [m2] its square, ``near_mass`` [kg] the reduced
-    mass. The order stays.
+    ``near_touch`` [m] is the sum of radii, ``near_mass`` [kg] the reduced mass. The order stays.
     """
     near = np.uint64(0)
     one = np.uint64(1)
-    for k in range(np.uint64(count)):
-        i = pair_i[k]
-        j = pair_j[k]
-        dx = x[j] - x[i] + pair_shift[k]
-        dy = y[j] - y[i]
-        cutoff = room[i] + room[j]
-        # written in any case, kept if near: no branch that cannot be foreseen
-        near_i[near] = i
-        near_j[near] = j
-        near_shift[near] = pair_shift[k]
-        near += one if dx * dx + dy * dy < cutoff * cutoff else np.uint64(0)
+    first = np.uint64(0)
+    for b in range(blocks.shape[0] - 1):
+        near_starts[b] = near
+        last = np.uint64(ends[blocks[b + 1] - 1]) if blocks[b + 1] > 0 else np.uint64(0)
+        seam = 0.0
+        for k in range(first, last):
+            i = pair_i[k]
+            j = pair_j[k]
+            shift = pair_shift[k]
+            dx = x[j] - x[i] + shift
+            dy = y[j] - y[i]
+            cutoff = room[i] + room[j]
+            # written in any case, kept if near: no branch that cannot be foreseen
+            near_i[near] = i
+            near_j[near] = j
+            near_shift[near] = shift
+            near += one if dx * dx + dy * dy < cutoff * cutoff else np.uint64(0)
+            seam += abs(shift)
+        near_seam[b] = seam != 0.0
+        first = last
+    near_starts[blocks.shape[0] - 1] = near
     for k in range(near):
         i = near_i[k]
         j = near_j[k]
-        touch = radius[i] + radius[j]
+        near_touch[k] = radius[i] + radius[j]
         near_i[k] = i * np.uint32(row)
         near_j[k] = j * np.uint32(row)
-        near_touch[k] = touch
-        near_square[k] = touch * touch
         near_mass[k] = 1.0 / (inverse_mass[i] + inverse_mass[j])
     return near
 

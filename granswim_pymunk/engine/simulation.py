@@ -21,6 +21,7 @@ from . import events, neighbours, stepping
 from .advice import advise_dt
 from .callbacks import (
     BLOCK,
+    BODIES,
     FLOATS,
     INTS,
     KIND_ORDER,
@@ -236,12 +237,13 @@ class Simulation:
         a["old_y"] = np.full(n, np.inf)
         a["group"] = np.zeros(n, dtype=np.int64)
         at = 0
-        spans = []
+        spans: list[tuple[int, int]] = []
         for k, chain in enumerate(chains):
             a["group"][at : at + len(chain)] = k + 1
             spans.append((at, at + len(chain)))
             at += len(chain)
         a["chains"] = np.array(spans, dtype=np.int64).reshape(-1, 2)
+        a["blocks"] = blocks = np.array([0, *range(at, n, BODIES), n], dtype=np.int64)
 
         self._kernel: Kernel | None = None
         codes: dict[str, int] = {}
@@ -253,7 +255,9 @@ class Simulation:
         self._uses = uses
         parameters: list[float] = []
         rows: list[int] = []
-        runs: list[tuple[int, int]] = []
+        runs: list[np.ndarray] = []
+        run_starts = np.zeros((len(uses), len(blocks)), dtype=np.int64)
+        n_runs = 0
         table = []
         mask = np.zeros((len(uses), n), dtype=np.uint8)
         reach = 0.0
@@ -261,14 +265,13 @@ class Simulation:
             chosen = self._inner[scene.rows(item)]
             chosen.sort()
             parameters.append(float(a["radius"][chosen].mean()) if len(chosen) else 1.0)  # r_0
-            own_runs = _runs(chosen)
+            own_runs = _runs(chosen, blocks)
+            run_starts[u] = n_runs + np.searchsorted(own_runs[:, 0], blocks)
+            runs.append(own_runs)
+            n_runs += len(own_runs)
             table.append(
-                [
-                    codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen),
-                    item.bodies is not None, len(runs), len(runs) + len(own_runs),
-                ]
-            )  # fmt: skip
-            runs += own_runs
+                [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None]
+            )
             values = scene.resolved(item)
             parameters += item.law.encode(values)
             rows += chosen.tolist()
@@ -281,7 +284,10 @@ class Simulation:
         a["parameters"] = np.array(parameters or [0.0], dtype=float)
         a["uses"] = np.array(table, dtype=np.int64).reshape(-1, len(USE_COLUMNS))
         a["rows"] = np.array(rows or [0], dtype=np.int64)
-        a["runs"] = np.array(runs, dtype=np.int64).reshape(-1, 2)
+        a["runs"] = np.concatenate([np.zeros((0, 2), dtype=np.int64), *runs])
+        a["run_starts"] = run_starts
+        a["near_starts"] = np.zeros(len(blocks), dtype=np.int64)
+        a["near_seam"] = np.zeros(len(blocks) - 1, dtype=np.uint8)
         a["mask"] = mask
 
         commands = scene.commands
@@ -349,15 +355,16 @@ class Simulation:
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
 
     def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
+        # near pairs are taken four by four: the last four may reach beyond the list
         for name in ("pair_i", "pair_j", "near_i", "near_j"):
-            a[name] = np.zeros(self._room, dtype=np.uint32)
+            a[name] = np.zeros(self._room + 4, dtype=np.uint32)[: self._room]
         for name in ("contact_i", "contact_j", "order"):
             a[name] = np.zeros(self._room, dtype=np.int64)
         for name in (
-            "pair_shift", "near_shift", "near_touch", "near_square", "near_mass", "contact_fx", "contact_fy",
-            "contact_ti", "contact_tj",
+            "pair_shift", "near_shift", "near_touch", "near_mass", "contact_fx", "contact_fy", "contact_ti",
+            "contact_tj",
         ):  # fmt: skip
-            a[name] = np.zeros(self._room)
+            a[name] = np.zeros(self._room + 4)[: self._room]
 
     def _build_space(self) -> None:
         space = pymunk.Space()
@@ -423,6 +430,7 @@ class Simulation:
         ints = np.zeros(len(INTS), dtype=np.int64)
         counts = {
             "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_runs": len(a["runs"]),
+            "n_blocks": len(a["blocks"]) - 1,
             "from_list": int(self.mode != "chipmunk"), "constrained": 1, "fixed_skin": int(self._fixed_skin),
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
@@ -584,17 +592,19 @@ class Simulation:
             state[:, c[name]] = 0.0
         reach = float(self._floats[_FLOAT_SLOT["reach"]])
         x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
-        count = self._fresh_list(x, y, reach) if self._room else 0
-        near = neighbours.prune(
-            x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["pair_i"], a["pair_j"], a["pair_shift"],
-            count, a["near_i"], a["near_j"], a["near_shift"], a["near_touch"], a["near_square"], a["near_mass"], ROW,
-        )  # fmt: skip
+        if self._room:
+            self._fresh_list(x, y, reach)
+            neighbours.prune(
+                x, y, a["radius"] + 0.5 * reach, a["inverse_mass"], a["radius"], a["starts"], a["blocks"], a["pair_i"],
+                a["pair_j"], a["pair_shift"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"],
+                a["near_mass"], a["near_starts"], a["near_seam"], ROW,
+            )  # fmt: skip
         self._forget_lists()
         self._kernel.add_forces(
             1, int(constrained), t, self.dt, state, a["mass"], a["inverse_mass"], a["radius"], a["given_inertia"],
-            a["parameters"], a["uses"], a["runs"], a["mask"], a["near_i"], a["near_j"], a["near_shift"],
-            a["near_touch"], a["near_square"], a["near_mass"], int(near), a["scalars"], a["chains"], a["input_t"],
-            a["input_v"], a["input_at"], a["which"], a["work"],
+            a["parameters"], a["uses"], a["runs"], a["run_starts"], a["blocks"], a["mask"], a["near_i"], a["near_j"],
+            a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], a["scalars"],
+            a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"],
         )  # fmt: skip
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
 
@@ -1128,14 +1138,14 @@ def _in_columns(scene: Scene, rows: list[int]) -> list[int]:
     return [rows[k] for k in np.lexsort((xy[:, 1], np.floor(x / width)))]
 
 
-def _runs(rows: np.ndarray) -> list[tuple[int, int]]:
-    """Sorted rows as half-open ranges, so that loops over bodies need no table."""
+def _runs(rows: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """Sorted rows as half-open ranges (k, 2), none across the edge of a block: loops over bodies need no table."""
     if not len(rows):
-        return []
-    ends = np.flatnonzero(np.diff(rows) > 1)
+        return np.zeros((0, 2), dtype=np.int64)
+    ends = np.flatnonzero((np.diff(rows) > 1) | (np.diff(np.searchsorted(blocks, rows, side="right")) > 0))
     first = rows[np.concatenate([[0], ends + 1])]
     last = rows[np.concatenate([ends, [len(rows) - 1]])] + 1
-    return [(int(a), int(b)) for a, b in zip(first, last, strict=True)]
+    return np.column_stack([first, last])
 
 
 def _point_ghost(ghost: pymunk.Body, original: pymunk.Body, period: float, o: Offsets) -> None:
