@@ -88,8 +88,14 @@ def diagnose_together(
     began = time.monotonic()
     notes: list[str] = []
     rounds = 2 * len(groups) - 1
-    each = None if minutes is None else minutes / rounds
     done = 0
+
+    def share() -> float | None:
+        """Of the budget: a part for each kind, and what is left for those that are diagnosed again."""
+        if minutes is None:
+            return None
+        left = max(minutes - (time.monotonic() - began) / 60, 0.1 * minutes)
+        return left / (len(groups) + 1 - done) if done < len(groups) else left / max(rounds - done, 1)
 
     def diagnosed(kind: str, given: tuple[LawUse, ...] = ()) -> Part | None:
         nonlocal done
@@ -99,12 +105,12 @@ def diagnose_together(
             return None  # none of the laws can act there
         begin = done / rounds
 
-        def tell(text: str, share: float) -> None:
-            progress(f"{SPOKEN[kind]}: {text}", begin + 0.99 * share / rounds)
+        def tell(text: str, part: float) -> None:
+            progress(f"{SPOKEN[kind]}: {text}", begin + 0.99 * part / rounds)
 
         if not training:
             raise InputError("every recording of this kind is held out: nothing is left to learn from", where=kind)
-        found = methods[kind](training, held, minutes=each, seed=seed, progress=tell)
+        found = methods[kind](training, held, minutes=share(), seed=seed, progress=tell)
         done += 1
         verdict = dict(found.verdict) if isinstance(found, Outcome) else verdict_dict(found)
         return Part(kind, training, held, found, plain_numbers(verdict), given)
@@ -117,6 +123,8 @@ def diagnose_together(
         if part is leader:
             continue
         if not laws or set(part.names) == set(leader.names):
+            if laws:
+                notes.append(f"{' and '.join(leader.names)}: {SPOKEN[leader.kind]} and {SPOKEN[part.kind]} both show it")
             parts.append(part)
             continue
         again = diagnosed(part.kind, laws)
