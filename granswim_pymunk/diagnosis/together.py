@@ -124,7 +124,8 @@ def diagnose_together(
             continue
         if not laws or set(part.names) == set(leader.names):
             if laws:
-                notes.append(f"{' and '.join(leader.names)}: {SPOKEN[leader.kind]} and {SPOKEN[part.kind]} both show it")
+                both = f"{SPOKEN[leader.kind]} and {SPOKEN[part.kind]} both show it"
+                notes.append(f"{' and '.join(leader.names)}: {both}")
             parts.append(part)
             continue
         again = diagnosed(part.kind, laws)
