@@ -28,9 +28,10 @@ from granswim_pymunk.analysis.work import power_audit, work_per_cycle
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.packing import pack
+from granswim_pymunk.paper import checks
 from granswim_pymunk.paper.scenes import paper_scene
 from granswim_pymunk.recording import Recording
-from granswim_pymunk.scene import Bed, Body, Scene, swimmer, use
+from granswim_pymunk.scene import Body, Scene, swimmer, use
 
 
 @pytest.fixture(scope="module")
@@ -311,40 +312,9 @@ def test_kernel_of_one_body_and_one_contact() -> None:
 
 def test_stress_of_a_compressed_bed_is_the_wall_force() -> None:
     """A bed squeezed beyond jamming and at rest: sigma_yy inside is the force on a wall per length."""
-    scene = pack(
-        Scene(
-            bodies=(Body("probe", "free", 1e-3, 4e-6, initial=(0.006, 0.008, 0, 0)),),
-            laws=(use("contact_linear", stiffness=100.0, damping=2e3), use("linear_drag", c=2e-4)),
-            periodic_x=0.02, bed=Bed(0.018, 0.84, (1e-3, 2e-3), 1004.0), seed=4,
-        )
-    )  # fmt: skip
-    walls = {b.id: b for b in scene.bodies if b.role == "wall"}
-    squeezed = {
-        n: (b.initial[0], b.initial[1] + (4e-4 if b.initial[1] < 0 else -4e-4), 0.0, 0.0)
-        for n, b in walls.items() if b.initial is not None
-    }  # fmt: skip
-    scene = scene.with_initial(squeezed)
-    sim = Simulation(scene, dt=1e-5)
-    sim.advance(30000)
-    state = sim.state()
-    contacts = find_contacts(scene, state.xy, state.v)
-    top = np.array([b.role == "wall" and b.initial is not None and b.initial[1] > 0.009 for b in scene.bodies])
-    on_wall = top[contacts.i] != top[contacts.j]
-    push = contacts.force[on_wall] * np.where(top[contacts.j], 1, -1)[on_wall] * contacts.normal[on_wall, 1]
-    assert scene.periodic_x is not None
-    wall = push.sum() / scene.periodic_x
-    radius = np.array([b.radius for b in scene.bodies])
-    branch = contacts.normal * (radius[contacts.i] + radius[contacts.j] - contacts.overlap)[:, None]
-    grid = Grid(0.0, 0.005, 2.5e-4, 80, 32)  # 5 to 13 mm high, all of the width
-    mobile = np.array([b.mobile for b in scene.bodies])
-    mass = np.array([b.mass for b in scene.bodies])
-    found = coarse_grain(
-        grid, 7.5e-4, state.xy[mobile], state.v[mobile], mass[mobile], radius[mobile],
-        (state.xy[contacts.i], branch, contacts.normal * contacts.force[:, None]), scene.periodic_x,
-    )  # fmt: skip
+    stress, wall = checks.squeezed()
     assert wall > 0.5  # it is squeezed
-    assert found.contact_yy.mean() == pytest.approx(wall, rel=1e-2)
-    assert found.kinetic_yy.mean() < 1e-6 * wall
+    assert stress == pytest.approx(wall, rel=1e-2)
 
 
 def test_shear_and_inertial_number() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..sweep import Job, make_jobs, read_dataset, run_jobs
+from ..sweep import Job, read_dataset
 from .plans import FRICTION, Point, Setting, complete
-from .results import Results, measuring, summarise
-from .scenes import MU_EFF, paper_scene
+from .results import Results, jobs_of, run_points, summarise
+from .scenes import MU_EFF
 
 TARGET = 1.0 / 3.0
 
@@ -143,14 +142,13 @@ def calibrate(
         raise InputError("has no rows", where="curve")
     rows = [(float(row["frequency"]), float(row["layers"])) for row in curve]
     jobs: dict[tuple[int, int], list[Job]] = {}
-    make = functools.partial(make_jobs, paper_scene, measure=measuring(setting), folder=folder)
     for i, m in enumerate(mu):
         for j, (frequency, layers) in enumerate(rows):
             point: Point = {"frequency": frequency}
             if m > 0 and layers > 0:
                 point |= {"layers": layers, "mu_eff": float(m)}
-            jobs[i, j] = make(points=[complete(point, setting, seed) for seed in setting.seeds])
-    run_jobs([job for group in jobs.values() for job in group], paper_scene, measuring(setting), **how)
+            jobs[i, j] = jobs_of([complete(point, setting, seed) for seed in setting.seeds], setting, Path(folder))
+    run_points([job for group in jobs.values() for job in group], setting, **how)
     speeds = []
     for i in range(len(mu)):
         line = []

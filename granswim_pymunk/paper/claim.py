@@ -128,10 +128,19 @@ def least(counts: Sequence[int]) -> int:
 def peak(
     frequency: np.ndarray, speeds: list[np.ndarray], rng: np.random.Generator, draws: int = 2000
 ) -> tuple[float, float, float]:
-    """The frequency of the largest mean speed and its central 95 % [Hz].
+    """The frequency of the largest mean speed and its central 95 % [Hz]; see ``peaks``."""
+    best, sampled = peaks(frequency, speeds, rng, draws)
+    low, high = np.percentile(sampled, [2.5, 97.5])
+    return best, float(low), float(high)
+
+
+def peaks(
+    frequency: np.ndarray, speeds: list[np.ndarray], rng: np.random.Generator, draws: int = 2000
+) -> tuple[float, np.ndarray]:
+    """The frequency of the largest mean speed [Hz], and (draws,) where it might as well have been.
 
     frequency (k,) rising; speeds: k arrays, one value a packing, two or more each. Through the largest mean and
-    its two neighbours goes a parabola; at the ends of the range the end itself is returned. For the interval
+    its two neighbours goes a parabola; at the ends of the range the end itself is returned. For the draws
     every mean is drawn anew from its own Student t, which knows how few packings there were.
     """
     frequency = np.asarray(frequency, dtype=float)
@@ -146,6 +155,4 @@ def peak(
     means = np.array([s.mean() for s in speeds])
     errors = np.array([s.std(ddof=1) / np.sqrt(len(s)) for s in speeds])
     freedom = np.array([len(s) - 1 for s in speeds])
-    sampled = np.array([top(means + errors * rng.standard_t(freedom)) for _ in range(draws)])
-    low, high = np.percentile(sampled, [2.5, 97.5])
-    return top(means), float(low), float(high)
+    return top(means), np.array([top(means + errors * rng.standard_t(freedom)) for _ in range(draws)])

@@ -13,19 +13,18 @@ import numpy as np
 from .. import __version__
 from ..errors import InputError
 from ..recording.folder import read_curve
-from ..sweep import read_dataset, run_jobs, write_dataset
-from . import f2, f3, f4, f5, f6, f7, f8, f9, f10, readings, t1
+from ..sweep import read_dataset, write_dataset
+from . import checks, f2, f3, f4, f5, f6, f7, f8, f9, f10, readings, t1
 from .calibrate import Calibration, calibrate
 from .claim import CALIBRATED, FAILS, HOLDS, OPEN, Claim, Verdict
 from .plans import SETTINGS, Setting, points_of
-from .results import Results, jobs_of, keep, kept_rows, labelled, load, mean_maps, measuring
-from .scenes import paper_scene
+from .results import Results, jobs_of, keep, kept_rows, labelled, load, mean_maps, run_points
 
 CLAIMS: dict[str, Claim] = {
     c.name: c
     for c in (
         t1.CLAIM, f2.CLAIM, f3.CLAIM_A, f3.CLAIM_B, f4.CLAIM, f5.CLAIM, f6.CLAIM, f7.CLAIM, f8.CLAIM, f9.CLAIM,
-        f10.CLAIM, readings.READING, readings.CONVERGED,
+        f10.CLAIM, readings.READING, readings.CONVERGED, checks.CLAIM,
     )
 }  # fmt: skip
 Say = Callable[[str], None]
@@ -95,7 +94,7 @@ def paper(
         say(f"{setting.name}: {len(jobs)} runs of {setting.plan.duration:g} s, {len(jobs) - len(missing)} finished")
     again = how.get("retry_failed", False)
     if run and (missing or again):
-        run_jobs([j for j in jobs if again or j in missing], paper_scene, measuring(setting), **how)
+        run_points([j for j in jobs if again or j in missing], setting, **how)
     # what other claims have left there comes along
     results = load(everything, setting, folder, kept)
     if (out / "maps.nc").exists():

@@ -1,5 +1,7 @@
 """F7: kinetic energy of the bed and of the swimmer."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -33,7 +35,7 @@ def judge(results: Results) -> list[Finding]:
     )  # fmt: skip
     # saturation: the growth exponent d ln E/d ln f above 9 Hz is below half of that from 4 to 9 Hz
     for what, title in (("bed_energy", "bed"), ("swimmer_energy", "swimmer")):
-        low, high = _growth(results, what, 4.0, 9.0), _growth(results, what, 9.0, 15.0)
+        low, high = growth(results, what, 4.0, 9.0), growth(results, what, 9.0, 15.0)
         if what == "bed_energy":
             both = min(len(low), len(high))
             halves = high[:both] - 0.5 * low[:both]
@@ -55,10 +57,10 @@ def judge(results: Results) -> list[Finding]:
     return findings
 
 
-def _growth(results: Results, name: str, low: float, high: float) -> np.ndarray:
+def growth(results: Results, name: str, low: float, high: float, **conditions: Any) -> np.ndarray:
     """d ln E/d ln f between two frequencies, one value for each packing that has both."""
-    a = {p["seed"]: float(s[name]) for p, s in results.select(frequency=low)}
-    b = {p["seed"]: float(s[name]) for p, s in results.select(frequency=high)}
+    a = {p["seed"]: float(s[name]) for p, s in results.select(frequency=low, **conditions)}
+    b = {p["seed"]: float(s[name]) for p, s in results.select(frequency=high, **conditions)}
     return np.array([np.log(b[k] / a[k]) / np.log(high / low) for k in sorted(set(a) & set(b))])
 
 

@@ -18,7 +18,7 @@ from ..packing import pack
 from ..scene import Scene
 from ..sweep import Watch
 
-VERSION = 1  # of what is measured; another number makes other jobs
+VERSION = 2  # of what is measured; another number makes other jobs
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     ``bending_power`` (time): power of the bending law on the swimmer [W]
     ``direction_count``, ``direction_force`` (disk, angle): contacts on the disks after ``settle``
     ``coordination``, ``anisotropy``, ``branch_anisotropy``, ``overlap``, ``contact_force`` ...: means over the bed
-    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields of the grains around the head, contacts
-    between grains only.
+    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields of the grains around the head, with every
+    contact that a grain has: with grains, with the swimmer, with the walls.
 
     Raises InputError where the scene has no swimmer, SimulationError where the run cannot go on.
     """
@@ -57,6 +57,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     mass = np.array([b.mass for b in scene.bodies])
     radius = np.array([b.radius for b in scene.bodies])
     grains = np.array([k for k, b in enumerate(scene.bodies) if b.role == "grain"])
+    grain = np.array([b.role == "grain" for b in scene.bodies])
     mobile = np.array([k for k, b in enumerate(scene.bodies) if b.mobile])
     bending = [(item.law, _coded(item.law, scene.resolved(item))) for item in scene.laws_named("bending")]
     find = ContactFinder(scene)
@@ -106,7 +107,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
             head = state.xy[rows[0]]
             grid = Grid.around(head[0], head[1], 2 * length, 2 * length, plan.spacing)
             force = contacts.normal * contacts.force[:, None]
-            bed = ~np.isin(contacts.i, rows) & ~np.isin(contacts.j, rows)
+            bed = grain[contacts.i] | grain[contacts.j]
             now = coarse_grain(
                 grid, grain_radius, state.xy[grains], state.v[grains], mass[grains], radius[grains],
                 (state.xy[contacts.i][bed], branch[bed], force[bed]), scene.periodic_x,

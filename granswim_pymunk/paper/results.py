@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -15,15 +16,15 @@ import xarray as xr
 from ..analysis.contacts import mean_direction
 from ..analysis.fields import inertial_number, shear_rate
 from ..analysis.shape import comoving_shapes, segment_response
-from ..analysis.speed import mean_error, swimming_speed
+from ..analysis.speed import center_of_mass, mean_error, swimming_speed
 from ..analysis.work import work_per_cycle
 from ..errors import InputError
-from ..sweep import Job, make_jobs, read_dataset, write_dataset
-from .measure import measure
+from ..sweep import Job, make_jobs, read_dataset, run_jobs, write_dataset
+from .measure import Plan, measure
 from .plans import Point, Setting, complete
 from .scenes import DENSITY, DISKS, RADIUS, paper_scene
 
-SUMMARY = 2  # version of ``summarise``; kept numbers of another one are not used
+SUMMARY = 3  # version of ``summarise``; kept numbers of another one are not used
 HEAD, CENTRE, TAIL = 0, DISKS // 2, DISKS - 1
 LENGTH, WIDTH = 2 * RADIUS * DISKS, 2 * RADIUS  # L_s, D_s of the swimmer [m]
 SHAPES = 24  # in a cycle
@@ -34,6 +35,8 @@ def summarise(run: xr.Dataset) -> xr.Dataset:
     """The numbers of one run (SI), from what ``measure`` keeps.
 
     speed, speed_error, speed_x, turn : of ``swimming_speed`` after the settling time
+    speed_early, speed_late, speed_whole, speed_head : displacement towards -x over time, of the centre of mass before
+    the settling time, in the second half of what follows, from the start to the end; of the head from start to end
     bed_energy, swimmer_energy : means [J];  bed_pulse, bed_once : amplitudes of the bed's energy at 2 f and f
     work_stated [N s], work_corrected [J] : means of W_T;  work_spread : standard deviation of W_T
     push_pulse, push_once : amplitudes of F.v/|v| at 2 f and f [N];  push_peak : 95th percentile of it
@@ -48,8 +51,16 @@ def summarise(run: xr.Dataset) -> xr.Dataset:
     settle = float(run.attrs["settle"])
     speed = swimming_speed(t, xy, mass, f, settle)
     after = t >= t[0] + settle - 1e-9
+    center = center_of_mass(xy, mass)
+
+    def towards(place: np.ndarray, begin: float, end: float) -> float:
+        return float(np.interp(begin, t, place[:, 0]) - np.interp(end, t, place[:, 0])) / (end - begin)
+
     data: dict[str, Any] = {
         "speed": speed.value, "speed_error": speed.error, "speed_x": speed.along_x, "turn": speed.turn,
+        "speed_early": towards(center, t[0], t[0] + settle),
+        "speed_late": towards(center, 0.5 * (t[0] + settle + t[-1]), t[-1]),
+        "speed_whole": towards(center, t[0], t[-1]), "speed_head": towards(xy[:, 0], t[0], t[-1]),
         "bed_energy": float(run["bed_energy"].values[after].mean()),
         "swimmer_energy": float(run["swimmer_energy"].values[after].mean()),
         "input": float(run["bending_power"].values[after].mean()) / f,
@@ -234,12 +245,20 @@ def _key(point: Point) -> tuple[Any, ...]:
 
 def jobs_of(points: Iterable[Point], setting: Setting, folder: Path) -> list[Job]:
     """The jobs of these points in OUT/runs."""
-    return make_jobs(paper_scene, points, measuring(setting), folder)
+    return [
+        job for point in points for job in make_jobs(paper_scene, [point], measuring(setting.plan_of(point)), folder)
+    ]
 
 
-def measuring(setting: Setting) -> Callable[..., xr.Dataset]:
-    """How a setting measures a run."""
-    return functools.partial(measure, plan=setting.plan)
+def measuring(plan: Plan) -> Callable[..., xr.Dataset]:
+    """The measurement of a run by a plan."""
+    return functools.partial(measure, plan=plan)
+
+
+def run_points(jobs: Sequence[Job], setting: Setting, **how: Any) -> None:
+    """``sweep.run_jobs`` for jobs of ``jobs_of``, in their order, neighbours that are measured alike together."""
+    for plan, group in itertools.groupby(jobs, lambda job: setting.plan_of(dict(job.point))):
+        run_jobs(list(group), paper_scene, measuring(plan), **how)
 
 
 def kept_rows(file: Path) -> dict[str, tuple[Point, xr.Dataset]]:
