@@ -16,7 +16,7 @@ from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
 from granswim_pymunk.paper.measure import Plan
 from granswim_pymunk.paper.plans import PAPER, POCKET, Setting, blocks, complete, points_of
 from granswim_pymunk.paper.results import Results, jobs_of, summarise
-from granswim_pymunk.paper.scenes import paper_scene
+from granswim_pymunk.paper.scenes import MU_EFF, paper_scene
 from granswim_pymunk.recording.folder import read_curve
 from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.sweep import read_dataset
@@ -111,15 +111,15 @@ def test_interface_of_a_profile() -> None:
 
 
 def test_a_third_of_the_free_speed() -> None:
-    # 9 mm/s falling by 60 mm/s for each s/m: a third at mu = 0.1
+    # 9 mm/s falling by 40 mm/s for each s/m: a third at mu = 0.15
     rng = np.random.default_rng(2)
-    values = {(9.0, 0.0, 0.11): list(9e-3 + rng.normal(0, 1e-4, 6))}
+    values = {(9.0, 0.0, MU_EFF): list(9e-3 + rng.normal(0, 1e-4, 6))}
     for mu in plans.FRICTION:
-        values[9.0, 11.0, mu] = list(9e-3 - 60e-3 * mu + rng.normal(0, 1e-4, 6))
+        values[9.0, 11.0, mu] = list(9e-3 - 40e-3 * mu + rng.normal(0, 1e-4, 6))
     found = third_of_free(synthetic(values))
-    assert found.mu_eff == pytest.approx(0.1, abs=3 * found.error) and 0 < found.error < 0.02
-    assert found.packings == 6 and found.ratio == pytest.approx(9 / 2.4, rel=0.1)
-    assert np.isnan(third_of_free(synthetic({(9.0, 0.0, 0.11): [1.0, 2.0]})).mu_eff)
+    assert found.mu_eff == pytest.approx(0.15, abs=3 * found.error) and 0 < found.error < 0.02
+    assert found.packings == 6 and found.ratio == pytest.approx(9 / (9 - 40 * MU_EFF), rel=0.1)
+    assert np.isnan(third_of_free(synthetic({(9.0, 0.0, MU_EFF): [1.0, 2.0]})).mu_eff)
 
 
 def test_a_curve_is_fitted() -> None:

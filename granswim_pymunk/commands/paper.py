@@ -1,9 +1,10 @@
 """``granswim paper [CLAIM ...]``: the tables and figures of the paper on the optimal frequency of a sand swimmer.
 
 Runs what a claim needs and is not there yet, draws its figure, and prints what the paper says, what was measured
-with its 95 % error, and whether it holds. CLAIM: T1, F2 .. F10 (F3 is F3a and F3b), readings, convergence; none: all.
-The pocket setting (8 packings, 1.5 s, softer contacts) is 432 runs of about 12 s of one core; paper is 20 packings of
-10 s after settling with the paper's stiffnesses, for a cluster (--dask). Stopped, it goes on where it was.
+with its 95 % error, and whether it holds. CLAIM: T1, F2 .. F10 (F3 is F3a and F3b), readings, convergence, checks;
+none: all. The pocket setting (8 packings, 1.5 s, softer contacts) is 488 runs of about 10 s of one core, 16 of them,
+with stiff contacts, 50 s: an hour of two cores. paper is 20 packings of 10 s after settling with the paper's
+stiffnesses, for a cluster (--dask). Stopped, it goes on where it was.
 """
 
 import argparse
@@ -15,7 +16,7 @@ HELP = "the tables and figures of the sand swimmer's paper, claim by claim"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("claims", nargs="*", metavar="CLAIM", help="T1, F2 .. F10, readings, convergence; none: all")
+    parser.add_argument("claims", nargs="*", metavar="CLAIM", help="T1, F2 .. F10, readings, convergence, checks")
     parser.add_argument("--setting", choices=tuple(SETTINGS), default="pocket", help="how much is run (pocket)")
     parser.add_argument("--out", metavar="DIR", default="out/paper", help="figures and tables (default: %(default)s)")
     parser.add_argument("--runs", metavar="DIR", help="where the runs' files are (default: OUT/runs)")

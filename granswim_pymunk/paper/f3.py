@@ -11,7 +11,7 @@ from .results import Results
 from .scenes import LAYERS, MU_EFF
 
 MU = tuple(sorted(FRICTION))
-SHADES = dict(zip((0.0, *MU), ("#222222", "#56b4e9", "#d55e00", "#009e73"), strict=False))
+SHADES = dict(zip((0.0, *MU), ("#222222", "#56b4e9", "#e69f00", "#d55e00", "#009e73"), strict=False))
 
 
 def judge_a(results: Results) -> list[Finding]:

@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..analysis.resonance import linearised_modes, second_resonance
-from .claim import FAILS, HOLDS, OPEN, Claim, Finding, least, number, peaks
+from .claim import CALIBRATED, FAILS, HOLDS, OPEN, Claim, Finding, least, number, peaks
 from .draw import COLOURS, curve, frequency_axis, legend, styled
 from .results import Results
-from .scenes import paper_scene
+from .scenes import K_B_PER_LABEL, paper_scene
 
 LABELS = (100.0, 150.0, 200.0, 500.0)
 
@@ -29,32 +29,52 @@ def middle(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def growth(results: Results) -> Finding:
-    """How the optimum grows with k_B against how the table's second resonance does."""
+def relative(results: Results) -> list[Finding]:
+    """The optima against each other: what is left of the claim when label 100 sets the scale of k_B."""
     found = {label: optimum(results, k_B=label) for label in LABELS}
-    used = [k for k in LABELS if np.isfinite(found[k][0])]
-    says = "the optimum rises with k_B as the second resonance does"
-    if len(used) < 2:
-        return Finding(says=says, measured="too few packings", verdict=OPEN)
-    x = np.log(used)
-    table = float(np.polyfit(x, np.log([second_resonance(k) for k in used]), 1)[0])
-    linear = float(np.polyfit(x, np.log([linearised_modes(paper_scene(k_B=k)).natural[1] for k in used]), 1)[0])
-    slope = float(np.polyfit(x, np.log([found[k][0] for k in used]), 1)[0])
-    # each label's draws in an order of its own, as they are independent
-    rng = np.random.default_rng(2)
-    drawn = np.array([rng.permutation(found[k][1]) for k in used])
-    low, high = middle(np.polyfit(x, np.log(drawn), 1)[0])
-    inside = all(results.frequencies(k_B=k)[0] < found[k][0] < results.frequencies(k_B=k)[-1] for k in used)
-    ratio = ", ".join(f"{found[k][0] / second_resonance(k):.2f}" for k in used)
-    return Finding(
-        says=says,
-        measured=f"d ln f/d ln k_B is {slope:.2f} (95 %: {low:.2f} to {high:.2f}) for the optimum, {table:.2f} for the "
-        f"table's second resonance, {linear:.2f} for the second mode as simulated; optimum over the table's: {ratio} "
-        f"(k_B {', '.join(f'{k:g}' for k in used)})",
-        verdict=OPEN if not inside or high - low > 0.5 else HOLDS if low <= table <= high else FAILS,
-        value=slope, error=(high - low) / 2, packings=least([found[k][2] for k in used]),
-        note="independent of the scale of k_B" + ("" if inside else "; an optimum lies at the end of its range"),
-    )  # fmt: skip
+    inside = {
+        k: np.isfinite(best) and results.frequencies(k_B=k)[0] < best < results.frequencies(k_B=k)[-1]
+        for k, (best, _, _) in found.items()
+    }
+    rng = np.random.default_rng(2)  # each label's draws in an order of its own, as they are independent
+    drawn = {k: rng.permutation(found[k][1]) for k in LABELS}
+    base = LABELS[0]
+    findings = []
+    for label in LABELS[1:]:
+        table = second_resonance(label) / second_resonance(base)
+        says = f"k_B {label:g}: the optimum is {table:.2f} times that of k_B {base:g} (which sets the scale of k_B)"
+        if not np.isfinite(found[label][0] + found[base][0]):
+            findings.append(Finding(says=says, measured="too few packings", verdict=OPEN))
+            continue
+        ratio = found[label][0] / found[base][0]
+        low, high = middle(drawn[label] / drawn[base])
+        open_ = not (inside[label] and inside[base]) or high - low > 0.5 * ratio
+        findings.append(
+            Finding(
+                says=says, measured=f"{ratio:.2f} times (95 %: {low:.2f} to {high:.2f})",
+                verdict=OPEN if open_ else HOLDS if low <= table <= high else FAILS,
+                value=ratio, error=(high - low) / 2, packings=least([found[label][2], found[base][2]]),
+            )
+        )  # fmt: skip
+    used = [k for k in LABELS if inside[k]]
+    if base in used and len(used) > 1:
+        x = np.log(used)
+        slope = float(np.polyfit(x, np.log([found[k][0] for k in used]), 1)[0])
+        low, high = middle(np.polyfit(x, np.log([drawn[k] for k in used]), 1)[0])
+        table = float(np.polyfit(x, np.log([second_resonance(k) for k in used]), 1)[0])
+        scale = (second_resonance(base) / found[base][0]) ** (1 / slope)
+        spread = middle((second_resonance(base) / drawn[base]) ** (1 / slope))
+        findings.append(
+            Finding(
+                says="the optimum is the second resonance: what scale of k_B that takes",
+                measured=f"optimum proportional to k_B^{slope:.2f} (95 %: {low:.2f} to {high:.2f}), the table's second "
+                f"resonance to k_B^{table:.2f}; they meet at k_B 100 with {scale:.2f} of the scale used (95 %: "
+                f"{spread[0]:.2f} to {spread[1]:.2f}), {1e3 * scale * K_B_PER_LABEL * base:.2f} mN per radian",
+                verdict=CALIBRATED, value=scale, error=(spread[1] - spread[0]) / 2,
+                packings=least([found[k][2] for k in used]),
+            )
+        )  # fmt: skip
+    return findings
 
 
 def judge(results: Results) -> list[Finding]:
@@ -70,6 +90,8 @@ def judge(results: Results) -> list[Finding]:
             note += f"speeds were measured from {ends[0]:g} to {ends[-1]:g} Hz"
             if best in (ends[0], ends[-1]):
                 verdict, note = OPEN, note + "; the largest lies at the end of that range"
+            elif label == 100.0:
+                verdict = CALIBRATED
             elif verdict == HOLDS and high - low > 0.5 * (ends[-1] - ends[0]):
                 verdict, note = OPEN, note + "; the interval spans more than half of them"
         findings.append(
@@ -81,7 +103,7 @@ def judge(results: Results) -> list[Finding]:
                 verdict=verdict, value=best, error=(high - low) / 2, unit="Hz", packings=n, note=note,
             )
         )  # fmt: skip
-    findings.append(growth(results))
+    findings += relative(results)
     for label in LABELS:
         frequency = results.frequencies(k_B=label)
         means = [results.mean("speed", k_B=label, frequency=f) for f in frequency]
@@ -120,7 +142,7 @@ def draw(results: Results) -> Figure | None:
         axis.axvline(linear, color=COLOURS[label], linewidth=0.8, linestyle=":", zorder=0)
     axis.axvline(3.82, color=COLOURS[100.0], linewidth=1, linestyle="--", zorder=0)
     axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
-    axis.set_xlim(0, 30)
+    axis.set_xlim(0, 38)
     frequency_axis(axis, "speed, head first [mm/s]")
     axis.set_title("lines: second resonance of the table; dotted: second mode as simulated", fontsize=8)
     legend(axis)

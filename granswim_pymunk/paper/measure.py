@@ -44,8 +44,8 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     ``bending_power`` (time): power of the bending law on the swimmer [W]
     ``direction_count``, ``direction_force`` (disk, angle): contacts on the disks after ``settle``
     ``coordination``, ``anisotropy``, ``branch_anisotropy``, ``overlap``, ``contact_force`` ...: means over the bed
-    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields of the grains around the head, with every
-    contact that a grain has: with grains, with the swimmer, with the walls.
+    after ``settle``; ``field_...`` (y, x): means of coarse-grained fields of the grains around the head, contacts
+    with grains and walls; ``field_swimmer_contact``: trace of the stress of their contacts with the swimmer [N/m]
 
     Raises InputError where the scene has no swimmer, SimulationError where the run cannot go on.
     """
@@ -73,6 +73,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     bed_energy, swimmer_energy, power = np.zeros(samples + 1), np.zeros(samples + 1), np.zeros(samples + 1)
     directions: Directions | None = None
     fields: Fields | None = None
+    with_swimmer: np.ndarray | None = None
     network: list[tuple[float, ...]] = []
     for k in range(samples + 1):
         if k:
@@ -107,12 +108,19 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
             head = state.xy[rows[0]]
             grid = Grid.around(head[0], head[1], 2 * length, 2 * length, plan.spacing)
             force = contacts.normal * contacts.force[:, None]
-            bed = grain[contacts.i] | grain[contacts.j]
+            body = np.isin(contacts.i, rows) | np.isin(contacts.j, rows)
+            bed, other = ~body, body & (grain[contacts.i] | grain[contacts.j])
             now = coarse_grain(
                 grid, grain_radius, state.xy[grains], state.v[grains], mass[grains], radius[grains],
                 (state.xy[contacts.i][bed], branch[bed], force[bed]), scene.periodic_x,
             )  # fmt: skip
             fields = now if fields is None else fields + now
+            none = np.zeros((0, 2))
+            swimmers = coarse_grain(
+                grid, grain_radius, none, none, mass[:0], radius[:0],
+                (state.xy[contacts.i][other], branch[other], force[other]), scene.periodic_x,
+            ).contact_pressure  # fmt: skip
+            with_swimmer = swimmers if with_swimmer is None else with_swimmer + swimmers
     data: dict[str, Any] = {
         "xy": (("time", "disk", "axis"), xy.astype(np.float32)),
         "v": (("time", "disk", "axis"), v.astype(np.float32)),
@@ -136,8 +144,9 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
         data["direction_count"] = (("disk", "angle"), directions.count)
         data["direction_force"] = (("disk", "angle"), directions.force)
         coords["angle"] = 0.5 * (directions.edges[1:] + directions.edges[:-1])
-    if fields is not None:
+    if fields is not None and with_swimmer is not None:
         mean = fields.mean
+        data["field_swimmer_contact"] = (("y", "x"), (with_swimmer / fields.snapshots).astype(np.float32))
         for name, value in vars(mean).items():
             if name != "snapshots":
                 data[f"field_{name}"] = (("y", "x"), value.astype(np.float32))

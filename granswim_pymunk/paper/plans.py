@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .measure import Plan
-from .scenes import STEP
+from .scenes import MU_EFF, STEP
 
 Point = dict[str, Any]
 
@@ -20,7 +20,7 @@ FREE = {
     150.0: (9.0, 11.5, 15.0, 20.0),
 }
 THREE = (9.0, 4.0, 15.0)
-FRICTION = (0.11, 0.055, 0.22)  # s/m, at 11 layers
+FRICTION = (MU_EFF, 0.11, 0.055, 0.22)  # s/m, at 11 layers
 HEIGHTS = (5.0, 18.0)  # layers
 SIZES: tuple[Point, ...] = (
     {"grain_diameter": 2.0e-3},
@@ -31,6 +31,7 @@ READINGS: tuple[Point, ...] = (
     {"form": "head_axis"},
     {"gamma_B": 1.0e3},
     {"k_B_scale": 0.17},
+    {"k_B_scale": 0.68},
 )
 
 
@@ -78,9 +79,13 @@ SETTINGS = {s.name: s for s in (POCKET, PAPER)}
 
 def convergence(setting: Setting) -> tuple[Point, ...]:
     """What is changed to see whether it matters: stiffness of the contacts, half the step, a longer box."""
-    other = 25.0 if setting.softness == 1.0 else 1.0
     half = round(STEP * math.sqrt(setting.softness) / 2, 12)
-    return ({"dt": half}, {"width": 0.140}, {"softness": other})
+    return ({"dt": half}, {"width": 0.140}, stiff(setting))
+
+
+def stiff(setting: Setting) -> Point:
+    """Contacts and union as stiff as the paper's, or soft ones where those are usual."""
+    return {"softness": 25.0 if setting.softness == 1.0 else 1.0}
 
 
 def blocks(setting: Setting) -> dict[str, list[Point]]:
@@ -88,7 +93,10 @@ def blocks(setting: Setting) -> dict[str, list[Point]]:
     return {
         "free": [{"k_B": 100.0, "frequency": f} for f in FREE[100.0]],
         "k_B": [{"k_B": k, "frequency": f} for k in (200.0, 500.0, 150.0) for f in FREE[k]],
-        "convergence": [{"frequency": 9.0, **c} for c in convergence(setting)],
+        "convergence": [
+            *({"frequency": 9.0, **c} for c in convergence(setting)),
+            {"frequency": 15.0, **stiff(setting)},
+        ],
         "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
         "readings": [{**r, "frequency": f} for r in READINGS for f in THREE],
@@ -112,7 +120,7 @@ def points_of(setting: Setting, names: list[str] | None = None) -> list[Point]:
 def complete(point: Point, setting: Setting, seed: int) -> Point:
     """The point with everything it leaves out."""
     return {
-        "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": 0.11, "form": "leader", "gamma_B": 1.0e2,
+        "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": MU_EFF, "form": "leader", "gamma_B": 1.0e2,
         "k_B_scale": 1.0,
         "grain_diameter": 1.5e-3, "width": 0.100, "height": 0.050, "softness": setting.softness, "dt": 0.0,
         **setting.usual, **point, "seed": seed,

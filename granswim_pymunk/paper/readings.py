@@ -17,6 +17,7 @@ NAMES: dict[str, Point] = {
     "head_axis": {"form": "head_axis"},
     "gamma_B 1000 1/s, as printed": {"gamma_B": 1.0e3},
     "k_B times 0.17": {"k_B_scale": 0.17},
+    "k_B times 0.68": {"k_B_scale": 0.68},
 }
 assert [r for r in NAMES.values() if r] == list(READINGS)
 
@@ -63,7 +64,7 @@ def judge(results: Results) -> list[Finding]:
 
 @styled
 def draw(results: Results) -> Figure | None:
-    figure = Figure(figsize=(6.8, 5.6), layout="constrained")
+    figure = Figure(figsize=(6.8, 1.1 * len(NAMES)), layout="constrained")
     rows = figure.subplots(len(NAMES), 4, width_ratios=(1.5, 1, 1, 1))
     drawn = False
     for line, (name, reading) in zip(rows, NAMES.items(), strict=True):
@@ -85,6 +86,36 @@ def draw(results: Results) -> Figure | None:
             axis.set_title(f"{f:g} Hz", fontsize=8)
     frequency_axis(rows[-1][0], "mm/s")
     return figure if drawn else None
+
+
+# one sample of 2.5 s at each frequency by an independent code with the same laws and numbers [m/s]
+INDEPENDENT = {4.0: 6.7e-3, 9.0: 8.0e-3, 11.0: 8.0e-3, 15.0: 0.1e-3}
+
+
+def free_speeds(results: Results) -> list[tuple[str, list[tuple[float, float, int]]]]:
+    """Free speed at the frequencies of ``INDEPENDENT`` in several definitions and with other numerics:
+    (what, [(mean, 95 % half width, packings) at each frequency])."""
+    rows = []
+    for name, what in (
+        ("speed", "as used: along the body, cycles after settling"),
+        ("speed_x", "towards −x, cycles after settling"),
+        ("speed_early", "towards −x, before that"),
+        ("speed_late", "towards −x, second half after settling"),
+        ("speed_whole", "towards −x, all of the time"),
+        ("speed_head", "towards −x, all of the time, the head alone"),
+    ):
+        rows.append((what, [results.mean(name, frequency=f) for f in INDEPENDENT]))
+    for change in convergence(results.setting):
+        rows.append((changed(change), [results.mean("speed", **change, frequency=f) for f in INDEPENDENT]))
+    for name, reading in list(NAMES.items())[1:]:
+        rows.append((f"`{name}`", [results.mean("speed", **reading, frequency=f) for f in INDEPENDENT]))
+    return rows
+
+
+def spread(results: Results, frequency: float) -> float:
+    """Standard deviation of the free speed over packings [m/s]."""
+    values = results.values("speed", frequency=frequency)
+    return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
 
 
 SAME = 0.2  # of the free speed: changes below count as none

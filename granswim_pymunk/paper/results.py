@@ -115,6 +115,7 @@ def _harmonics(t: np.ndarray, series: np.ndarray, frequency: float) -> tuple[flo
 def fields_of(run: xr.Dataset) -> dict[str, np.ndarray]:
     """Maps (ny, nx) of a run in the head's frame (SI): fraction, kinetic, stated_kinetic, contact, shear, inertial.
 
+    ``contact`` : of every contact that a grain has;  ``bed_contact`` : without those with the swimmer
     ``inertial`` is a pure number: P over the thickness of the layer, 2/3 of the mean diameter;
     ``stated_inertial`` has P and rho as the paper writes them.
     """
@@ -123,7 +124,8 @@ def fields_of(run: xr.Dataset) -> dict[str, np.ndarray]:
     vx, vy = run["field_momentum_x"].values / safe, run["field_momentum_y"].values / safe
     shear = shear_rate(vx, vy, float(run["x"][1] - run["x"][0]))
     kinetic = run["field_kinetic_xx"].values + run["field_kinetic_yy"].values
-    contact = run["field_contact_xx"].values + run["field_contact_yy"].values
+    bed = run["field_contact_xx"].values + run["field_contact_yy"].values
+    contact = bed + run["field_swimmer_contact"].values
     diameter = 2 * float(run.attrs["grain_radius"])
     pressure = 0.5 * (kinetic + contact)
     return {
@@ -131,6 +133,7 @@ def fields_of(run: xr.Dataset) -> dict[str, np.ndarray]:
         "kinetic": kinetic,
         "stated_kinetic": run["field_stated_kinetic"].values,
         "contact": contact,
+        "bed_contact": bed,
         "shear": shear,
         "inertial": inertial_number(shear, pressure, diameter, DENSITY, depth=2 * diameter / 3),
         "stated_inertial": inertial_number(shear, pressure, diameter, DENSITY),
@@ -149,7 +152,7 @@ def profiles(run: xr.Dataset) -> dict[str, np.ndarray]:
     maps = fields_of(run)
     result = {
         name: np.array([nan_mean(maps[name][np.ix_(row, columns)]) for row in rows])
-        for name in ("fraction", "kinetic", "stated_kinetic", "contact", "shear")
+        for name in ("fraction", "kinetic", "stated_kinetic", "contact", "bed_contact", "shear")
     }
     diameter = 2 * float(run.attrs["grain_radius"])
     pressure = 0.5 * (result["kinetic"] + result["contact"])
