@@ -47,12 +47,14 @@ def test_plans(setting: Setting) -> None:
     assert len({tuple(p.values()) for p in points}) == len(points)
     assert len(setting.seeds) == (8 if setting is POCKET else 20)
     # every block has every packing, and every point builds
-    for name, block in blocks(setting).items():
+    assert [p["seed"] for p in points_of(setting, ["stored"])] == [1, 1]
+    for name in plans.BLOCKS:
+        block = blocks(setting)[name]
         mine = points_of(setting, [name])
         assert {p["seed"] for p in mine} == set(setting.seeds)
         assert len(mine) == len({tuple(complete(b, setting, 1).values()) for b in block}) * len(setting.seeds)
     assert all(paper_scene(**p).seed == p["seed"] for p in points[:: len(points) // 20])
-    assert {c for claim in driver.CLAIMS.values() for c in claim.blocks} == set(plans.BLOCKS)
+    assert {c for claim in driver.CLAIMS.values() for c in claim.blocks} == {*plans.BLOCKS, "stored"}
 
 
 def test_paper_scene_is_the_papers() -> None:

@@ -168,6 +168,7 @@ def _coded(law: Any, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fraction(scene: Scene) -> float:
-    assert scene.bed is not None and scene.periodic_x is not None
+    if scene.bed is None or scene.periodic_x is None:
+        return math.nan
     area = math.pi * sum(b.radius**2 for b in scene.bodies if b.mobile)
     return area / (scene.periodic_x * scene.bed.height)

@@ -59,6 +59,7 @@ class Setting:
         return self.plan if point == usual else replace(self.plan, spacing=0.0)
 
 
+# each with all packings; besides there is "stored", one bed packed by another code
 BLOCKS = ("free", "k_B", "friction", "heights", "readings", "convergence", "sizes")
 _EIGHT = (1, 2, 3, 4, 5, 6, 7, 8)
 POCKET = Setting(
@@ -67,13 +68,13 @@ POCKET = Setting(
         # two packings of everything first, then one claim after the other
         ("friction", _EIGHT[:2]), ("k_B", _EIGHT[:2]), ("readings", _EIGHT[:2]),
         *((name, _EIGHT) for name in ("free", "friction", "k_B", "heights", "sizes")),
-        ("convergence", _EIGHT), ("readings", _EIGHT),
+        ("stored", (1,)), ("convergence", _EIGHT), ("readings", _EIGHT),
     ),
     Plan(),
     25.0,
 )
 _TWENTY = tuple(range(1, 21))
-PAPER = Setting("paper", tuple((name, _TWENTY) for name in BLOCKS), Plan(duration=10.5, skin=0.0), 1.0)
+PAPER = Setting("paper", (*((name, _TWENTY) for name in BLOCKS), ("stored", (1,))), Plan(duration=10.5, skin=0.0), 1.0)
 SETTINGS = {s.name: s for s in (POCKET, PAPER)}
 
 
@@ -100,6 +101,7 @@ def blocks(setting: Setting) -> dict[str, list[Point]]:
         "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
         "readings": [{**r, "frequency": f} for r in READINGS for f in THREE],
+        "stored": [{"stored": "bed_9Hz", "frequency": f} for f in (9.0, 15.0)],
         "sizes": [{**s, "frequency": f} for s in SIZES for f in THREE],
     }
 
@@ -123,5 +125,6 @@ def complete(point: Point, setting: Setting, seed: int) -> Point:
         "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": MU_EFF, "form": "leader", "gamma_B": 1.0e2,
         "k_B_scale": 1.0,
         "grain_diameter": 1.5e-3, "width": 0.100, "height": 0.050, "softness": setting.softness, "dt": 0.0,
+        "stored": "",
         **setting.usual, **point, "seed": seed,
     }  # fmt: skip

@@ -107,6 +107,8 @@ def free_speeds(results: Results) -> list[tuple[str, list[tuple[float, float, in
         rows.append((what, [results.mean(name, frequency=f) for f in INDEPENDENT]))
     for change in convergence(results.setting):
         rows.append((changed(change), [results.mean("speed", **change, frequency=f) for f in INDEPENDENT]))
+    own = [results.mean("speed", stored="bed_9Hz", frequency=f) for f in INDEPENDENT]
+    rows.append(("in that code's own bed, from its 0.2 s on", own))
     for name, reading in list(NAMES.items())[1:]:
         rows.append((f"`{name}`", [results.mean("speed", **reading, frequency=f) for f in INDEPENDENT]))
     return rows
@@ -176,7 +178,10 @@ def draw_convergence(results: Results) -> Figure | None:
     return figure
 
 
-READING = Claim("readings", "Readings of the bending law", "Eq. 3, section II", ("free", "readings"), judge, draw)
+READING = Claim(
+    "readings", "Readings of the bending law", "Eq. 3, section II", ("free", "readings", "convergence", "stored"),
+    judge, draw,
+)  # fmt: skip
 CONVERGED = Claim(
     "convergence", "Step, stiffness and size of the box", "section II", ("free", "convergence"), judge_convergence,
     draw_convergence,

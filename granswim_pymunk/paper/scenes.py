@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from ..scene import Bed, Scene, Time, swimmer, use
 
@@ -36,6 +37,7 @@ def paper_scene(
     height: float = 0.050,
     softness: float = 25.0,
     dt: float = 0.0,
+    stored: str = "",
 ) -> Scene:
     """The swimmer in its bed (the bed still to be packed).
 
@@ -46,6 +48,9 @@ def paper_scene(
     softness s: contacts s times softer than 2.2e3 N/m with the dashpot reduced by sqrt(s), so that the
     restitution stays, the union by up to ten, and a step sqrt(s) times longer (4e-6 s at s = 1). dt [s]
     overrides the step where above zero. How far this changes the free speed is part of the results.
+
+    stored : start from this stored bed (``validation.crosscheck``) of another code, as it was packed there; its seed,
+    grains and box are then its own.
     """
     root = math.sqrt(softness)
     laws = [
@@ -58,6 +63,12 @@ def paper_scene(
     ]  # fmt: skip
     if layers > 0 and mu_eff > 0:
         laws.append(use("confinement", mu_eff=mu_eff, layers=layers))
+    if stored:
+        from ..validation.crosscheck import read_bed
+
+        bed = read_bed(stored).scene
+        time = replace(bed.time, dt=dt if dt > 0 else STEP * root)
+        return replace(bed, title=f"{stored} at {frequency:g} Hz", laws=tuple(laws), time=time, seed=seed)
     return Scene(
         title=f"swimmer at {frequency:g} Hz, k_B {k_B:g}, {layers:g} layers, seed {seed}",
         bodies=tuple(
