@@ -38,7 +38,10 @@ def styled(draw: Draw) -> Draw:
 
 
 def curve(axis: Any, results: Results, name: str, scale: float = 1.0, label: str = "", **conditions: Any) -> int:
-    """A quantity against frequency with 95 % bars; returns the fewest packings of its points."""
+    """A quantity against frequency with 95 % bars; returns the fewest packings of its points.
+
+    Two packings have no bar, as theirs would be thirteen times their spread: open points.
+    """
     style: dict[str, Any] = {k: conditions.pop(k) for k in ("color", "marker", "linestyle", "alpha") if k in conditions}
     frequency = results.frequencies(**conditions)
     rows = [results.mean(name, **conditions, frequency=f) for f in frequency]
@@ -47,7 +50,10 @@ def curve(axis: Any, results: Results, name: str, scale: float = 1.0, label: str
     mean = np.array([r[0] for r in rows]) * scale
     error = np.nan_to_num(np.array([r[1] for r in rows])) * scale
     style = {"marker": "o", "markersize": 4, **style}
-    axis.errorbar(frequency, mean, error, label=label, capsize=2, **style)
+    few = np.array([r[2] for r in rows]) < 3
+    drawn = axis.errorbar(frequency, mean, np.where(few, 0.0, error), label=label, capsize=2, **style)
+    at = np.array(frequency)[few]
+    axis.plot(at, mean[few], "o", markersize=4, markerfacecolor="white", color=drawn.lines[0].get_color(), zorder=5)
     return min(r[2] for r in rows)
 
 

@@ -204,7 +204,7 @@ def page(verdicts: Sequence[Verdict], setting: Setting, out: Path, pages: Path) 
         f"Up to {len(setting.seeds)} packings, {plan.duration:g} s each, the first {plan.settle:g} s left out; "
         f"contacts {setting.softness:g} times softer than the paper's. Errors are 95 % (Student t over packings; "
         "differences packing by packing). A statement holds or fails where its interval is on one side; else it is "
-        "not decided. "
+        "not decided. Open points in figures are of two packings or one. "
         "Nothing here uses the experiment's curves, which are not available.",
         "",
         "| claim | | verdict | fewest packings | runs missing |",

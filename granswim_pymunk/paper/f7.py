@@ -54,6 +54,19 @@ def judge(results: Results) -> list[Finding]:
                 verdict=verdict, value=mean, error=error, packings=both, note=note,
             )
         )  # fmt: skip
+    bed, body = (growth(results, what, 15.0, 20.0) for what in ("bed_energy", "swimmer_energy"))
+    if len(bed):
+        (mean, error), (other, half) = _mean(bed), _mean(body)
+        verdicts = {above(-mean, error), above(other, half)}
+        findings.append(
+            Finding(
+                says="bed's energy stops growing at some f while the swimmer's still grows",
+                measured=f"d ln E/d ln f from 15 to 20 Hz is {number(mean, error)} for the bed, {number(other, half)} "
+                "for the swimmer",
+                verdict=HOLDS if verdicts == {HOLDS} else FAILS if FAILS in verdicts else OPEN,
+                value=mean, error=error, packings=len(bed), note="as the paper's saturation, beyond the optimum",
+            )
+        )  # fmt: skip
     return findings
 
 
