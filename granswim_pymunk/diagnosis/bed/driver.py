@@ -916,19 +916,25 @@ def _rivals(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[Be
 
 
 def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial]:
-    """Where a late motor is to be refitted, the shifted clock that would look the same is refitted beside it.
+    """Where a late motor or a shifted clock is to be refitted, what would look the same is refitted beside it.
 
     To first order it may be far behind: a shift that is not small is no longer linear.
     """
-    late = next((t for t in chosen if t.mechanism in LATE), None)
-    clock = next((t for t in trials if t.mechanism == "time_offset"), None)
-    if late is None or clock is None or clock in chosen:
+    first = next((t for t in chosen if t.mechanism in (*LATE, "time_offset")), None)
+    if first is None:
         return chosen
-    amount = -float(late.values[0]) / clock.term.free[0].scale
-    low, high = limits(clock.term)
-    twin = replace(clock, amounts=np.clip(np.array([amount]), low, high))
-    at = chosen.index(late) + 1
-    return [*chosen[:at], twin, *chosen[at:]]
+    # a motor that is late by tau looks like a clock that is ahead by it
+    late = float(first.values[0]) * (-1.0 if first.mechanism == "time_offset" else 1.0)
+    if late <= 0.0:
+        return chosen
+    at = chosen.index(first) + 1
+    beside: list[BedTrial] = []
+    for t in trials:
+        if t.mechanism in (*LATE, "time_offset") and t.mechanism not in {c.mechanism for c in (*chosen, *beside)}:
+            amount = (-late if t.mechanism == "time_offset" else late) / t.term.free[0].scale
+            low, high = limits(t.term)
+            beside.append(replace(t, amounts=np.clip(np.array([amount]), low, high)))
+    return [*chosen[:at], *beside, *chosen[at:]]
 
 
 def _clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
