@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granswim_pymunk.analysis.resonance import second_resonance
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.paper import driver, plans, t1
+from granswim_pymunk.paper import driver, f4, f9, plans, t1
 from granswim_pymunk.paper.calibrate import calibrate, fit_curve, third_of_free
-from granswim_pymunk.paper.claim import FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
+from granswim_pymunk.paper.claim import CALIBRATED, FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
 from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
 from granswim_pymunk.paper.measure import Plan
 from granswim_pymunk.paper.plans import PAPER, POCKET, Setting, blocks, complete, points_of
@@ -53,6 +54,10 @@ def test_plans(setting: Setting) -> None:
         mine = points_of(setting, [name])
         assert {p["seed"] for p in mine} == set(setting.seeds)
         assert len(mine) == len({tuple(complete(b, setting, 1).values()) for b in block}) * len(setting.seeds)
+    # fields are kept of the free swimmer only
+    with_fields = [p for p in points if setting.plan_of(p).spacing > 0]
+    assert {p["frequency"] for p in with_fields} == set(plans.FREE[100.0])
+    assert len(with_fields) == len(plans.FREE[100.0]) * len(setting.seeds)
     assert all(paper_scene(**p).seed == p["seed"] for p in points[:: len(points) // 20])
     assert {c for claim in driver.CLAIMS.values() for c in claim.blocks} == {*plans.BLOCKS, "stored"}
 
@@ -107,6 +112,54 @@ def test_interface_of_a_profile() -> None:
     assert at(profile, 5.0) == pytest.approx(1e-6)
     assert interface(profile) == pytest.approx(2.0)
     assert np.isnan(interface(np.full(len(HEIGHTS), 1.0)))
+
+
+def test_optima_against_each_other() -> None:
+    """Parabolas whose tops go as the table's second resonance, all 1.2 times it: the ratios hold, the scale is told."""
+    rng = np.random.default_rng(4)
+    results = Results(POCKET, Path("."))
+    for label in f4.LABELS:
+        top = 1.2 * second_resonance(label)
+        for f in top * np.array([0.7, 0.9, 1.1, 1.4]):
+            for seed in range(1, 9):
+                point = complete({"frequency": float(f), "k_B": label}, POCKET, seed)
+                speed = 0.01 - 0.04 * (f / top - 1) ** 2 + rng.normal(0, 2e-4)
+                results.runs.append((point, xr.Dataset({"speed": speed})))
+    *ratios, scale = f4.relative(results)
+    assert [f.verdict for f in ratios] == [HOLDS] * 3 and all(f.packings == 8 for f in ratios)
+    assert ratios[0].value == pytest.approx(second_resonance(150.0) / second_resonance(100.0), rel=0.02)
+    assert scale.value is not None and scale.error is not None
+    assert scale.value == pytest.approx((1 / 1.2) ** (1 / 0.55), abs=2 * scale.error) and scale.error < 0.1
+    absolute = f4.judge(results)[:4]
+    assert [f.verdict for f in absolute] == [CALIBRATED, FAILS, FAILS, FAILS]
+    # optima that do not move with k_B refute it
+    still = Results(POCKET, Path("."))
+    for point, run in results.runs:
+        f = point["frequency"] / second_resonance(point["k_B"]) * second_resonance(100.0)
+        still.runs.append(({**point, "frequency": f}, run))
+    assert [f.verdict for f in f4.relative(still)[:3]] == [FAILS] * 3
+
+
+def test_inertial_number_peaks_where_it_was_measured() -> None:
+    """A frequency without fields says nothing about them."""
+    results = Results(POCKET, Path("."))
+    for f, level in ((4.0, 0.1), (9.0, 0.3), (15.0, 0.2), (20.0, None)):
+        for seed in range(1, 5):
+            run = xr.Dataset({"anisotropy": 0.1 + 0.001 * seed})
+            if level is not None:
+                run["profile_inertial"] = ("height", np.full(len(HEIGHTS), level * (1 + 0.01 * seed)))
+            results.runs.append((complete({"frequency": f}, POCKET, seed), run))
+    findings = f9.judge(results)
+    (found,) = [f for f in findings if "peaks" in f.says]
+    assert found.verdict == HOLDS and found.measured.startswith("largest mean at 9 Hz of 4, 9, 15: ")
+    assert all(f.packings == 4 for f in findings)
+
+
+def test_free_speed_section() -> None:
+    results = synthetic({(f, 0.0, MU_EFF): list(1e-3 * np.array([9.0, 11.0, 13.0])) for f in (4.0, 9.0, 11.0, 15.0)})
+    text = "\n".join(driver.free_speed_section(results))
+    assert "11.0 ± 5.0 (n = 3)" in text and "holds the independent one: as used" in text
+    assert "1.5 at 9 Hz" in text
 
 
 # ---- calibration ------------------------------------------------------------------------------
@@ -181,6 +234,9 @@ def test_a_small_run_of_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     table = read_dataset(out / "sweep.nc")
     assert table["speed"].dims == ("frequency", "k_B", "layers", "seed") and table["speed"].shape == (3, 1, 1, 2)
     run = read_dataset(next((out / "runs").glob("*.nc")))
+    # the swimmer pushes grains, where it is: near the middle of the grid
+    push = run["field_swimmer_contact"].values
+    assert push[len(push) // 4 : -len(push) // 4].sum() > 0.9 * push.sum() > 0
     # the swimmer's own account: what the bending law did is what the fields and contacts were fed by
     assert float(run["bending_power"].mean()) > 0
     assert float(run["packed_fraction"]) == pytest.approx(0.80, abs=2e-3)
