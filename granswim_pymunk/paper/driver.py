@@ -295,7 +295,8 @@ def readings_page(results: Results, figure: str, out: Path, pages: Path) -> str:
         for name in names:
             _, measured, verdict, n = columns[name][k]
             cells.append(f"{MARK.get(verdict, verdict)}: {measured} (n = {n})" if n else "no runs")
-        lines.append(f"| {columns[names[0]][k][0]} | " + " | ".join(cells) + " |")
+        says = columns[names[0]][k][0].replace("|", "\\|")
+        lines.append(f"| {says} | " + " | ".join(cells) + " |")
     score = {
         name: (sum(v == HOLDS for _, _, v, _ in rows), sum(v == FAILS for _, _, v, _ in rows), len(rows))
         for name, rows in columns.items()
