@@ -77,7 +77,7 @@ def measure(scene: Scene, engines: Sequence[str], rounds: int = 12, block: float
     steps: dict[str, int] = {}
     for engine, it in running.items():
         it.advance(1)
-        first = _timed(it, 1 if engine == "python" else 20)
+        first = timed(it, 1 if engine == "python" else 20)
         it.advance(1 if engine == "python" else 200)  # past the first lists
         # several neighbour lists to a block, or their cost would be left out
         steps[engine] = 1 if engine == "python" else max(math.ceil(block / first), 300)
@@ -86,14 +86,15 @@ def measure(scene: Scene, engines: Sequence[str], rounds: int = 12, block: float
         for engine, it in running.items():
             if engine == "python" and turn >= 3:
                 continue
-            best[engine] = min(best[engine], _timed(it, steps[engine]))
+            best[engine] = min(best[engine], timed(it, steps[engine]))
     for it in running.values():
         if isinstance(it, LammpsBed):
             it.close()
     return best
 
 
-def _timed(it: Any, steps: int) -> float:
+def timed(it: Any, steps: int) -> float:
+    """Processor time [s] of a step."""
     # the processor time of this thread: waiting for other programs does not count
     begin = time.thread_time()
     it.advance(steps)

@@ -7,6 +7,7 @@ import pytest
 
 from granswim_pymunk.benchmarks.beds import bed, contacts_only
 from granswim_pymunk.benchmarks.lammps_bed import find_lammps
+from granswim_pymunk.benchmarks.profile import profile, table
 from granswim_pymunk.benchmarks.speed import agreement, benchmark
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
@@ -49,6 +50,18 @@ def test_rows_and_files(tmp_path, capsys):
     assert all(0.1 < row["us_per_step"] < 1e4 for row in rows)
     assert (tmp_path / "out" / "benchmark.png").stat().st_size > 5000
     assert "verlet" in capsys.readouterr().out
+
+
+def test_phases_of_a_step(tmp_path):
+    assert main(["benchmark", "--grains", "60", "--engines", "verlet", "--rounds", "1", "--no-memory", "--profile",
+                 "--out", str(tmp_path)]) == 0  # fmt: skip
+    assert "broad phase" in (tmp_path / "benchmark.md").read_text()
+    found = profile(bed(150), 150, rounds=3, block=0.005)
+    assert [p.phase for p in found if p.mode == "chipmunk"][1] == "broad phase"
+    for mode in ("verlet", "chipmunk"):
+        # a difference of two times can be noise, their sum is the whole step
+        assert 1.0 < sum(p.ns_per_grain for p in found if p.mode == mode) < 1e6
+    assert table(found).count("| 150 grains |") == 1
 
 
 def test_wrong_input(tmp_path, capsys):

@@ -139,6 +139,12 @@ class TestLists:
         assert sim._room > 40
         assert bits(sim.state().xy, sim.state().v) == bits(expected.xy, expected.v)
 
+    def test_touching_disks_without_a_pair_law(self):
+        disks = tuple(Body(str(k), "free", 5e-3, 1e-3, initial=(k * 9e-3, 0.0, 0.0, 0.0)) for k in range(4))
+        sim = Simulation(Scene(disks, laws=(use("linear_drag", c=1e-4),), time=Time(dt=1e-4)), mode="chipmunk")
+        sim.advance(20)
+        assert sim.step == 20 and not sim.state().v.any()
+
     def test_overflow_in_the_middle_of_a_block(self):
         """Grains far apart that fly together: the first list is short, a later one does not fit."""
         rng = np.random.default_rng(3)

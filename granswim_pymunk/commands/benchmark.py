@@ -7,6 +7,8 @@ import argparse
 import os
 from pathlib import Path
 
+from ..benchmarks import profile as phases
+from ..benchmarks.beds import bed
 from ..benchmarks.speed import ENGINES, as_json, benchmark, draw, table
 from ..errors import InputError
 from ..validation.output import check_folder, write_json
@@ -28,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)")
     parser.add_argument("--no-memory", action="store_true", help="do not measure memory (a process for each row)")
+    parser.add_argument("--profile", action="store_true", help="also say where the time of a step goes")
     parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
     parser.add_argument(
         "--out", metavar="DIR", help="write benchmark.json, a table (benchmark.md) and a figure (benchmark.png) there"
@@ -46,11 +49,17 @@ def main(args: argparse.Namespace) -> int:
         except OSError as error:
             raise InputError(f"cannot make this folder: {error.strerror}", file=out) from None
     rows, _ = benchmark(args.grains, args.engines, rounds=args.rounds, with_memory=not args.no_memory)
+    found = []
+    if args.profile:
+        for grains in dict.fromkeys(args.grains):
+            found += phases.profile(bed(grains), grains, args.rounds)
+        print("\n" + phases.table(found))
     if args.json:
         write_json(as_json(rows), args.json)
     if out is not None:
         write_json(as_json(rows), out / "benchmark.json")
-        (out / "benchmark.md").write_text(table(rows), encoding="utf-8")
+        text = table(rows) + ("\n" + phases.table(found) if found else "")
+        (out / "benchmark.md").write_text(text, encoding="utf-8")
         beside = out / f".benchmark.{os.getpid()}.png"
         draw(rows, beside)
         beside.replace(out / "benchmark.png")

@@ -43,7 +43,7 @@ USE_COLUMNS = ("code", "parameters", "first", "last", "mask")
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_blocks", "own_drift", "own_kick",
-    "from_list", "constrained", "fixed_skin", "pushed",
+    "from_list", "constrained", "fixed_skin", "pushed", "first_body",
     "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "run_starts", "blocks", "mask",
     "pair_i", "pair_j", "pair_shift", "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_starts",
@@ -557,6 +557,15 @@ def find(key, keys, values):
 
 
 @njit(**PLAIN)
+def row_of(body, first, n, keys, values):
+    """The same; bodies in rows of the package's own begin at ``first``, 0 where they do not."""
+    place = np.uint64(body - first)
+    if first != 0 and place < np.uint64(n * {8 * ROW}):
+        return np.int64(place // np.uint64({8 * ROW}))
+    return find(body, keys, values)
+
+
+@njit(**PLAIN)
 def gather(n_mobile, bodies, state, motion):
     """What the drift does besides moving: read the mobile bodies [SI]."""
     for i in range(n_mobile):
@@ -714,8 +723,10 @@ def contact_presolve(arbiter, space, data):
     I = carray(pointer_to(data), {len(INTS)}, np.int64)
     UNPACK
     store_byte(arbiter + {o.process_collision}, 0)
-    a = find(load_int(arbiter + {o.body_a}), table_keys, table_values)
-    b = find(load_int(arbiter + {o.body_b}), table_keys, table_values)
+    if I[ROOM] == 0:
+        return  # no law of pairs: nothing to keep
+    a = row_of(load_int(arbiter + {o.body_a}), I[FIRST_BODY], n, table_keys, table_values)
+    b = row_of(load_int(arbiter + {o.body_b}), I[FIRST_BODY], n, table_keys, table_values)
     if a == -1 or b == -1 or (a < 0 and b < 0):
         return  # a body of the user's own, or two ghosts, whose originals meet elsewhere
     i = a if a >= 0 else -a - 2

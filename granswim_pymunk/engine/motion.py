@@ -69,8 +69,7 @@ class _Writer:
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_INT, *arguments]), name)
         self.body, *self.arguments = function.args
         self.builder = ir.IRBuilder(function.append_basic_block())
-        for line in (0, 64):
-            fetch(self.builder, self.at(self.body, 8 * ROW * AHEAD + line, ir.IntType(8)))
+        self.fetch_later(self.body, 0, 64)
 
     def at(self, base: Any, offset: int, kind: Any) -> Any:
         place = self.builder.add(base, ir.Constant(_INT, offset))
@@ -87,6 +86,15 @@ class _Writer:
     def slot(self, which: int, kind: Any = _INT) -> Any:
         """What stands in front of the body."""
         return self.load(self.body, 8 * (which - LEAD), kind)
+
+    def fetch_later(self, row: Any, *lines: int) -> None:
+        for line in lines:
+            fetch(self.builder, self.at(row, 8 * ROW * AHEAD + line, ir.IntType(8)))
+
+    def own_row(self) -> Any:
+        row = self.slot(OWN_ROW)
+        self.fetch_later(row, 64, 128)
+        return row
 
     def motion(self, name: str) -> Any:
         return self.load(self.slot(NUMBERS), 8 * MOTION.index(name))
@@ -143,7 +151,7 @@ def _drift_apart(module: ir.Module, o: Offsets) -> None:
     w = _Writer(module, "drift_apart", [_FLOAT])
     b = w.builder
     (dt,) = w.arguments
-    row = w.slot(OWN_ROW)
+    row = w.own_row()
     at = {name: 8 * k for name, k in columns(o).items()}
     velocity = w.load(w.body, o.velocity, _PAIR)
     position = b.fadd(w.load(w.body, o.position, _PAIR), b.fmul(velocity, w.both(dt)))
@@ -168,7 +176,7 @@ def _kick_apart(module: ir.Module, o: Offsets) -> None:
     w = _Writer(module, "kick_apart", [_FLOAT, _FLOAT, _FLOAT, _FLOAT])
     b = w.builder
     gravity_x, gravity_y, damping, dt = w.arguments
-    row = w.slot(OWN_ROW)
+    row = w.own_row()
     at = {name: 8 * k for name, k in columns(o).items()}
     law = b.fmul(w.load(row, at["fx"], _PAIR), w.both(w.motion("force_scale")))
     force = b.fadd(w.load(w.body, o.force, _PAIR), law)

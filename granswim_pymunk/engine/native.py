@@ -152,22 +152,22 @@ ROW = 40
 LATER = 192
 
 
-def _room_of(body: pymunk.Body) -> int:
-    """Bytes that were allocated for a cpBody."""
+def _room_of(pointer: Any) -> int:
+    """Bytes that Chipmunk allocated there."""
     library = ctypes.CDLL(None)
     for name in ("malloc_usable_size", "malloc_size"):
         if hasattr(library, name):
             measure = getattr(library, name)
             measure.restype, measure.argtypes = ctypes.c_size_t, [ctypes.c_void_p]
-            return int(measure(address(body._body)))
-    raise ProbeError("the size of a body cannot be found here")
+            return int(measure(address(pointer)))
+    raise ProbeError("the size of what Chipmunk allocates cannot be found here")
 
 
 @functools.cache
 def body_bytes() -> int:
     """How much of a fresh body to copy. Raises ProbeError where that is unknown or more than a row holds."""
     try:
-        size = _room_of(pymunk.Body(1.0, 1.0))
+        size = _room_of(pymunk.Body(1.0, 1.0)._body)
     except (OSError, TypeError) as error:
         raise ProbeError(f"the size of a body cannot be found: {error}") from None
     if not _BODY_BYTES <= size <= 8 * (ROW - LEAD):

@@ -431,6 +431,7 @@ class Simulation:
         counts = {
             "n": self._n, "n_mobile": self._n_mobile, "room": self._room, "n_runs": len(a["runs"]),
             "n_blocks": len(a["blocks"]) - 1,
+            "first_body": 0 if self._memory is None else self._memory.ctypes.data + 8 * LEAD,
             "from_list": int(self.mode != "chipmunk"), "constrained": 1, "fixed_skin": int(self._fixed_skin),
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
@@ -552,7 +553,9 @@ class Simulation:
         if self._offsets is None:
             return
         a = self._a
-        entries = {int(key): k for k, key in enumerate(a["bodies"])} | ghosts
+        entries = ghosts
+        if self._memory is None:
+            entries = {int(key): k for k, key in enumerate(a["bodies"])} | ghosts
         size = 64
         while size < 3 * len(entries):
             size *= 2
