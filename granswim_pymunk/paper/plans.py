@@ -33,6 +33,10 @@ READINGS: tuple[Point, ...] = (
     {"k_B_scale": 0.17},
     {"k_B_scale": 0.68},
 )
+LOOSE: Point = {"packing_fraction": 0.79}
+# of a box of 140 mm with as much area to spare as one of 100 mm at 0.80, were grains dense at 0.85:
+# 0.85 - (0.85 - 0.80) 100/140
+TIGHT: Point = {"packing_fraction": 0.814}
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ SETTINGS = {s.name: s for s in (POCKET, PAPER)}
 def convergence(setting: Setting) -> tuple[Point, ...]:
     """What is changed to see whether it matters: stiffness of the contacts, half the step, a longer box."""
     half = round(STEP * math.sqrt(setting.softness) / 2, 12)
-    return ({"dt": half}, {"width": 0.140}, stiff(setting))
+    return ({"dt": half}, {"width": 0.140}, {"width": 0.140, **TIGHT}, LOOSE, stiff(setting))
 
 
 def stiff(setting: Setting) -> Point:
@@ -96,7 +100,7 @@ def blocks(setting: Setting) -> dict[str, list[Point]]:
         "k_B": [{"k_B": k, "frequency": f} for k in (200.0, 500.0, 150.0) for f in FREE[k]],
         "convergence": [
             *({"frequency": 9.0, **c} for c in convergence(setting)),
-            {"frequency": 15.0, **stiff(setting)},
+            *({"frequency": 15.0, **c} for c in (LOOSE, stiff(setting))),
         ],
         "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
@@ -125,6 +129,6 @@ def complete(point: Point, setting: Setting, seed: int) -> Point:
         "frequency": 9.0, "k_B": 100.0, "layers": 0.0, "mu_eff": MU_EFF, "form": "leader", "gamma_B": 1.0e2,
         "k_B_scale": 1.0,
         "grain_diameter": 1.5e-3, "width": 0.100, "height": 0.050, "softness": setting.softness, "dt": 0.0,
-        "stored": "",
+        "stored": "", "packing_fraction": 0.80,
         **setting.usual, **point, "seed": seed,
     }  # fmt: skip

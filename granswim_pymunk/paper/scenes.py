@@ -35,6 +35,7 @@ def paper_scene(
     grain_diameter: float = 1.5e-3,
     width: float = 0.100,
     height: float = 0.050,
+    packing_fraction: float = 0.80,
     softness: float = 25.0,
     dt: float = 0.0,
     stored: str = "",
@@ -43,7 +44,8 @@ def paper_scene(
 
     frequency [Hz]; k_B: the paper's label (100, 150, 200, 500), times ``k_B_scale`` times 2e-5 N per radian;
     layers of grains above (0: free) with mu_eff [s/m]; seed of the packing; form and gamma_B [1/s] of the
-    bending law; mean grain_diameter [m], uniform between 2/3 and 4/3 of it; box width x height [m].
+    bending law; mean grain_diameter [m], uniform between 2/3 and 4/3 of it; box width x height [m];
+    packing_fraction with the swimmer counted.
 
     softness s: contacts s times softer than 2.2e3 N/m with the dashpot reduced by sqrt(s), so that the
     restitution stays, the union by up to ten, and a step sqrt(s) times longer (4e-6 s at s = 1). dt [s]
@@ -79,7 +81,7 @@ def paper_scene(
         ),
         laws=tuple(laws),
         periodic_x=width,
-        bed=Bed(height, 0.80, (grain_diameter * 2 / 3, grain_diameter * 4 / 3), DENSITY, float(layers)),
+        bed=Bed(height, packing_fraction, (grain_diameter * 2 / 3, grain_diameter * 4 / 3), DENSITY, float(layers)),
         time=Time(dt=dt if dt > 0 else STEP * root),
         seed=seed,
     )  # fmt: skip
