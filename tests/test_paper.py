@@ -159,7 +159,12 @@ def test_free_speed_section() -> None:
     results = synthetic({(f, 0.0, MU_EFF): list(1e-3 * np.array([9.0, 11.0, 13.0])) for f in (4.0, 9.0, 11.0, 15.0)})
     text = "\n".join(driver.free_speed_section(results))
     assert "11.0 ± 5.0 (n = 3)" in text and "holds the independent one: as used" in text
-    assert "1.5 at 9 Hz" in text
+    assert "1.5 at 9 Hz" in text and "area to spare" not in text
+    for seed in range(3):
+        point = complete({**plans.LOOSE, "frequency": 9.0}, POCKET, seed)
+        results.runs.append((point, xr.Dataset({"speed": 1e-3 * (3.0 + 2 * seed)})))
+    text = "\n".join(driver.free_speed_section(results))
+    assert "slower by 6.00 ± 0.00 mm/s at 9 Hz (n = 3), so that the 3.0 mm/s" in text and "are 0.005 of" in text
 
 
 # ---- calibration ------------------------------------------------------------------------------
