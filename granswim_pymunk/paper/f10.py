@@ -8,6 +8,10 @@ from .f3 import peaked
 from .plans import SIZES
 from .results import Results
 
+SPARE = (
+    "; a smaller box at the same packing fraction has less area to spare, and the free speed hangs on that: see "
+    "convergence"
+)
 NAMES = {"grain_diameter": "mean grain", "height": "L_y"}
 
 
@@ -24,8 +28,7 @@ def judge(results: Results) -> list[Finding]:
                 says="the optimum does not move with grain size or L_y",
                 measured=f"{title(size) or 'mean grain 1.5 mm, L_y 50 mm'}: {text}",
                 verdict=verdict if size else f"for comparison: {verdict}", packings=n,
-                note="holds: fastest at 9 Hz of 4, 9 and 15 Hz" + ("; a smaller box at the same packing fraction has less "
-                "area to spare, and the free speed hangs on that: see convergence" if "height" in size else ""),
+                note="holds: fastest at 9 Hz of 4, 9 and 15 Hz" + (SPARE if "height" in size else ""),
             )
         )  # fmt: skip
     return findings
