@@ -143,7 +143,7 @@ def test_optima_against_each_other() -> None:
 def test_inertial_number_peaks_where_it_was_measured() -> None:
     """A frequency without fields says nothing about them."""
     results = Results(POCKET, Path("."))
-    for f, level in ((4.0, 0.1), (9.0, 0.3), (15.0, 0.2), (20.0, None)):
+    for f, level in ((4.0, 0.1), (9.0, 0.3), (11.0, np.nan), (15.0, 0.2), (20.0, None)):
         for seed in range(1, 5):
             run = xr.Dataset({"anisotropy": 0.1 + 0.001 * seed})
             if level is not None:

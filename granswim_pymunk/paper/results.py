@@ -185,9 +185,10 @@ class Results:
         )
 
     def values(self, name: str, **conditions: Any) -> np.ndarray:
-        """(packings, ...) one value (or array) for each packing."""
+        """(packings, ...) one value (or array) for each packing that has it."""
         found = [s[name].values for _, s in self.select(**conditions) if name in s]
-        return np.array(found, dtype=float)
+        # a kept table has NaN for what a run did not measure
+        return np.array([v for v in found if np.isfinite(v).any()], dtype=float)
 
     def mean(self, name: str, **conditions: Any) -> tuple[Any, Any, int]:
         """Mean, half width of its 95 % interval, packings."""
@@ -207,9 +208,9 @@ class Results:
         self, name: str, first: Point, second: Point, pick: Callable[[np.ndarray], Any] = lambda v: v
     ) -> tuple[float, float, int]:
         """Mean of first less second, packing by packing, with its 95 % half width; unpaired where seeds differ."""
-        a = {p["seed"]: float(pick(s[name].values)) for p, s in self.select(**first)}
-        b = {p["seed"]: float(pick(s[name].values)) for p, s in self.select(**second)}
-        both = sorted(set(a) & set(b))
+        a = {p["seed"]: float(pick(s[name].values)) for p, s in self.select(**first) if name in s}
+        b = {p["seed"]: float(pick(s[name].values)) for p, s in self.select(**second) if name in s}
+        both = [k for k in sorted(set(a) & set(b)) if np.isfinite(a[k] - b[k])]
         if not both:
             return np.nan, np.nan, 0
         mean, error = mean_error(np.array([a[k] - b[k] for k in both]))
