@@ -36,7 +36,7 @@ def small():
 @pytest.fixture
 def few(monkeypatch):
     """Standard errors from few windows and few rivals, so that a case takes seconds."""
-    monkeypatch.setattr(windows, "MOST", 3)
+    monkeypatch.setattr(windows, "MOST", {True: 3, False: 3})
     monkeypatch.setattr(bed_cases, "rivals_of", lambda setup: rivals_of(setup)[:3])
 
 

@@ -64,25 +64,32 @@ class Draw:
         return [*(plan.at(amount) for plan, amount in self.chosen), *self.cameras]
 
 
-def _sigma(bench: Bench, effects: Sequence[Effect]) -> float:
+def _sigma(bench: Bench, effects: Sequence[Effect], few: bool = False) -> float:
     try:
-        return beyond(bench.change(effects), bench.adjustable())[0]
+        return beyond(bench.change(effects, few), bench.adjustable(few))[0]
     except SimulationError:
         return math.nan
 
 
-def strong(bench: Bench, plan: Plan, target: float) -> tuple[float, float] | None:
-    """The amount at which an effect comes to ``target`` standard errors, and what it came to; None where none does."""
+def strong(bench: Bench, plan: Plan, target: float, rough: bool = False) -> tuple[float, float] | None:
+    """The amount at which an effect comes to ``target`` standard errors, and what it came to; None where none does.
+
+    rough : the first look is at few windows and members, to save time
+    """
     amount = 1.0
-    for _ in range(3):
-        found = _sigma(bench, [plan.at(amount)])
+    for n in range(4 if rough else 3):
+        few = rough and n == 0
+        found = _sigma(bench, [plan.at(amount)], few)
         if not math.isfinite(found):
             amount *= 0.2
             continue
-        if 0.65 < found / target < 1.6:
+        if not few and 0.65 < found / target < 1.6:
             return amount, found
-        if found < 1e-3:
-            return None
+        if found < (0.3 if few else 1e-3):
+            if not few:
+                return None
+            amount = min(5.0, plan.most)  # less than few can show
+            continue
         amount = amount * float(np.clip(target / found, 0.02, 20.0))
         if amount > plan.most:
             return None
@@ -121,7 +128,7 @@ def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category:
         sigma = 0.0
         for name in names:
             plan = draw(name, setup, rng, other=bool(rng.random() < 0.5))
-            reached = strong(bench, plan, target)
+            reached = strong(bench, plan, target, rough=not setup.small)
             if reached is None:
                 break
             found.append((plan, reached[0]))

@@ -29,8 +29,9 @@ LOOKS = (0.008, 0.016)  # s after the start of a window
 HALF = 2  # frames on each side of a start
 NEAR = 3e-3  # m, gap of near grains to the swimmer
 STEP = 4e-6  # s
-MEMBERS = 4
-MOST = 10  # windows computed
+MEMBERS = {True: 4, False: 3}  # of a small bed, of a full one
+MOST = {True: 10, False: 8}  # windows computed
+FEW = 2  # members where few will do
 
 
 def estimated(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -74,10 +75,11 @@ class Windows:
     t: np.ndarray
     xy: np.ndarray
     seed: int = 0
-    most: int | None = None  # windows computed, at most; MOST where not given
+    most: int | None = None  # windows computed, at most; as MOST says where not given
 
     def __post_init__(self) -> None:
         bodies = self.scene.bodies
+        self.members = MEMBERS[self.setup.small]
         self.chain = np.array([i for i, b in enumerate(bodies) if b.role in ("head", "tail")], dtype=np.int64)
         self.grains = np.array([i for i, b in enumerate(bodies) if b.role == "grain"], dtype=np.int64)
         self.radius = np.array([b.radius for b in bodies])
@@ -92,7 +94,8 @@ class Windows:
         last = int(np.searchsorted(self.t, self.t[0] + TRAINING * (self.t[-1] - self.t[0]))) - self.looks[-1]
         every = np.arange(HALF, max(last, HALF + 1), size)
         self.count = len(every)
-        few = np.unique(np.round(np.linspace(0, self.count - 1, min(self.most or MOST, self.count))).astype(int))
+        computed = min(self.most or MOST[self.setup.small], self.count)
+        few = np.unique(np.round(np.linspace(0, self.count - 1, computed)).astype(int))
         self.frames = every[few]
         self.share = self.count / len(self.frames)
         self.starts = [self._members(int(frame)) for frame in self.frames]
@@ -107,7 +110,7 @@ class Windows:
         in_chain[self.chain] = True
         speed[self.walls], root[self.walls] = 0.0, 0.0
         drawn = []
-        for _ in range(MEMBERS):
+        for _ in range(self.members):
             normal = rng.normal(size=(len(place), 2, 2))
             shift = np.einsum("nij,njc->nic", root, normal)
             xy = np.ascontiguousarray(place + shift[:, 0])
@@ -143,7 +146,7 @@ class Windows:
         ])  # fmt: skip
 
     def predict(
-        self, scene: Scene, effects: Sequence[Effect] = (), members: int = MEMBERS, every: int = 1
+        self, scene: Scene, effects: Sequence[Effect] = (), members: int | None = None, every: int = 1
     ) -> np.ndarray:
         """(W, m, D) of the first members, of every so many windows. Raises SimulationError."""
         world = World(scene, [resolved(e, self.scene) for e in effects], max(STEP, self.setup.dt))
@@ -157,16 +160,16 @@ class Windows:
         return np.array(out)
 
     def settle_noise(self) -> np.ndarray:
-        """The prediction of the known scene (W, MEMBERS, D), and from its scatter what whitens."""
+        """The prediction of the known scene (W, members, D), and from its scatter what whitens."""
         base = self.predict(self.scene)
         left = (base - base.mean(axis=1, keepdims=True)).reshape(-1, base.shape[-1])
-        covariance = left.T @ left / (len(self.frames) * (MEMBERS - 1))
+        covariance = left.T @ left / (len(self.frames) * (self.members - 1))
         covariance = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
         disks = 2 * len(self.chain) * len(self.looks)
         camera = np.full(len(covariance), 0.1 * self.setup.noise)
         camera[:disks] = self.setup.noise
         # a mean over some members scatters too
-        covariance = (1 + 1 / MEMBERS) * covariance + np.diag(camera**2)
+        covariance = (1 + 1 / self.members) * covariance + np.diag(camera**2)
         self.noise = np.linalg.inv(np.linalg.cholesky(covariance))
         return base
 
@@ -234,15 +237,16 @@ class WindowBench:
         """The columns of the adjustable numbers."""
         if not few:
             return list(self.columns.values())
-        shape = (MEMBERS, len(self.base), -1)
+        count = self.windows.members
+        shape = (count, len(self.base), -1)
         factor = math.sqrt(len(self.base) / len(self.base[::2]))
-        return [factor * c.reshape(shape)[:, ::2].reshape(MEMBERS, -1) for c in self.columns.values()]
+        return [factor * c.reshape(shape)[:, ::2].reshape(count, -1) for c in self.columns.values()]
 
     def change(self, effects: Sequence[Effect], few: bool = False) -> np.ndarray:
-        """(m, N) of some effects; ``few``: of half of the windows and members. Raises SimulationError."""
+        """(m, N) of some effects; ``few``: of half of the windows and fewer members. Raises SimulationError."""
         every = 2 if few else 1
-        scene = self.windows.scene
-        return self._rows(self.windows.predict(scene, effects, MEMBERS // every, every), every)
+        moved = self.windows.predict(self.windows.scene, effects, FEW if few else None, every)
+        return self._rows(moved, every)
 
 
 def calibrated(setup: BedSetup, scene: Scene, t: np.ndarray, xy: np.ndarray, guess: Mapping[str, float]):
@@ -250,7 +254,7 @@ def calibrated(setup: BedSetup, scene: Scene, t: np.ndarray, xy: np.ndarray, gue
 
     A function of film, guess and scene alone.
     """
-    windows = Windows(setup, scene, t, xy, most=min(MOST, 8))
+    windows = Windows(setup, scene, t, xy, most=min(MOST[setup.small], 8))
     windows.settle_noise()
     seen = windows.seen()
     here = dict(guess)
