@@ -257,6 +257,19 @@ def test_seeds_are_ranges_and_numbers():
         parse_seeds("ten")
 
 
+@pytest.mark.long  # a cart on springs, a minute of a processor
+def test_two_laws_are_both_named_where_another_drag_comes_first_alone(tmp_path):
+    # a seed of a series that is over; its secret is published
+    secret = b"bf9da10e2ae368c7473603a22640460b5fb1a64f0a476855b9c95139b282035a"
+    folder = conceal(1004, tmp_path / "open", secret, tmp_path / "sealed")
+    published = (tmp_path / "open" / "bodies-1004.sha256").read_text()
+    truth = opened(json.loads((tmp_path / "sealed" / "bodies-1004.json").read_text()), published)
+    verdict = runner.diagnose_alone([folder], None)["verdict"]
+    assert {m["name"] for m in verdict["mechanisms"]} == {e["name"] for e in truth["effects"]}
+    held = verdict["fit"]["heldout"]
+    assert held["revised"] < 1.3 * held["noise_floor"] < 0.2 * held["naive"]
+
+
 def test_a_concealed_drag_is_found_by_a_process_of_its_own(tmp_path, capsys):
     file = tmp_path / "score.json"
     assert main(["prove", "--seeds", "25", "--out", str(tmp_path / "out"), "--json", str(file)]) == 0

@@ -465,6 +465,11 @@ def _second(found, revised, recalibrated, fitter, terms, inner, inner_scores, rn
         if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
             return found, revised
         inner_scores[f"{first.term.label} + {best.term.label}"] = best.inner
+        # beside the second law another drag than the one that came first alone may do better
+        both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
+        pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
+        if pair is not both and pair[0].fit is not None:
+            return pair, pair[0].fit
         return [first, best], best.fit
     return found, revised
 
