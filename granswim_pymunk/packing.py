@@ -12,8 +12,6 @@ import hashlib
 import json
 import logging
 import math
-import os
-import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,6 +22,7 @@ import numpy as np
 
 from .engine.callbacks import cache_folder
 from .errors import InputError, SimulationError
+from .files import written_whole
 from .scene import Body, Scene
 
 log = logging.getLogger("granswim")
@@ -214,14 +213,8 @@ def _load(file: Path) -> tuple[np.ndarray, np.ndarray] | None:
 def _store(file: Path, arrays: tuple[np.ndarray, np.ndarray]) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, radius=arrays[0], xy=arrays[1])
-            os.replace(beside, file)
-        except BaseException:
-            Path(beside).unlink(missing_ok=True)
-            raise
+        with written_whole(file, mode=0o600) as stream:
+            np.savez(stream, radius=arrays[0], xy=arrays[1])
     except OSError as error:
         log.warning("the bed is not kept in the cache: %s", error)
 

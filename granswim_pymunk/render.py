@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from PIL import Image
 
 from .engine import Contacts, State
 from .errors import InputError
+from .files import written_whole
 from .scene import LawUse, Scene
 
 COLORS = ("speed", "force")
@@ -611,16 +611,8 @@ def draw_frame(
 
 def save_image(image: Image.Image, path: str | Path) -> None:
     """Write a PNG beside its place and move it there, so that no half picture is ever seen."""
-    path = Path(path)
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            image.save(stream, format="PNG", compress_level=4)
-        os.chmod(beside, 0o644)
-        os.replace(beside, path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
+    with written_whole(path) as stream:
+        image.save(stream, format="PNG", compress_level=4)
 
 
 def write_video(

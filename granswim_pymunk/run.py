@@ -7,10 +7,8 @@ import importlib
 import json
 import logging
 import math
-import os
 import platform
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -32,6 +30,7 @@ from . import __version__
 from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
 from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError
+from .files import written_whole
 from .packing import pack, quality
 from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
 from .scene import Scene, Time, read_scene
@@ -585,15 +584,8 @@ def _summary(
 
 def _write_text(path: Path, text: str) -> None:
     """Beside first, then in place: a reader never sees half of it."""
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.chmod(beside, 0o644)
-        os.replace(beside, path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
+    with written_whole(path) as stream:
+        stream.write(text.encode("utf-8"))
 
 
 __all__ = ["RunResult", "contacts_of", "find_scene", "resume_run", "run_scene", "shipped_scenarios"]

@@ -391,6 +391,13 @@ class Scene:
         law = get_law(f"actuator_{kind}")
         return self.with_laws(use(law, bodies=bodies, **{law.strength[0]: value}))
 
+    def parameter(self, name: str) -> Any:
+        """The value of ``LAW.PARAMETER`` in the first use of that law. Raises InputError where there is none."""
+        law, _, parameter = name.partition(".")
+        for item in self.laws_named(law):
+            return item.values[parameter]
+        raise InputError("the scene has no such law", where=f"law {law}")
+
     def with_parameter(self, name: str, value: Any, *, bodies: Iterable[str] | None = None) -> Scene:
         """The scene with ``LAW.PARAMETER`` changed in every use of that law.
 

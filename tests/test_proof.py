@@ -12,7 +12,7 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof import prove as runner
 from granswim_pymunk.proof.cases import _belief, _public, bodies_case, rivals, strength_of
 from granswim_pymunk.proof.conceal import MOMENT, conceal
-from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove
+from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove_cases
 from granswim_pymunk.proof.score import (
     confusion,
     detection,
@@ -227,28 +227,31 @@ def test_figures_count_the_cases_they_speak_of():
 def test_prove_scores_a_seed_once_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     given = []
 
+    def prove(seeds):
+        return prove_cases([("bodies", seed) for seed in seeds], tmp_path)
+
     def fake(recordings, keep, minutes=None):
         # the folder holds a recording and nothing that betrays it
         given.append(sorted(p.name for p in recordings[0].iterdir()))
         return {"verdict": result(named="", verdict="no_mismatch")["verdict"], "seconds": 1.0, "failed": ""}
 
     monkeypatch.setattr(runner, "diagnose_alone", fake)
-    first = prove([6, 13], tmp_path, secret=None)
-    again = prove([6, 13, 15], tmp_path)
+    first = prove([6, 13])
+    again = prove([6, 13, 15])
     assert [len(first), len(again), len(given)] == [2, 3, 3]
     assert given[0] == ["recording.toml", "tracks.csv"]
     assert (tmp_path / "proof.html").stat().st_size > 20_000
     assert (tmp_path / "score.csv").read_text().count("\n") == 4
     with pytest.raises(InputError, match="once"):
-        prove([6, 6], tmp_path)
+        prove([6, 6])
     with pytest.raises(InputError, match="secret"):
-        prove([1000], tmp_path)
+        prove([1000])
     # a truth that was changed after its hash was published is noticed
     file = tmp_path / "sealed" / "bodies-6.json"
     file.write_text(file.read_text().replace('"null"', '"pair"'))
     (tmp_path / "results" / "bodies-6.json").unlink()
     with pytest.raises(InputError, match="hash"):
-        prove([6], tmp_path)
+        prove([6])
 
 
 def test_seeds_are_ranges_and_numbers():

@@ -175,7 +175,7 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
     ):
         name = f"{law}.{parameter}"
         if scene.laws_named(law) and name not in adjustable:
-            believed = float(scene.laws_named(law)[0].values[parameter])
+            believed = float(scene.parameter(name))
 
             def apply(scene, camera, values, name=name):
                 return scene.with_parameter(name, float(values[0])), camera

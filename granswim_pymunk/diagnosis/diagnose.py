@@ -6,16 +6,16 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError
 from ..recording import Recording, read_recording, resolve_recording
 from .bed import diagnose_bed
 from .driver import Diagnosis, diagnose_bodies
-from .outcome import Outcome, check_verdict, plain_numbers, write_outcome
+from .outcome import Outcome, write_outcome
+from .outcome import verdict_of as verdict_of
 from .together import diagnose_together
 from .unseen import diagnose_unseen
-from .verdict import verdict_dict, write_verdict
+from .verdict import write_verdict
 
 # how recordings are compared: each method takes (training, held out, minutes=, seed=, progress=)
 METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {
@@ -49,15 +49,6 @@ def grouped(
         for recording in recordings:
             groups.setdefault(kind_of(recording), ([], []))[part].append(recording)
     return groups
-
-
-def verdict_of(found: Diagnosis | Outcome) -> dict[str, Any]:
-    """The content of verdict.json."""
-    if isinstance(found, Outcome):
-        verdict = plain_numbers(found.verdict)
-        check_verdict(verdict)
-        return verdict
-    return verdict_dict(found)
 
 
 class ProgressLine:

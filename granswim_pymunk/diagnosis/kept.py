@@ -5,15 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..engine.callbacks import cache_folder
+from ..files import written_whole
 
 log = logging.getLogger("granswim")
 
@@ -33,14 +32,8 @@ def store_array(file: Path, values: np.ndarray) -> None:
     """Write beside, then rename; a disk that takes nothing is a warning."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.save(stream, values)
-            os.replace(beside, file)
-        except BaseException:
-            Path(beside).unlink(missing_ok=True)
-            raise
+        with written_whole(file, mode=0o600) as stream:
+            np.save(stream, values)
     except OSError as error:
         log.warning("a finished run is not kept: %s", error)
 

@@ -16,7 +16,8 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from ..scene import Scene
-from .verdict import write_text
+from .driver import Diagnosis
+from .verdict import verdict_dict, write_text
 
 FORMAT = "granswim-verdict/1"
 VERDICTS = ("no_mismatch", "recalibrate", "missing_physics", "unmodelled", "measurement")
@@ -147,6 +148,15 @@ def plain_numbers(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
+
+
+def verdict_of(found: Diagnosis | Outcome) -> dict[str, Any]:
+    """The content of verdict.json."""
+    if isinstance(found, Outcome):
+        verdict = plain_numbers(found.verdict)
+        check_verdict(verdict)
+        return verdict
+    return verdict_dict(found)
 
 
 def write_outcome(outcome: Outcome, out: Path) -> None:

@@ -18,14 +18,14 @@ from matplotlib.figure import Figure
 from ..errors import InputError
 from ..recording import Recording
 from ..scene import LawUse, Scene
+from .candidates import APPARATUS
 from .driver import Diagnosis
-from .outcome import MODELS, Outcome, Table, empty_verdict, plain_numbers
-from .verdict import revised_scene, verdict_dict
+from .outcome import MODELS, Outcome, Table, empty_verdict, verdict_of
+from .verdict import revised_scene
 
 Progress = Callable[[str, float], None]
 Method = Callable[..., Diagnosis | Outcome]
 SPOKEN = {"bodies": "bodies without a bed", "bed": "a bed that is seen", "unseen": "a bed that is not seen"}
-APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 QUIET = ("no_mismatch", "recalibrate")
 
 
@@ -112,8 +112,7 @@ def diagnose_together(
             raise InputError("every recording of this kind is held out: nothing is left to learn from", where=kind)
         found = methods[kind](training, held, minutes=share(), seed=seed, progress=tell)
         done += 1
-        verdict = dict(found.verdict) if isinstance(found, Outcome) else verdict_dict(found)
-        return Part(kind, training, held, found, plain_numbers(verdict), given)
+        return Part(kind, training, held, found, verdict_of(found), given)
 
     alone = [part for kind in groups if (part := diagnosed(kind)) is not None]
     leader = max(alone, key=lambda p: (bool(p.names), p.z))
@@ -275,14 +274,10 @@ def _figures(part: Part) -> dict[str, tuple[Figure, str]]:
     return {name: (draw(), told[name][1]) for name, draw in figures(part.found).items()}
 
 
-def _said(name: str) -> str:
-    from ..report.words import spoken
-
-    return spoken(name)
-
-
 def _headline(verdict: Mapping[str, Any]) -> str:
-    physics = list(dict.fromkeys(_said(m["name"]) for m in verdict["mechanisms"] if m["name"] not in APPARATUS))
+    from ..report.words import plainly
+
+    physics = list(dict.fromkeys(plainly(m["name"]) for m in verdict["mechanisms"] if m["name"] not in APPARATUS))
     return {
         "missing_physics": f"The scenes lack {' and '.join(physics)}",
         "unmodelled": "Something is missing that no law with a name explains",

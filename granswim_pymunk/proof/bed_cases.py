@@ -100,7 +100,7 @@ def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category:
     """What is concealed in a bed; a null where nothing of the category reaches its strength."""
     if category == "decoy_adjustable" and setup.scene.adjustable:
         a = setup.scene.adjustable[int(rng.integers(len(setup.scene.adjustable)))]
-        value = float(setup.scene.laws_named(a.law)[0].values[a.parameter])
+        value = float(setup.scene.parameter(a.name))
         if a.parameter == "stiffness":
             return Draw(category, moved={a.name: value * float(rng.choice([0.8, 1.2]))})
         # worth five standard errors: from a small step of the same number
@@ -182,7 +182,7 @@ def _guess(setup: BedSetup, rng: np.random.Generator) -> dict[str, float]:
     """First guesses of the adjustable numbers, a few per cent off."""
     result = {}
     for a in setup.scene.adjustable:
-        value = float(setup.scene.laws_named(a.law)[0].values[a.parameter])
+        value = float(setup.scene.parameter(a.name))
         off_by = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.08))
         result[a.name] = float(np.clip(value * (1 + off_by), a.low, a.high))
     return result
@@ -226,9 +226,7 @@ def _truth(
         "category": drawn.category, "effects": [asdict(e) for e in drawn.effects], "bodies": sorted(bodies),
         "swimmer": list(swimmer), "sigma": drawn.sigma, "own": own, "rivals": found or {},
         "rivals_computed": found is not None, "moved": drawn.moved or {}, "masked": fitted,
-        "true_parameters": {
-            a.name: float(scene.laws_named(a.law)[0].values[a.parameter]) for a in scene.adjustable
-        },
+        "true_parameters": {a.name: float(scene.parameter(a.name)) for a in scene.adjustable},
         "noise": setup.noise, "frames": len(setup.t), "recordings": len(setup.drives),
     }  # fmt: skip
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..packing import pack
 from ..scene import Adjustable, Bed, LawUse, Scene, swimmer, use
+from .setups import between
 
 SETTLED = 0.06  # s at least before a bed is filmed
 # mechanisms of the contract's table that can show in a bed. A torque against the spin alone does not: without
@@ -61,10 +62,6 @@ class BedSetup:
         return scene.with_parameter("confinement.layers", layers) if scene.laws_named("confinement") else scene
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
-
-
 def digits(value: float, count: int = 6) -> float:
     return float(f"{value:.{count}g}")
 
@@ -80,10 +77,10 @@ def _laws(rng: np.random.Generator, soft: bool, frequency: float, confined: bool
     laws = [
         use("contact_linear", stiffness=about(contact[0]), damping=about(contact[1])),
         use("union", stiffness=about(union[0]), damping=about(union[1])),
-        use("bending", stiffness=digits(2e-3 * _log(rng, 0.85, 1.2)), damping=about(100.0),
+        use("bending", stiffness=digits(2e-3 * between(rng, 0.85, 1.2)), damping=about(100.0),
             amplitude=about(math.pi / 4), frequency=frequency, phase=digits(float(rng.uniform(-0.3, 0.3))), form=form),
     ]  # fmt: skip
-    mu = digits(0.11 * _log(rng, 0.4, 1.1))
+    mu = digits(0.11 * between(rng, 0.4, 1.1))
     layers = float(rng.choice([5.0, 8.0, 11.0]))
     if confined:
         laws.append(use("confinement", mu_eff=mu, layers=layers))

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import SimulationError
 from ..recording import Recording
 from ..scene import LawUse, Scene
+from .beds import digits
 from .fitting import Sight, Strength, calibrate, canonical, left, look, with_adjusted
 from .seal import generator
 from .setups import Setup, draw_setup
@@ -46,12 +47,12 @@ class Case:
         return self.recordings[0]
 
 
-def _digits(value: Any, digits: int = 6) -> Any:
+def _digits(value: Any, count: int = 6) -> Any:
     if isinstance(value, bool) or not isinstance(value, float | tuple):
         return value
     if isinstance(value, tuple):
-        return tuple(_digits(v, digits) for v in value)
-    return float(f"{value:.{digits}g}")
+        return tuple(_digits(v, count) for v in value)
+    return digits(value, count)
 
 
 def rounded(scene: Scene) -> Scene:
@@ -202,7 +203,7 @@ def _belief(setup: Setup, values: np.ndarray, rng: np.random.Generator) -> Scene
     fitted = rng.random() < CALIBRATED
     guess = {
         a.name: float(np.clip(
-            scene.laws_named(a.law)[0].values[a.parameter] * (1 + rng.choice([-1, 1]) * rng.uniform(0.03, 0.12)),
+            scene.parameter(a.name) * (1 + rng.choice([-1, 1]) * rng.uniform(0.03, 0.12)),
             a.low, a.high)) for a in scene.adjustable
     }  # fmt: skip
     if fitted:
@@ -251,7 +252,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
     moved = {}
     if category == "decoy_adjustable":
         for a in scene.adjustable:
-            value = scene.laws_named(a.law)[0].values[a.parameter]
+            value = scene.parameter(a.name)
             moved[a.name] = float(np.clip(value * sealed.choice([0.8, 1.25]) ** sealed.uniform(0.3, 1), a.low, a.high))
         true_scene = with_adjusted(scene, moved)
         if scene.laws_named("pin"):  # the rod's end moves with its length
@@ -266,9 +267,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
         "effects": [asdict(e) for e in effects],
         "bodies": sorted({b for e in effects for b in (e.bodies or mobile)}) if effects else [],
         "sigma": sigma, "own": strength.own, "rivals": dict(strength.rivals), "moved": moved,
-        "true_parameters": {
-            a.name: float(true_scene.laws_named(a.law)[0].values[a.parameter]) for a in scene.adjustable
-        },
+        "true_parameters": {a.name: float(true_scene.parameter(a.name)) for a in scene.adjustable},
         "noise": setup.noise, "frames": len(setup.t), "bodies_in_all": len(mobile),
     }  # fmt: skip
     return Case((as_recording(setup, belief, values, f"bodies-{seed}", noise_known),), plain(truth))

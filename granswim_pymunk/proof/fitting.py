@@ -152,7 +152,7 @@ def solve(
     names = [a.name for a in scene.adjustable]
     low = np.array([a.low for a in scene.adjustable])
     high = np.array([a.high for a in scene.adjustable])
-    first = np.array([scene.laws_named(a.law)[0].values[a.parameter] for a in scene.adjustable], dtype=float)
+    first = np.array([scene.parameter(a.name) for a in scene.adjustable], dtype=float)
     inner = np.concatenate([numbers(e) for e in effects]) if effects and not fixed else np.zeros(0)
     lengths = [len(numbers(e)) for e in effects]
     seen = np.isfinite(sight.values)

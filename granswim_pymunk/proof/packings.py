@@ -18,7 +18,7 @@ from ..scene import Scene
 from .bed_suspects import resolved
 from .beds import BedSetup, packed
 from .fitting import with_adjusted
-from .windows import adjusted_steps
+from .windows import adjusted_steps, scatter
 from .world import Effect, World
 
 CURVE = (0.5, 1.1)  # s, between which a curve's speed is measured
@@ -102,20 +102,14 @@ class PackingBench:
             for d, seeds in zip(self.drives, self.seeds, strict=True)
         ]
         self.base = self._numbers({}, ())
-        left = (self.base - self.base.mean(axis=1, keepdims=True)).reshape(-1, self.base.shape[-1])
-        covariance = left.T @ left / (len(self.drives) * (len(self.seeds[0]) - 1))
-        covariance = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
+        covariance = scatter(self.base)
         if setup.name == "curve":
             covariance = covariance / setup.runs
         self.noise = np.linalg.inv(np.linalg.cholesky(covariance))
         self.columns: dict[str, np.ndarray] = {}
         for name, step in adjusted_steps(setup).items():
-            moved = self._numbers({name: self._value(name) + step}, ())
+            moved = self._numbers({name: float(setup.scene.parameter(name)) + step}, ())
             self.columns[name] = self._rows(moved) / step
-
-    def _value(self, name: str) -> float:
-        law, parameter = name.split(".")
-        return float(self.setup.scene.laws_named(law)[0].values[parameter])
 
     def _numbers(self, adjusted: Mapping[str, float], effects: Sequence[Effect], few: int | None = None) -> np.ndarray:
         """(drives, packings, p). Raises SimulationError."""
@@ -153,5 +147,5 @@ class PackingBench:
         found = np.linalg.lstsq(basis, left, rcond=None)[0]
         result = {}
         for a, change in zip(self.setup.scene.adjustable, found, strict=True):
-            result[a.name] = float(np.clip(self._value(a.name) + change, a.low, a.high))
+            result[a.name] = float(np.clip(float(self.setup.scene.parameter(a.name)) + change, a.low, a.high))
         return result

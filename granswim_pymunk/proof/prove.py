@@ -120,25 +120,6 @@ def run_task(task: Task) -> str:
     return task.name
 
 
-def prove(
-    seeds: Sequence[int],
-    out: str | Path,
-    *,
-    kind: str = "bodies",
-    secret: bytes | None = None,
-    minutes: float | None = None,
-    workers: int = 1,
-    executor: Any = None,
-    real: bool = False,
-    progress: Callable[[str, int, int], None] = lambda *a: None,
-) -> list[Row]:
-    """Score the cases of one kind with these seeds; see ``prove_cases``."""
-    return prove_cases(
-        [(kind, seed) for seed in seeds], out, secret=secret, minutes=minutes, workers=workers, executor=executor,
-        real=real, progress=progress,
-    )  # fmt: skip
-
-
 def prove_cases(
     cases: Sequence[tuple[str, int]],
     out: str | Path,

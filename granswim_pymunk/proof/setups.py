@@ -35,7 +35,7 @@ class Setup:
         return tuple(b.id for b in self.scene.bodies if b.mobile)
 
 
-def _between(rng: np.random.Generator, low: float, high: float) -> float:
+def between(rng: np.random.Generator, low: float, high: float) -> float:
     """A number that is even on a logarithmic scale."""
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
@@ -97,12 +97,12 @@ def table(rng: np.random.Generator) -> Setup:
     adjustable: tuple[Adjustable, ...] = ()
     if rng.random() < 0.5:
         mass = float(np.mean([b.mass for b in bodies]))
-        c = mass * _between(rng, 0.15, 0.8)
+        c = mass * between(rng, 0.15, 0.8)
         laws = (use("linear_drag", c=c),)
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     t, _ = _times(rng, rng.uniform(0.7, 1.1), 70.0)
     scene = Scene(tuple(bodies), laws, adjustable=adjustable)
-    return Setup("table", scene, t, 5e-4, _between(rng, 1.2e-5, 6e-5), (*DRAGS, *OUTSIDE_FREE), ())
+    return Setup("table", scene, t, 5e-4, between(rng, 1.2e-5, 6e-5), (*DRAGS, *OUTSIDE_FREE), ())
 
 
 def meeting(rng: np.random.Generator) -> Setup:
@@ -136,7 +136,7 @@ def meeting(rng: np.random.Generator) -> Setup:
     scene = Scene(tuple(bodies), (use("contact_elastic", restitution=restitution),), adjustable=_maybe(rng, 0.6, item))
     suspects = ("restitution", "distance_force", "pair_lubrication", "cohesion", *DRAGS[:3], "uniform_force",
                 "cubic_drag", "transverse_force", "attraction")  # fmt: skip
-    return Setup("meeting", scene, t, 5e-4, _between(rng, 1.2e-5, 5e-5), suspects, ("camera_scale",))
+    return Setup("meeting", scene, t, 5e-4, between(rng, 1.2e-5, 5e-5), suspects, ("camera_scale",))
 
 
 def pressing(rng: np.random.Generator) -> Setup:
@@ -160,7 +160,7 @@ def pressing(rng: np.random.Generator) -> Setup:
                 initial=_initial(place, velocity),
             )
         )
-    stiffness, damping = _between(rng, 60.0, 250.0), _between(rng, 3.0, 15.0)
+    stiffness, damping = between(rng, 60.0, 250.0), between(rng, 3.0, 15.0)
     parameter, value = ("damping", damping) if rng.random() < 0.5 else ("stiffness", stiffness)
     item = _bounded(rng, "contact_linear", parameter, value)
     t, _ = _times(rng, rng.uniform(0.6, 0.9), 120.0)
@@ -168,7 +168,7 @@ def pressing(rng: np.random.Generator) -> Setup:
     scene = Scene(tuple(bodies), (law,), adjustable=_maybe(rng, 0.6, item))
     suspects = ("contact_friction", "restitution", "cohesion", "distance_force", "pair_lubrication", "linear_drag",
                 "coulomb_substrate", "cubic_drag")  # fmt: skip
-    return Setup("pressing", scene, t, 2e-4, _between(rng, 1.2e-5, 4e-5), suspects, ("camera_scale",))
+    return Setup("pressing", scene, t, 2e-4, between(rng, 1.2e-5, 4e-5), suspects, ("camera_scale",))
 
 
 def pendulum(rng: np.random.Generator) -> Setup:
@@ -190,7 +190,7 @@ def pendulum(rng: np.random.Generator) -> Setup:
                        float(f"{length * rng.uniform(1.1, 1.4):.3g}")),
         )  # fmt: skip
     elif choice < 0.7:
-        c = mass * _between(rng, 0.05, 0.3)
+        c = mass * between(rng, 0.05, 0.3)
         laws.append(use("linear_drag", c=c))
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     angles = bool(rng.random() < 0.5)
@@ -198,7 +198,7 @@ def pendulum(rng: np.random.Generator) -> Setup:
     scene = Scene((body,), tuple(laws), gravity=(0.0, -9.81), adjustable=adjustable)
     suspects = ("linear_drag", "quadratic_drag", "joint_friction", "uniform_force", "added_mass", "cubic_drag",
                 "shaking")  # fmt: skip
-    noise = _between(rng, 3e-4, 2e-3) if angles else _between(rng, 5e-5, 2e-4)
+    noise = between(rng, 3e-4, 2e-3) if angles else between(rng, 5e-5, 2e-4)
     cameras = ("camera_tilt",) if angles else ("camera_tilt", "camera_scale", "tracking_bias")
     return Setup("pendulum", scene, t, 4e-4, noise, suspects, cameras, angles)
 
@@ -224,13 +224,13 @@ def cart(rng: np.random.Generator) -> Setup:
     if choice < 0.5:
         adjustable = (_bounded(rng, "spring", "stiffness", stiffness),)
     elif choice < 0.75:
-        c = mass * _between(rng, 0.05, 0.3)
+        c = mass * between(rng, 0.05, 0.3)
         laws.append(use("linear_drag", c=c))
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     t, _ = _times(rng, rng.uniform(2.5, 4.0), 30.0)
     suspects = ("nonlinear_spring", "linear_drag", "quadratic_drag", "coulomb_substrate", "uniform_force", "added_mass",
                 "cubic_drag", "shaking")  # fmt: skip
-    return Setup("cart", Scene((body,), tuple(laws), adjustable=adjustable), t, 5e-4, _between(rng, 4e-5, 2e-4),
+    return Setup("cart", Scene((body,), tuple(laws), adjustable=adjustable), t, 5e-4, between(rng, 4e-5, 2e-4),
                  suspects, ("tracking_bias",))  # fmt: skip
 
 
@@ -253,7 +253,7 @@ def motor(rng: np.random.Generator) -> Setup:
         (body,), laws, adjustable=_maybe(rng, 0.6, _bounded(rng, "drive", "gain", gain)),
         inputs={name: (tuple(float(f"{x:.4f}") for x in when), tuple(float(f"{x:.6f}") for x in command))},
     )  # fmt: skip
-    return Setup("motor", scene, t, 5e-4, _between(rng, 3e-5, 2e-4),
+    return Setup("motor", scene, t, 5e-4, between(rng, 3e-5, 2e-4),
                  ("actuator_lag", "actuator_delay", "actuator_saturation"), ("time_offset", "camera_tilt"))  # fmt: skip
 
 
@@ -270,13 +270,13 @@ def falling(rng: np.random.Generator) -> Setup:
     laws: list[LawUse] = [use("gravity")]
     adjustable: tuple[Adjustable, ...] = ()
     if rng.random() < 0.5:
-        c = float(np.mean([b.mass for b in bodies])) * _between(rng, 0.1, 0.5)
+        c = float(np.mean([b.mass for b in bodies])) * between(rng, 0.1, 0.5)
         laws.append(use("linear_drag", c=c))
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     t, _ = _times(rng, rng.uniform(0.6, 0.9), 80.0)
     suspects = ("linear_drag", "quadratic_drag", "uniform_force", "added_mass", "ambient_flow", *OUTSIDE_FREE)
     scene = Scene(tuple(bodies), tuple(laws), gravity=(0.0, -9.81), adjustable=adjustable)
-    return Setup("falling", scene, t, 5e-4, _between(rng, 1e-4, 6e-4), suspects, ("camera_scale", "camera_tilt"))
+    return Setup("falling", scene, t, 5e-4, between(rng, 1e-4, 6e-4), suspects, ("camera_scale", "camera_tilt"))
 
 
 SETUPS: dict[str, Callable[[np.random.Generator], Setup]] = {

@@ -250,7 +250,7 @@ def scale_strength(effect: Effect, factor: float, setup: Setup) -> Effect:
     if effect.name == "restitution":
         key = fitted(effect)[0]
         law = "contact_elastic" if key == "restitution" else "contact_linear"
-        believed = float(setup.scene.laws_named(law)[0].values[key])
+        believed = float(setup.scene.parameter(f"{law}.{key}"))
         values[key] = float(
             np.clip(believed + factor * (values[key] - believed), 0.05, 1.0 if key == "restitution" else 500)
         )

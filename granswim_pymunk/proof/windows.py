@@ -162,9 +162,7 @@ class Windows:
     def settle_noise(self) -> np.ndarray:
         """The prediction of the known scene (W, members, D), and from its scatter what whitens."""
         base = self.predict(self.scene)
-        left = (base - base.mean(axis=1, keepdims=True)).reshape(-1, base.shape[-1])
-        covariance = left.T @ left / (len(self.frames) * (self.members - 1))
-        covariance = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
+        covariance = scatter(base)
         disks = 2 * len(self.chain) * len(self.looks)
         camera = np.full(len(covariance), 0.1 * self.setup.noise)
         camera[:disks] = self.setup.noise
@@ -179,9 +177,17 @@ class Windows:
         return math.sqrt(self.share) * np.nan_to_num(change @ self.noise.T)
 
 
+def scatter(base: np.ndarray) -> np.ndarray:
+    """Covariance (D, D) of repeats (W, m, D) about their means, pooled, half of its correlations kept."""
+    windows, repeats, size = base.shape
+    left = (base - base.mean(axis=1, keepdims=True)).reshape(-1, size)
+    covariance = left.T @ left / (windows * (repeats - 1))
+    return 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
+
+
 def adjusted_steps(setup: BedSetup) -> dict[str, float]:
     """A step of every adjustable number: 10 % of its value."""
-    return {a.name: 0.1 * float(setup.scene.laws_named(a.law)[0].values[a.parameter]) for a in setup.scene.adjustable}
+    return {a.name: 0.1 * float(setup.scene.parameter(a.name)) for a in setup.scene.adjustable}
 
 
 def product(a: np.ndarray, b: np.ndarray) -> float:
@@ -222,8 +228,7 @@ class WindowBench:
         self.base = self.windows.settle_noise()
         self.columns: dict[str, np.ndarray] = {}
         for name, step in adjusted_steps(self.windows.setup).items():
-            law, parameter = name.split(".")
-            value = float(self.windows.scene.laws_named(law)[0].values[parameter])
+            value = float(self.windows.scene.parameter(name))
             moved = self.windows.predict(with_adjusted(self.windows.scene, {name: value + step}))
             self.columns[name] = self._rows(moved) / step
 

@@ -50,6 +50,11 @@ def spoken(mechanism: str) -> str:
     return _SPOKEN.get(mechanism) or escaped(mechanism.replace("_", " "))
 
 
+def plainly(mechanism: str) -> str:
+    """The same as plain text."""
+    return html.unescape(spoken(mechanism))
+
+
 def bodies(names: Iterable[str]) -> list[str]:
     """Names of bodies in a sentence: one that is only a number is called "body 3"."""
     return [f"body {name}" if name.isdigit() else name for name in names]

@@ -16,8 +16,8 @@ from scipy import stats
 
 from ...errors import InputError
 from ...recording import Recording
+from ..candidates import APPARATUS
 from ..data import choose_held_out
-from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, check_runs
@@ -44,7 +44,6 @@ LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing
 GAUGE = 4  # members that are timed
 MINUTES = 10.0  # where no budget is given
 LATE = ("actuator_lag", "actuator_delay")
-APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 
 Progress = Callable[[str, float], None]
 
@@ -316,7 +315,12 @@ def diagnose_windows(
     plain_covariance = covariance
     revised = hypothesis
     revised_values, after = values, bench
-    unexplained = float(left @ left - null_chi2.mean()) / float(null_chi2.std())
+
+    def beyond_nulls(rest: np.ndarray) -> float:
+        """Standard deviations by which the chi2 of whitened innovations is above the nulls'."""
+        return float((rest @ rest - null_chi2.mean()) / null_chi2.std())
+
+    unexplained = beyond_nulls(left)
     partner: BedTrial | None = None
     single: tuple[Hypothesis, np.ndarray] | None = None  # the first law alone, where there are two
 
@@ -324,8 +328,7 @@ def diagnose_windows(
         """Standard deviations of the nulls' chi2 that are left."""
         if rows is None:
             return unexplained
-        rest = off(nuisance, judge.white(rows, used))
-        return float(rest @ rest - null_chi2.mean()) / float(null_chi2.std())
+        return beyond_nulls(off(nuisance, judge.white(rows, used)))
 
     if found is not None:
         revised = hypothesis.with_term(found.term)
@@ -382,12 +385,7 @@ def diagnose_windows(
     if partner is not None and single is not None and found is not None:
         # the second law has to earn its place on windows that it never saw
         with_both, with_one = simulated[2], simulated[3]
-        if with_both is None or with_one is None:
-            earned = -math.inf
-        else:
-            earned = 0.5 * float(
-                np.sum(bench.white(with_one, bench.held) ** 2) - np.sum(bench.white(with_both, bench.held) ** 2)
-            )
+        earned = -math.inf if with_both is None or with_one is None else held_gain(bench, with_one, with_both)
         if earned <= LEAST_HELD and any(len(w) for w in bench.held):
             notes.append(f"{partner.mechanism} beside {found.mechanism} does not predict held-out windows better")
             (revised, revised_values), (covariance, found, after, unexplained) = single, alone
@@ -401,10 +399,7 @@ def diagnose_windows(
     held = {label: errors(bench, rows, bench.held) for label, rows in predicted.items()}
     gain_held = None
     if found is not None and {"recalibrated", "revised"} <= set(predicted) and any(len(w) for w in bench.held):
-        gain_held = 0.5 * float(
-            np.sum(bench.white(predicted["recalibrated"], bench.held) ** 2)
-            - np.sum(bench.white(predicted["revised"], bench.held) ** 2)
-        )
+        gain_held = held_gain(bench, predicted["recalibrated"], predicted["revised"])
         if gain_held <= LEAST_HELD:
             notes.append(f"{found.mechanism} does not predict the held-out windows better: it is not named")
             found, partner, covariance = None, None, plain_covariance
@@ -419,7 +414,7 @@ def diagnose_windows(
         # with a law found, the estimator's bias is that of twins that have the law
         judge = after if label == "revised" and found is not None else bench
         rest = off(nuisance, judge.white(rows, used)) if label != "naive" else bench.white(rows, used)
-        excess[label] = float((rest @ rest - null_chi2.mean()) / null_chi2.std())
+        excess[label] = beyond_nulls(rest)
     laws = [t for t in (found, partner) if t is not None]
     verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
     rivals = [r for r in _rivals(found, trials) if partner is None or r[0].mechanism != partner.mechanism]
@@ -781,15 +776,12 @@ def _second_law(
     beside = search.nuisance[search.at]
     left = off(beside, bench.white(search.base, few))
     drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
-    q = basis(beside)
     null = np.zeros(REPLICATES)
     order: list[tuple[float, BedSignature]] = []
     for s in signatures:
         if s.term.label == found.term.label:
             continue
-        clear = s.columns - q @ (q.T @ s.columns)
-        share = float(np.linalg.norm(clear)) / max(float(np.linalg.norm(s.columns)), 1e-300)
-        other = replace(s, clear=clear, surviving=share)
+        other = make_signature(s.term, s.tried, s.columns, beside)
         null = np.maximum(null, other.best(drawn)[1])
         order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
@@ -843,6 +835,11 @@ def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
         return Errors(None, None)
     white = bench.white(predicted, windows)
     return Errors(float(np.sqrt(np.mean(flat**2))), float(np.mean(white**2)))
+
+
+def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
+    """Half the fall in chi2 of the held-out windows."""
+    return 0.5 * float(np.sum(bench.white(before, bench.held) ** 2) - np.sum(bench.white(after, bench.held) ** 2))
 
 
 def noise_floor(bench: Bench, windows: Windows) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...recording import Recording
 from ...report.bed_figures import bed_figures, map_on_frame
-from ...report.words import bodies, listed, spoken
+from ...report.words import bodies, listed, plainly
 from ...scene import Scene, Time
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
@@ -187,10 +187,6 @@ def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any
 # ---- words -----------------------------------------------------------------------------------
 
 
-def _said(name: str) -> str:
-    return html.unescape(spoken(name))
-
-
 def _number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
@@ -230,7 +226,7 @@ def _law_in_words(trial: BedTrial) -> str:
     joint = trial.term.choices.get("joint")
     if joint is not None and trial.mechanism == "weak_joint":
         return f"{'a weak' if float(trial.values[0]) < 1 else 'a stiff'} joint (joint {joint})"
-    return _said(trial.mechanism)
+    return plainly(trial.mechanism)
 
 
 def _moved(d: BedDiagnosis) -> list[str]:
@@ -244,7 +240,7 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
     answers: list[tuple[str, str]] = []
     names = [f.name for t in d.adjustables for f in t.free]
     if d.found is not None and d.verdict != "unmodelled":
-        laws = [f"{_said(t.mechanism).capitalize()}: {_values_in_words(t)}." for t in d.laws]
+        laws = [f"{plainly(t.mechanism).capitalize()}: {_values_in_words(t)}." for t in d.laws]
         answers.append(("What is wrong?", " ".join(laws)))
     elif d.verdict == "recalibrate":
         changes = [
@@ -259,7 +255,7 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
         if d.found is not None:
             text += f" What fits best has no name: {d.found.term.label}."
         if nearest is not None:
-            text += f" The nearest with a name is {_said(nearest.mechanism)}."
+            text += f" The nearest with a name is {plainly(nearest.mechanism)}."
         answers.append(("What is wrong?", text))
     else:
         answers.append(("What is wrong?", "Nothing that shows: the windows look like repeats of the simulation."))
@@ -280,17 +276,17 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
         f"The best law gains {d.score:.0f} in χ²; the same search where nothing is missing gains at most "
         f"{float(d.null.max()):.0f} in {len(d.null)} repeats (p = {_number(d.p, 2)})."
     )
-    same = [_said(t.mechanism) for t, equal in d.rivals if equal]
+    same = [plainly(t.mechanism) for t, equal in d.rivals if equal]
     if same:
         sure += f" On these data it cannot be told from {html.unescape(listed(same))}."
     elif d.rivals and d.found is not None:
         rival = d.rivals[0][0]
         best = max((t.gain or 0.0 for t in d.trials if t.mechanism == d.found.mechanism), default=0.0)
         apart = math.sqrt(max(best - (rival.gain or 0.0), 0.0))
-        sure += f" The nearest rival is {_said(rival.mechanism)}, d′ = {apart:.1f} behind."
+        sure += f" The nearest rival is {plainly(rival.mechanism)}, d′ = {apart:.1f} behind."
     answers.append(("How sure?", sure))
     if d.proposal is not None:
-        pair = html.unescape(listed([_said(n) for n in d.proposal.separates]))
+        pair = html.unescape(listed([plainly(n) for n in d.proposal.separates]))
         answers.append(
             (
                 "What to measure next?",
