@@ -16,6 +16,7 @@ import pytest
 
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms
+from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, diagnose_windows, make_plan
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
 from granswim_pymunk.diagnosis.bed.places import maps
@@ -118,6 +119,70 @@ def test_swapped_labels_are_put_back_and_wild_sightings_left_out():
         assert np.allclose(moved, 0.0, atol=1e-12)
     assert put_back >= 4 and np.isnan(mended[80, 55]).all()
     assert np.allclose(mended[81:, 55] - mended[0, 55], xy[81:, 55] - xy[0, 55])
+
+
+@pytest.mark.parametrize("name", ["small_nothing", "small_joint"])
+def test_many_swaps_among_lost_sightings_are_put_right(name):
+    recording = small(name)
+    xy, period = recording.unwrapped().xy, recording.scene.periodic_x
+    frames, bodies = xy.shape[:2]
+    rng = np.random.default_rng(5)
+    broken = xy.copy()
+    for k in range(12):
+        frame, i = int(rng.integers(8, frames - 8)), int(rng.integers(bodies))
+        away = np.hypot(*(xy[frame] - xy[frame, i]).T)
+        j = int(np.argsort(away)[1]) if k % 2 else int((i + rng.integers(1, bodies)) % bodies)  # a neighbour, or anyone
+        broken[frame:, [i, j]] = broken[frame:, [j, i]]
+    broken[rng.random(xy.shape[:2]) < 0.02] = np.nan
+    mended, _, left_out = followed(recording.t, broken, NOISE, period)
+    moved = mended - xy
+    moved[..., 0] -= period * np.round(np.nan_to_num(moved[..., 0]) / period)
+    wrong = np.hypot(*np.moveaxis(moved, -1, 0)) > 1e-9  # nothing where not seen
+    assert wrong.sum() <= 3 and left_out < 0.02 * frames
+    assert np.isfinite(mended[..., 0]).sum() > 0.995 * np.isfinite(broken[..., 0]).sum()
+
+
+# ---- a cut out of the bed --------------------------------------------------------------------
+
+
+def test_grains_far_off_are_walls_that_move_as_seen():
+    """The swimmer's disks go where they go in the whole bed, to within what noise makes of them."""
+    scene = read_scene(POCKET)
+    assert scene.bed is not None and scene.periodic_x
+    box = replace(scene.bed, height=0.046)
+    middle = {k: (b.initial[0] + 0.022, 0.023, 0.0, 0.0) for k, b in enumerate(scene.bodies) if b.initial}
+    bodies = tuple(replace(b, initial=middle.get(k, b.initial)) for k, b in enumerate(scene.bodies))
+    packed = pack(replace(scene, bed=box, periodic_x=0.08, bodies=bodies))
+    t = 0.05 + 0.002 * np.arange(61)
+    noise = np.random.default_rng(4).normal(0.0, NOISE, (len(t), len(packed.bodies), 2))
+    xy = Simulation(packed).sample(t) + noise
+    mobile = np.array([b.mobile for b in packed.bodies])
+    recording = Recording(
+        "far", packed, t, tuple(b.id for b in packed.bodies if b.mobile), xy[:, mobile], position_noise=NOISE
+    )
+    bed = bed_case(recording)
+    whole, part = BedPredictor(bed, cut=False), BedPredictor(bed)
+    assert part.cut is not None and len(part.cut.rows) < 0.6 * len(packed.bodies)
+    assert set(bed.rows) <= set(part.cut.inside) and not set(part.cut.inside) & set(part.cut.wall)
+    assert BedPredictor(bed_case(small("small_nothing"))).cut is None  # not worth a cut
+    nothing = Hypothesis(())
+    a, b = (p(nothing, np.zeros(0), None, 3).mean(axis=1)[:, : bed.swimmer_size] for p in (whole, part))
+    apart = np.sqrt(np.mean((a - b) ** 2))
+    error, cut_error = (np.sqrt(np.mean((c - whole.seen()[:, : bed.swimmer_size]) ** 2)) for c in (a, b))
+    assert 0.0 < apart < 0.7 * error and 0.8 < cut_error / error < 1.25, (apart, error, cut_error)
+
+
+def test_path_of_a_wall_needs_no_more_than_one_sighting():
+    t = np.linspace(0.0, 0.02, 11)
+    true = np.stack([1e-3 + 0.1 * t - 3.0 * t**2, 0.02 * t], axis=-1)
+    xy = np.repeat(true[:, None], 4, axis=1)
+    xy[::3, 0] = np.nan
+    xy[[0, 1, 2, 3, 4, 6, 7, 8, 9], 1] = np.nan  # two are left
+    xy[1:, 2], xy[:, 3] = np.nan, np.nan
+    path = carried_paths(t, xy, t[[2, 5, 10]])
+    assert np.allclose(path[:, 0], true[[2, 5, 10]], atol=1e-12)
+    assert np.allclose(path[[1, 2], 1], true[[5, 10]], atol=1e-12)
+    assert np.allclose(path[:, 2], true[0]) and np.isnan(path[:, 3]).all()
 
 
 # ---- least squares ---------------------------------------------------------------------------

@@ -286,9 +286,7 @@ def far_push_of_the_test(gap, s, range):
     return s * (1.0 - gap / range), 0.0
 
 
-@law(
-    kind="pair", expression="F_t = -c v_t", reference="test", parameters=[Parameter("c", "kg/s", "tangential drag")]
-)
+@law(kind="pair", expression="F_t = -c v_t", reference="test", parameters=[Parameter("c", "kg/s", "tangential drag")])
 def rub_of_the_test(vt, c):
     return 0.0, -c * vt
 
@@ -516,3 +514,56 @@ class TestTwoSwimmers:
             for names in (("a1",), ("a0", "a1", "a2"))
         )
         np.testing.assert_array_equal(run(some, steps=20).forces(), run(all_, steps=20).forces())
+
+
+# ---- parts of a scene, and bodies that are carried along --------------------------------------
+
+
+def _row_of_disks(count: int = 4) -> Scene:
+    bodies = tuple(
+        Body(f"d{k}", "grain", radius=1e-3, mass=3e-6, initial=(2.1e-3 * k, 0.0, 0.0, 0.0)) for k in range(count)
+    )
+    laws = (use("contact_linear", stiffness=200.0, damping=300.0), use("linear_drag", c=1e-6))
+    return Scene(bodies, laws)
+
+
+def test_carried_body_goes_its_way_and_pushes():
+    """A wall that moves: what it meets is pushed, drag and contacts do not slow it, and it can be steered."""
+    scene = _row_of_disks(3)
+    sim = Simulation(scene, dt=1e-6, carried=[0])
+    start = np.array([b.initial for b in scene.bodies])
+    v = np.zeros((3, 2))
+    v[0] = 0.1, 0.0
+    sim.restart(start[:, :2], v, 0.0)
+    first = sim.sample([0.005])[0]
+    v[0] = -0.05, 0.02
+    sim.steer(v)
+    then = sim.sample([0.010])[0]
+    assert np.allclose(first[0], (5e-4, 0.0), atol=1e-12)
+    assert np.allclose(then[0], (2.5e-4, 1e-4), atol=1e-9)
+    assert first[1, 0] > start[1, 0] + 2e-4 and then[2, 0] > start[2, 0]
+    assert sim.state().v[0] == pytest.approx((-0.05, 0.02), abs=1e-12)
+
+
+def test_part_of_a_scene_is_as_if_the_rest_were_not_there():
+    scene = _row_of_disks(4)
+    part = Simulation(scene, dt=1e-6, only=[1, 2])
+    alone = Simulation(replace(scene, bodies=scene.bodies[1:3]), dt=1e-6)
+    start = np.array([b.initial for b in scene.bodies])
+    v = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.01], [0.0, 0.0]])
+    part.restart(start[:, :2], v, 0.0)
+    alone.restart(start[1:3, :2], v[1:3], 0.0)
+    assert np.array_equal(part.sample([0.01], [1, 2]), alone.sample([0.01]))
+    state = part.state()
+    assert np.isnan(state.xy[[0, 3]]).all() and np.isfinite(state.xy[1:3]).all()
+    assert np.isnan(part.forces()[[0, 3]]).all()
+    with pytest.raises(InputError, match="body d0 is not simulated"):
+        part.sample([0.02])
+
+
+def test_parts_that_cannot_be_simulated_are_refused():
+    scene = _row_of_disks(3)
+    with pytest.raises(InputError, match="rows of the scene's 3 bodies"):
+        Simulation(scene, only=[5])
+    with pytest.raises(InputError, match="mode verlet"):
+        Simulation(scene, mode="chipmunk", carried=[0])

@@ -55,6 +55,7 @@ MODES = ("verlet", "chipmunk", "python", "batch")
 
 # callbacks are compiled and installed by one thread at a time; runs are free
 _BUILDING = threading.RLock()
+IMMOVABLE = 1e15  # times its mass, a body that is carried along is to Chipmunk
 
 _SLOT = {name: k for k, name in enumerate(INTS)}
 _FLOAT_SLOT = {name: k for k, name in enumerate(FLOATS)}
@@ -105,6 +106,9 @@ class Simulation:
     dt : time step [s]; left out, that of the scene, else one that resolves the fastest law
     start : "synchronised": the velocities of the scene belong to the time of the positions;
         "leapfrog": they are those of the coming drift, half a step ahead
+    only : rows of ``scene.bodies`` that are simulated, all where not given. The others are absent; laws keep the
+        numbers (mean mass, radii) of the whole scene, and ``state``, ``raw``, ``forces`` give NaN for them
+    carried : rows that move at the velocities they are given, whatever pushes them: walls that move. Mode verlet
 
     Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
     dampings, velocities kick (leapfrog). Runs are repeatable bit for bit.
@@ -120,6 +124,8 @@ class Simulation:
         start: str = "synchronised",
         units: Units | None = None,
         skin: float | None = None,
+        only: Sequence[int] | np.ndarray | None = None,
+        carried: Sequence[int] | np.ndarray = (),
     ) -> None:
         if mode not in MODES:
             raise InputError(f"unknown mode {mode!r}; expected one of {', '.join(MODES)}")
@@ -156,6 +162,8 @@ class Simulation:
             raise InputError(f"{far} acts before contact, which Chipmunk does not report; use mode verlet")
         self.mode = mode
         self._motion = self._own_motion()
+        self._present = self._part(only, carried)
+        self._carried = set(map(int, carried))
         # in place: the laws read and write Chipmunk's own memory, which is in SI where its collision is not used
         self._in_place = mode == "verlet" and self._motion is not None and units in (None, Units(1.0, 1.0, 1.0))
         self.units = units or (Units(1.0, 1.0, 1.0) if self._in_place else Units.for_scene(scene))
@@ -183,6 +191,22 @@ class Simulation:
 
     # ---- set-up -------------------------------------------------------------------------------
 
+    def _part(self, only: Sequence[int] | np.ndarray | None, carried: Sequence[int] | np.ndarray) -> np.ndarray:
+        """(n,) bool: bodies of the scene that are simulated."""
+        count = len(self.scene.bodies)
+        present = np.full(count, only is None)
+        for name, rows in (("only", () if only is None else only), ("carried", carried)):
+            if len(rows) and not (0 <= min(rows) and max(rows) < count):
+                raise InputError(f"{name} should be rows of the scene's {count} bodies")
+        if only is not None:
+            present[np.asarray(only, dtype=np.int64)] = True
+        if len(carried) and (self.mode != "verlet" or self.impulse):
+            raise InputError("carried bodies need mode verlet, without impulses")
+        for chain in self.scene.chains:
+            if len({bool(present[i]) for i in chain}) > 1:
+                raise InputError("a swimmer should be simulated whole or not at all")
+        return present
+
     def _own_motion(self) -> Motion | None:
         """Compiled drifts and kicks; None where Chipmunk's own must do."""
         if self._offsets is None or self.impulse:  # its own position function knows about its overlap correction
@@ -197,14 +221,17 @@ class Simulation:
     def _arrays(self, skin: float | None) -> None:
         scene = self.scene
         # inside, chains come first, then the other mobile bodies, then walls; neighbours near in memory
-        chains = scene.chains
+        present, carried = self._present, self._carried
+        chains = tuple(chain for chain in scene.chains if present[chain[0]])
         in_chain = {i for chain in chains for i in chain}
         order = [i for chain in chains for i in chain]
-        order += _in_columns(scene, [i for i, b in enumerate(scene.bodies) if b.mobile and i not in in_chain])
-        self._n_mobile = len(order)
-        order += _in_columns(scene, [i for i, b in enumerate(scene.bodies) if not b.mobile])
+        rest = [i for i, b in enumerate(scene.bodies) if b.mobile and present[i] and i not in in_chain]
+        order += _in_columns(scene, [i for i in rest if i not in carried])
+        order += _in_columns(scene, [i for i in rest if i in carried])
+        self._n_mobile = len(order)  # the carried ones drift, too
+        order += _in_columns(scene, [i for i, b in enumerate(scene.bodies) if not b.mobile and present[i]])
         self._rows_of = np.array(order, dtype=np.int64)  # inner row -> scene row
-        self._inner = np.empty(len(order), dtype=np.int64)  # scene row -> inner row
+        self._inner = np.full(len(scene.bodies), -1, dtype=np.int64)  # scene row -> inner row, -1 where absent
         self._inner[self._rows_of] = np.arange(len(order))
         bodies = [scene.bodies[i] for i in order]
         n = self._n = len(bodies)
@@ -229,7 +256,9 @@ class Simulation:
         a["work"] = np.zeros(BLOCK * len(WORK) + 8)
         a["place_x"], a["place_y"] = np.zeros(n), np.zeros(n)  # for building a list
         a["mass"] = np.array([b.mass for b in bodies])
-        a["mobile"] = np.array([b.mobile for b in bodies], dtype=np.uint8)
+        # to forces, a carried body is a wall
+        free = [b.mobile and i not in carried for b, i in zip(bodies, order, strict=True)]
+        a["mobile"] = np.array(free, dtype=np.uint8)
         a["inverse_mass"] = np.where(a["mobile"] == 1, 1.0 / a["mass"], 0.0)
         a["radius"] = np.array([b.radius for b in bodies])
         a["given_inertia"] = np.array([b.inertia or 0.0 for b in bodies])
@@ -263,8 +292,12 @@ class Simulation:
         reach = 0.0
         for u, item in enumerate(uses):
             chosen = self._inner[scene.rows(item)]
-            chosen.sort()
-            parameters.append(float(a["radius"][chosen].mean()) if len(chosen) else 1.0)  # r_0
+            chosen = np.sort(chosen[chosen >= 0])
+            if present.all():
+                mean_radius = float(a["radius"][chosen].mean()) if len(chosen) else 1.0
+            else:  # of the whole scene
+                mean_radius = float(np.mean([scene.bodies[i].radius for i in scene.rows(item)] or [1.0]))
+            parameters.append(mean_radius)  # r_0
             own_runs = _runs(chosen, blocks)
             run_starts[u] = n_runs + np.searchsorted(own_runs[:, 0], blocks)
             runs.append(own_runs)
@@ -295,7 +328,7 @@ class Simulation:
         series: list[float] = []
         a["input_at"] = np.zeros((n, 2), dtype=np.int64)
         for name, (t, value) in commands.items():
-            if name in scene.ids:
+            if name in scene.ids and self._inner[scene.ids.index(name)] >= 0:
                 row = self._inner[scene.ids.index(name)]
                 a["input_at"][row] = len(times), len(times) + len(t)
                 times += t
@@ -351,7 +384,7 @@ class Simulation:
         self._turning = any(spins(item.law) for item in uses)
         a["motion"] = motion_numbers({**units, "margin": math.inf})
         self._forget_lists()
-        self._inverse_moment = np.array([1.0 / b.moment if b.mobile else 0.0 for b in bodies])
+        self._inverse_moment = np.array([1.0 / b.moment if f else 0.0 for b, f in zip(bodies, free, strict=True)])
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
 
     def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
@@ -387,7 +420,8 @@ class Simulation:
         for k, (x, y, vx, vy) in enumerate(self._initial.tolist()):
             body = self.scene.bodies[self._rows_of[k]]
             if body.mobile:
-                own = pymunk.Body(body.mass / u.mass, body.moment / u.moment)
+                heavy = IMMOVABLE if int(self._rows_of[k]) in self._carried else 1.0
+                own = pymunk.Body(heavy * body.mass / u.mass, heavy * body.moment / u.moment)
                 own.velocity = (vx / u.velocity, vy / u.velocity)
             else:
                 own = pymunk.Body(body_type=pymunk.Body.STATIC)
@@ -718,6 +752,19 @@ class Simulation:
         self.step, self._started, self._start_kind = 0, False, "synchronised"
         self._forget_lists()
 
+    def steer(self, v: np.ndarray) -> None:
+        """From now on the carried bodies move at ``v`` (n, 2) [m/s], of the scene's bodies; other rows are not read."""
+        assert self._offsets is not None
+        rows = np.flatnonzero((self._a["mobile"] == 0)[: self._n_mobile])
+        speed = np.asarray(v, dtype=float)[self._rows_of[rows]] / self.units.velocity
+        o = self._offsets
+        stepping.write_fields(
+            self._a["bodies"][rows].copy(), np.array([o.velocity, o.velocity + 8]), np.ascontiguousarray(speed.T)
+        )
+        if not self._in_place:
+            for k, name in enumerate(("vx", "vy")):
+                self._a[name][rows] = speed[:, k] * self.units.velocity
+
     def advance(self, steps: int) -> None:
         """Do that many steps. Raises SimulationError when a number is no longer finite."""
         self._begin()
@@ -846,7 +893,7 @@ class Simulation:
                 progress(done, total)
         return self.state()
 
-    def sample(self, times: Sequence[float] | np.ndarray, rows: Sequence[int] | None = None) -> np.ndarray:
+    def sample(self, times: Sequence[float] | np.ndarray, rows: Sequence[int] | np.ndarray | None = None) -> np.ndarray:
         """Run on and return positions at these times [s] (rising, from now on): (T, k, 2) [m], unwrapped.
 
         ``rows`` of ``scene.bodies``; left out, all.
@@ -856,6 +903,8 @@ class Simulation:
             raise InputError("times should rise and not lie before the present one")
         chosen = np.arange(self._n) if rows is None else np.asarray(rows, dtype=np.int64)
         inner = self._inner[chosen]
+        if (inner < 0).any():
+            raise InputError(f"body {self.scene.bodies[int(chosen[inner < 0][0])].id} is not simulated here")
         out = np.full((len(times), len(chosen), 2), np.nan)
         if not len(times):
             return out
@@ -995,7 +1044,13 @@ class Simulation:
         """Leapfrog arrays in scene order: x, y [m], vx, vy [m/s] of the coming drift, angle, spin."""
         self._begin()
         inner = self._raw_inner()
-        return {name: values[self._inner] for name, values in inner.items()}
+        return {name: self._of_scene(values) for name, values in inner.items()}
+
+    def _of_scene(self, values: np.ndarray) -> np.ndarray:
+        """Values in inner order (n, ...) in that of the scene, NaN for bodies that are not simulated."""
+        result = values[self._inner]
+        result[self._inner < 0] = np.nan
+        return result
 
     def _synchronised(self) -> dict[str, np.ndarray]:
         """What Chipmunk has, velocities and spins taken back by the half kick."""
@@ -1017,13 +1072,12 @@ class Simulation:
         """The state at the present time, velocities taken back by the half kick [m, m/s, rad, rad/s]."""
         raw = self._synchronised()
         self._turn_rods(raw)
-        s = self._inner
         return State(
             t=self.t,
-            xy=np.column_stack([raw["x"][s], raw["y"][s]]),
-            v=np.column_stack([raw["vx"][s], raw["vy"][s]]),
-            angle=raw["angle"][s],
-            spin=raw["spin"][s],
+            xy=self._of_scene(np.column_stack([raw["x"], raw["y"]])),
+            v=self._of_scene(np.column_stack([raw["vx"], raw["vy"]])),
+            angle=self._of_scene(raw["angle"]),
+            spin=self._of_scene(raw["spin"]),
         )
 
     def _turn_rods(self, raw: dict[str, np.ndarray]) -> None:
@@ -1045,7 +1099,7 @@ class Simulation:
         else:
             result = np.column_stack([self._a["fx"], self._a["fy"]])
         result[self._n_mobile :] = 0.0
-        return result[self._inner]
+        return self._of_scene(result)
 
     def overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Overlapping pairs that a pair law acts on: rows i, j of ``scene.bodies``, and overlap/smaller radius."""

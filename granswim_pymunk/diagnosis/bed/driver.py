@@ -22,6 +22,7 @@ from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, check_runs
 from .candidates import bed_terms, check_bed, flexible_terms, siblings
+from .cut import REACH
 from .experiment import Proposal, propose
 from .places import Place, locate
 from .signatures import BedSignature, limits, make_signature, off, recombined, to_values
@@ -152,8 +153,12 @@ class Plan:
     leaders: int
 
 
-def make_plan(cost: float, windows: int, training: int, terms: int, seconds: float, twins: int) -> Plan:
+def make_plan(
+    cost: float, windows: int, training: int, terms: int, seconds: float, twins: int, whole: float = 1.0
+) -> Plan:
     """The best plan that is done in 3/4 of ``seconds``; ``cost`` [s] of one member of one window, all threads busy.
+
+    ``whole``: how many times the bodies of a window the whole bed has, of which twins are simulated.
 
     What is given up first: the fourth and third member, then windows, then twins, then leaders.
     """
@@ -169,12 +174,12 @@ def make_plan(cost: float, windows: int, training: int, terms: int, seconds: flo
     for plan in plans:
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)
-        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4)
+        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
         runs += terms * used * plan.screening * 1.3 + 2 * plan.leaders * 3 * used * plan.screening
         runs += (
             (plan.leaders - 2) * 4 * used * plan.members
             + 3 * every * plan.members
-            + 0.6 * plan.twins * every * (plan.members + 1.4)
+            + 0.6 * plan.twins * every * (plan.members + 1.4 * whole)
         )
         if runs * cost < 0.75 * seconds:
             return plan
@@ -232,7 +237,8 @@ def diagnose_windows(
         if kept is not None:
             plan = Plan(*map(int, kept))
         else:
-            plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins)
+            whole = max(p.whole for p in bench.predictors)
+            plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins, whole)
         store.put("plan", np.array(astuple(plan), dtype=float))
     if plan.windows < max(len(b.starts) for b in beds):
         beds = cut(recordings, hold_out, seed, plan.windows)
@@ -242,6 +248,13 @@ def diagnose_windows(
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
         )
     bench = Bench(beds, plan.twins, plan.members, store)
+    for bed, predictor in zip(beds, bench.predictors, strict=True):
+        if predictor.cut is not None:
+            notes.append(
+                f"{bed.name}: of {len(bed.scene.bodies)} bodies, the {len(predictor.cut.inside)} nearest to the "
+                f"swimmer (within {1e3 * REACH:g} mm) were simulated in windows, {len(predictor.cut.wall)} around "
+                "them carried along as seen"
+            )
     used = bench.training
 
     # recalibration first

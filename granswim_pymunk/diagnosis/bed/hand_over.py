@@ -166,7 +166,7 @@ def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any
     for trial in d.laws:
         hypothesis, values = hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
     scene, camera = hypothesis.scene(bed.case, values)
-    xy, v = BedPredictor(bed).start_at(HALF, (3, 0), camera)
+    xy, v = BedPredictor(bed, cut=False).start_at(HALF, (3, 0), camera)
     start = float(bed.film.t[HALF])
     spacing = float(np.median(np.diff(bed.film.t)))
     scene = replace(
@@ -340,7 +340,7 @@ def body_map(d: BedDiagnosis) -> tuple[np.ndarray, int] | None:
     white = bench.noises[0].whiten(bench.innovations(d.predicted[model])[0], used)
     window = int(used[np.argmax(np.sum(white**2, axis=1))])
     values = d.naive_values if model == "naive" else d.recalibrated_values
-    predictor = BedPredictor(bed)
+    predictor = BedPredictor(bed, cut=False)
     frames = int(bed.starts[window]) + bed.looks
     try:
         simulation, camera = predictor.simulation(Hypothesis(d.adjustables), values)

@@ -6,6 +6,8 @@ grains about at a metre a second.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,6 +23,7 @@ WIDEST = 6  # frames on either side, where a body is missing in some
 CLEAR = 5.0e-7  # m, overlaps and joint lengths are put right to below this
 ROUNDS = 400
 ROOM = 4.0e-4  # m, pairs nearer than this are watched while overlaps are taken out
+SMOOTHER = 0.2  # of the squares that a smooth motion leaves: what is better than that belongs together
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,20 @@ class Shapes:
             float(scene.periodic_x or 0.0),
         )
 
+    def part(self, rows: np.ndarray, held: Sequence[int] | np.ndarray = ()) -> Shapes:
+        """Of some bodies, joints that lie wholly among them; ``held`` do not give way."""
+        if len(rows) == len(self.radius) and not len(held):
+            return self
+        new = np.full(len(self.radius), -1, dtype=np.int64)
+        new[rows] = np.arange(len(rows))
+        mobile = np.array(self.mobile)
+        mobile[np.asarray(held, dtype=np.int64)] = False
+        joints = new[self.joints]
+        kept = (joints >= 0).all(axis=1)
+        return Shapes(
+            self.radius[rows], mobile[rows], self.group[rows], joints[kept], self.lengths[kept], self.period
+        )  # fmt: skip
+
 
 def take_apart(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
     """The nearest positions (n, 2) [m] without overlaps and with joints at their length, to below 0.5 micrometres.
@@ -185,22 +202,23 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
 
     t : (T,) [s];  xy : (T, n, 2) [m], unwrapped along ``period``, NaN where not seen.  Returns the tracks, how
     many labels were put back, how many sightings left out. A body is looked for where the last two sightings lead
-    it; what is farther from there than any body has gone is given to whom it fits best (least total distance).
+    it. Bodies that are all elsewhere in one frame are given to each other by least total distance, for good or for
+    that frame, if their tracks are much smoother so, the next two frames included: a body that is hit strays, too.
     Source: Crocker & Grier 1996, J. Colloid Interface Sci. 179, 298 (linking); Munkres 1957 (assignment).
     """
     out = np.array(xy)
     put_back = left_out = 0
-    # a body that is followed across a seam may stand any number of periods on
-    steps = np.diff(out, axis=0)
-    second = np.hypot(*np.moveaxis(np.diff(steps, axis=0), -1, 0))
-    usual = second[np.isfinite(second)]
-    if not len(usual):
+    second = np.hypot(*np.moveaxis(np.diff(out, n=2, axis=0), -1, 0))
+    found = np.isfinite(second)
+    if not found.any():
         return out, 0, 0
-    # accelerations that bodies of a bed really have, and noise, stay below this
-    far = max(12.0 * sigma, 2.5 * float(np.quantile(usual, 0.995)))
+    # the second difference of a body's motion is mostly below this; of one that is hardly seen, as of all
+    common = float(np.median(second[found]))
+    usual = np.array([np.median(c[f]) if f.sum() > 4 else common for c, f in zip(second.T, found.T, strict=True)])
+    far = np.maximum(12.0 * sigma, 5.0 * np.maximum(usual, common))
 
     def turns(away: np.ndarray) -> np.ndarray:
-        """Whole periods in a distance (..., 2)."""
+        """Whole periods in a distance (..., 2): a body that is followed across a seam may stand any number on."""
         if not period:
             return np.zeros_like(away)
         whole = period * np.round(np.nan_to_num(away[..., 0]) / period)
@@ -209,40 +227,89 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
     last, before = out[0].copy(), np.full_like(out[0], np.nan)
     when, earlier = np.full(out.shape[1], t[0]), np.full(out.shape[1], np.nan)
     known = np.isfinite(last[:, 0])
-    waiting = np.zeros(out.shape[1], dtype=int)
     column = np.arange(out.shape[1])  # whose label each body has
+
+    def path(body: int, label: int, k: int, after: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Times (p,) and places (p, 2): the last two sightings of a body, and three from ``k`` on under a label.
+
+        ``after``: the label of the last two of these, if another.
+        """
+        ahead = np.arange(k, min(k + 3, len(t)))
+        labels = [label, *[label if after is None else after] * (len(ahead) - 1)]
+        times = np.array([earlier[body], when[body], *t[ahead]])
+        places = np.concatenate([before[[body]], last[[body]], out[ahead, labels]])
+        places -= turns(places - last[body])
+        good = np.isfinite(places[:, 0]) & np.isfinite(times)
+        return times[good], places[good]
+
     for k in range(1, len(t)):
         here = out[k, column]
         seen = np.isfinite(here[:, 0])
         v = np.where(np.isfinite(before), (last - before) / (when - earlier)[:, None], 0.0)
         guess = last + v * (t[k] - when)[:, None]
         here = here - turns(here - guess)
-        out[k] = here
         off = np.hypot(*(here - guess).T)
-        wide = far * (1.0 + waiting) + np.where(np.isfinite(before[:, 0]), 0.0, far)
-        odd = np.flatnonzero(seen & known & (off > wide) & (waiting < 4))
-        if len(odd):
+        gone = np.where(np.isfinite(before[:, 0]), (t[k] - when) / (when - earlier), 2.0)
+        wide = far * np.clip(gone, 1.0, 4.0)
+        odd = np.flatnonzero(seen & known & (off > wide))
+        if len(odd) > 1:
             away = here[odd][None] - guess[odd][:, None]
             away -= turns(away)
-            cost = np.hypot(*np.moveaxis(away, -1, 0))
-            rows, columns = linear_sum_assignment(np.minimum(cost, 10 * wide[odd][:, None]))
-            new = np.full((len(odd), 2), np.nan)
+            _, best = linear_sum_assignment(np.hypot(*np.moveaxis(away, -1, 0)))
             former = column[odd].copy()
-            for r, c in zip(rows, columns, strict=True):
-                if cost[r, c] <= wide[odd[r]]:
-                    new[r] = guess[odd[r]] + away[r, c]
-                    # who has another's label keeps it until shown otherwise
-                    column[odd[r]] = former[c]
-            if len(set(column)) < len(column):
-                column[odd] = former  # no exchange: a sighting of one that would serve two
-            left_out += int(np.isnan(new[:, 0]).sum())
-            out[k, odd] = new
-            seen = np.isfinite(out[k, :, 0])
+            for ring in _rings(best):
+                mine, others = odd[ring], former[best[ring]]
+                now = np.sum([_bend(*path(b, column[b], k)) for b in mine])
+                then = np.sum([_bend(*path(b, c, k)) for b, c in zip(mine, others, strict=True)])
+                once = np.sum([_bend(*path(b, c, k, column[b])) for b, c in zip(mine, others, strict=True)])
+                if min(then, once) < SMOOTHER * now:
+                    if then < once:  # who has another's label keeps it until shown otherwise
+                        column[mine] = others
+                    else:
+                        put_back += len(mine)
+                    here[mine] = guess[mine] + away[ring, best[ring]]
+                    off[mine] = np.hypot(*(here[mine] - guess[mine]).T)
+        lost = np.flatnonzero(known & ~seen)
+        for b in odd[off[odd] > wide[odd]]:
+            if len(lost):
+                away = here[b] - guess[lost]
+                if (np.hypot(*(away - turns(away)).T) < wide[lost]).any():
+                    here[b] = np.nan  # stands where one that is not seen should be: wait for the next frame
+                    continue
+            times, places = path(b, column[b], k)
+            rest = times != t[k]
+            if rest.sum() >= 4 and _bend(times[rest], places[rest]) < SMOOTHER**2 * _bend(times, places):
+                here[b] = np.nan  # one sighting apart from a smooth track
+                left_out += 1
+        out[k] = here
+        seen = np.isfinite(here[:, 0])
         before[seen], earlier[seen] = last[seen], when[seen]
-        last[seen], when[seen] = out[k][seen], t[k]
+        last[seen], when[seen] = here[seen], t[k]
         fresh = seen & ~known
         before[fresh] = np.nan
         known |= seen
         put_back += int(np.sum((column != np.arange(len(column))) & seen))
-        waiting = np.where(seen, 0, waiting + 1)
-    return out, int(put_back), left_out
+    return out, put_back, left_out
+
+
+def _rings(best: np.ndarray) -> list[np.ndarray]:
+    """Rings of a permutation that are longer than one."""
+    left = set(np.flatnonzero(best != np.arange(len(best))).tolist())
+    found = []
+    while left:
+        ring = [left.pop()]
+        while int(best[ring[-1]]) in left:
+            ring.append(int(best[ring[-1]]))
+            left.discard(ring[-1])
+        found.append(np.array(ring))
+    return found
+
+
+def _bend(t: np.ndarray, places: np.ndarray) -> float:
+    """Sum of squares [m^2] that x0 + v s + a s^2/2 leaves of places (p, 2); infinite with less than four."""
+    if len(t) < 4:
+        return math.inf
+    s = (t - t[0]) / (t[-1] - t[0])
+    design = np.stack([np.ones_like(s), s, s**2], axis=1)
+    rest = places - design @ np.linalg.lstsq(design, places, rcond=None)[0]
+    return float(np.sum(rest**2))

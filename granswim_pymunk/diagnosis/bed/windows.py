@@ -25,6 +25,7 @@ from ...scene import Scene
 from ..data import TRAINING_SHARE, Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
+from .cut import carried_paths, cut_out
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 
 LENGTH = 0.016  # s, of a window
@@ -214,20 +215,31 @@ def _shown(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
 class BedPredictor:
     """Predicts windows of one film under a hypothesis; a start is estimated once for each camera.
 
-    ``runs`` counts members simulated.  ``store``: where finished predictions are kept.
+    ``runs`` counts members simulated.  ``store``: where finished predictions are kept.  ``cut``: what is near the
+    swimmer is simulated, grains farther off are walls that move as seen, if that saves much (see ``cut_out``).
     """
 
     def __init__(
-        self, bed: BedCase, film: Film | None = None, members: int = MEMBERS, store: Store | None = None
-    ) -> None:
+        self, bed: BedCase, film: Film | None = None, members: int = MEMBERS, store: Store | None = None,
+        cut: bool = True,
+    ) -> None:  # fmt: skip
         self.bed = bed
         self.film = film or bed.film
+        self.cut = cut_out(bed.scene, self.film.xy, bed.starts, int(bed.looks[-1])) if cut else None
+        self.free = np.ones(len(bed.grains), dtype=bool)  # which of the grains are simulated
+        if self.cut is not None:
+            self.free = np.isin(bed.grains, self.cut.inside)
         self.store = store
         self.members = members
         self._lock = threading.Lock()
         self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
         self._sums: dict[int, Sums] = {}
         self.runs = 0
+
+    @property
+    def whole(self) -> float:
+        """How many times the bodies of a window the whole bed has."""
+        return 1.0 if self.cut is None else len(self.bed.scene.bodies) / len(self.cut.rows)
 
     # ---- what is seen -------------------------------------------------------------------------
 
@@ -296,6 +308,7 @@ class BedPredictor:
             out[k, : bed.swimmer_size] = self.film.xy[frames][:, bed.rows].ravel()
             if len(bed.grains):
                 moved = self.film.xy[frames[1:]][:, bed.grains] - self.sums(w).start
+                moved[:, ~self.free] = np.nan
                 out[k, bed.swimmer_size :] = self._add_up(w, moved).ravel()
         return out
 
@@ -306,7 +319,14 @@ class BedPredictor:
         key = (window, member, camera["scale"], camera["tilt"], tuple(camera["bias"]))
         found = self._starts.get(key)
         if found is None:
-            found = self.start_at(int(self.bed.starts[window]), (window, member), camera)
+            frame, numbers = int(self.bed.starts[window]), (window, member)
+            if self.cut is None:
+                found = self.start_at(frame, numbers, camera)
+            else:
+                wall = self.cut.wall
+                path = self._wall_path(window, camera)
+                found = self.start_at(frame, numbers, camera, self.cut.rows, (wall, path[0]))
+                found[1][wall] = self._wall_velocity(window, path, 0)
             plain = key[2:] == (1.0, 0.0, tuple(NO_CAMERA["bias"]))
             if plain:  # other cameras are tried once or twice: not worth the memory
                 with self._lock:
@@ -314,20 +334,58 @@ class BedPredictor:
         return found
 
     def start_at(
-        self, frame: int, numbers: tuple[int, ...], camera: Mapping[str, Any] = NO_CAMERA
+        self,
+        frame: int,
+        numbers: tuple[int, ...],
+        camera: Mapping[str, Any] = NO_CAMERA,
+        rows: np.ndarray | None = None,
+        held: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A state drawn from what the frames around ``frame`` say; ``numbers`` seed the draw."""
+        """A state (n, 2), (n, 2) drawn from what the frames around ``frame`` say; ``numbers`` seed the draw.
+
+        ``rows`` of the scene's bodies, all if not given: others are left at nought.  ``held``: rows, and the places
+        (k, 2) [m] where they stay.
+        """
         bed = self.bed
         # one draw for all hypotheses, so that their differences are physics
         normals = np.random.default_rng((bed.seed, *numbers)).normal(size=(len(bed.scene.bodies), 2, 2))
         low, high = max(frame - 8, 0), frame + 9
         t, film = self.film.t[low:high], self.film
-        posterior = local_quadratic(t, _unseen(film.xy[low:high], camera), frame - low, film.sigma / camera["scale"])
-        xy, v = draw(posterior, normals)
-        for k, b in enumerate(bed.scene.bodies):
+        chosen = np.arange(len(bed.scene.bodies)) if rows is None else rows
+        seen = _unseen(film.xy[low:high], camera)[:, chosen]
+        posterior = local_quadratic(t, seen, frame - low, film.sigma / camera["scale"])
+        xy, v = np.zeros((2, len(bed.scene.bodies), 2))
+        xy[chosen], v[chosen] = draw(posterior, normals[chosen])
+        for k in chosen:
+            b = bed.scene.bodies[k]
             if not b.mobile and b.initial is not None:
                 xy[k], v[k] = b.initial[:2], 0.0
-        return take_apart(xy, bed.shapes), v
+        if held is not None:
+            xy[held[0]] = held[1]
+        xy[chosen] = take_apart(xy[chosen], bed.shapes.part(chosen, () if held is None else held[0]))
+        return xy, v
+
+    def _wall_path(self, window: int, camera: Mapping[str, Any]) -> np.ndarray:
+        """(L, k, 2) where the grains that are walls are at the looks [m]."""
+        assert self.cut is not None
+        bed = self.bed
+        first = int(bed.starts[window])
+        # a frame more on either side: the path is least sure at its ends
+        low, high = max(first - 1, 0), min(first + int(bed.looks[-1]) + 2, len(self.film.t))
+        seen = _unseen(self.film.xy[low:high][:, self.cut.wall], camera)
+        path = carried_paths(self.film.t[low:high], seen, self.film.t[first + bed.looks])
+        lost = ~np.isfinite(path[0, :, 0])
+        if lost.any():
+            # not seen in all of the window: where it was seen last
+            xy = _unseen(self.film.xy[:low][:, self.cut.wall[lost]], camera)
+            for k, track in zip(np.flatnonzero(lost), np.moveaxis(xy, 1, 0), strict=True):
+                known = np.flatnonzero(np.isfinite(track[:, 0]))
+                path[:, k] = track[known[-1]] if len(known) else (0.0, 0.0)
+        return path
+
+    def _wall_velocity(self, window: int, path: np.ndarray, leg: int) -> np.ndarray:
+        t = self.film.t[int(self.bed.starts[window]) + self.bed.looks]
+        return (path[leg + 1] - path[leg]) / (t[leg + 1] - t[leg])
 
     # ---- predictions --------------------------------------------------------------------------
 
@@ -339,12 +397,20 @@ class BedPredictor:
             [what, bed.name, scene.hash, sorted(camera.items()), bed.starts, bed.looks, bed.dt, bed.seed, *numbers]
         )
 
-    def simulation(self, hypothesis: Hypothesis, values: np.ndarray) -> tuple[Simulation, Mapping[str, Any]]:
-        """A simulation under a hypothesis, ready to be restarted anywhere, and its camera. Raises Failed."""
+    def simulation(
+        self, hypothesis: Hypothesis, values: np.ndarray, whole: bool = False
+    ) -> tuple[Simulation, Mapping[str, Any]]:
+        """A simulation under a hypothesis, ready to be restarted anywhere, and its camera. Raises Failed.
+
+        ``whole``: of all bodies, else of the cut where there is one.
+        """
         scene, camera = hypothesis.scene(self.bed.case, values)
-        xy, v = self.start(0, 0)
+        cut = None if whole else self.cut
+        xy, v = self.start_at(int(self.bed.starts[0]), (0, 0)) if whole else self.start(0, 0)
+        only, carried = (None, ()) if cut is None else (cut.rows, cut.wall)
         try:
-            return Simulation(placed(replace(scene, adjustable=()), xy, v), dt=self.bed.dt), camera
+            started = placed(replace(scene, adjustable=()), xy, v)
+            return Simulation(started, dt=self.bed.dt, only=only, carried=carried), camera
         except (InputError, SimulationError) as error:
             raise Failed(str(error)) from None
 
@@ -378,10 +444,18 @@ class BedPredictor:
         frames = int(bed.starts[window]) + bed.looks
         t = self.film.t[frames] + float(camera["time_offset"])
         xy, v = self.start(window, number, camera)
-        rows = [*bed.rows.tolist(), *bed.grains.tolist()]
+        rows = np.concatenate([bed.rows, bed.grains[self.free]])
         try:
             simulation.restart(xy, v, float(t[0]))
-            later = simulation.sample(t[1:], rows)
+            if self.cut is None:
+                later = simulation.sample(t[1:], rows)
+            else:
+                path, legs = self._wall_path(window, camera), []
+                for leg in range(len(t) - 1):
+                    v[self.cut.wall] = self._wall_velocity(window, path, leg)
+                    simulation.steer(v)
+                    legs.append(simulation.sample(t[leg + 1 : leg + 2], rows))
+                later = np.concatenate(legs)
         except SimulationError as error:
             raise Failed(str(error)) from None
         self.runs += 1
@@ -392,7 +466,8 @@ class BedPredictor:
         out = np.empty(bed.size)
         out[: bed.swimmer_size] = path[:, :s].ravel()
         if len(bed.grains):
-            moved = path[1:, s:] - self.sums(window).start
+            moved = np.full((len(frames) - 1, len(bed.grains), 2), np.nan)
+            moved[:, self.free] = path[1:, s:] - self.sums(window).start[self.free]
             # of those grains only that the film shows there
             moved[~np.isfinite(self.film.xy[frames[1:]][:, bed.grains, 0])] = np.nan
             out[bed.swimmer_size :] = self._add_up(window, moved).ravel()
@@ -401,7 +476,7 @@ class BedPredictor:
     def twin(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
         """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed."""
         bed = self.bed
-        simulation, camera = self.simulation(hypothesis, values)
+        simulation, camera = self.simulation(hypothesis, values, whole=True)
         rng = np.random.default_rng((bed.seed, 7, number))
         xy, v = self.start_at(HALF, (3, number), camera)
         t = bed.film.t[HALF:]
