@@ -246,7 +246,7 @@ def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     category, wanted = _category(sealed, setup, effect)
     # standard errors come from a film of the same bed without anything concealed
     plain_film = _shown(setup, film_of(setup, scene, ()), (), generator(secret, kind, seed, "other noise"))
-    bench = WindowBench(Windows(setup, scene, setup.t, plain_film))
+    bench = WindowBench(Windows(setup, scene, setup.t, plain_film, whole=False))
     drawn = concealed(setup, bench, sealed, category, wanted)
     true = with_adjusted(scene, drawn.moved or {})
     effects = drawn.effects

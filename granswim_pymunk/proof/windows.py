@@ -32,6 +32,8 @@ STEP = 4e-6  # s
 MEMBERS = {True: 4, False: 3}  # of a small bed, of a full one
 MOST = {True: 10, False: 8}  # windows computed
 FEW = 2  # members where few will do
+REACH = 0.012  # m from a disk's centre: what moves in a neighbourhood
+RING = 0.0026  # m beyond that: grains that stand still there
 
 
 def estimated(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,6 +78,7 @@ class Windows:
     xy: np.ndarray
     seed: int = 0
     most: int | None = None  # windows computed, at most; as MOST says where not given
+    whole: bool = True  # else, in a full bed, what is near the swimmer only
 
     def __post_init__(self) -> None:
         bodies = self.scene.bodies
@@ -149,15 +152,45 @@ class Windows:
         self, scene: Scene, effects: Sequence[Effect] = (), members: int | None = None, every: int = 1
     ) -> np.ndarray:
         """(W, m, D) of the first members, of every so many windows. Raises SimulationError."""
-        world = World(scene, [resolved(e, self.scene) for e in effects], max(STEP, self.setup.dt))
+        acting = [resolved(e, self.scene) for e in effects]
+        dt = max(STEP, self.setup.dt)
+        # grains that stand still would be walls to a drag near walls
+        whole = self.whole or self.setup.small or any(e.name == "wall_drag" for e in acting)
+        world = World(scene, acting, dt) if whole else None
         out = []
         for w, frame in list(enumerate(self.frames))[::every]:
             times = self.t[[frame + look for look in self.looks]]
-            out.append([
-                self._numbers(w, world.sample(times, start, t0=float(self.t[frame])).xy)
-                for start in self.starts[w][3][:members]
-            ])  # fmt: skip
+            here, rows = (world, np.arange(len(self.radius))) if world else self._neighbourhood(w, scene, acting, dt)
+            row = []
+            for start in self.starts[w][3][:members]:
+                xy = np.full((len(times), len(self.radius), 2), np.nan)
+                xy[:, rows] = here.sample(times, start[rows], t0=float(self.t[frame])).xy
+                row.append(self._numbers(w, xy))
+            out.append(row)
         return np.array(out)
+
+    def _neighbourhood(self, window: int, scene: Scene, effects: Sequence[Effect], dt: float):
+        """What is near the swimmer at the start of a window, in a ring of grains that stand still; and its rows."""
+        place = self.starts[window][0]
+        apart = place[:, None] - place[self.chain][None]
+        period = scene.periodic_x or 0.0
+        if period:
+            apart[..., 0] -= period * np.round(apart[..., 0] / period)
+        away = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
+        rows = np.flatnonzero(away < REACH + RING)
+        bodies = tuple(
+            scene.bodies[i] if away[i] < REACH
+            else replace(scene.bodies[i], role="wall", initial=(float(place[i, 0]), float(place[i, 1]), 0.0, 0.0))
+            for i in rows
+        )  # fmt: skip
+        present = {b.id for b in bodies}
+
+        def left(names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+            return None if names is None else tuple(n for n in names if n in present)
+
+        laws = tuple(replace(item, bodies=left(item.bodies)) for item in scene.laws)
+        part = [replace(e, bodies=left(e.bodies)) for e in effects]
+        return World(replace(scene, bodies=bodies, laws=laws), part, dt), rows
 
     def settle_noise(self) -> np.ndarray:
         """The prediction of the known scene (W, members, D), and from its scatter what whitens."""

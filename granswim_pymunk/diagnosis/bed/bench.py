@@ -20,13 +20,15 @@ class Bench:
     """Predicts, and compares with what was seen. ``members`` of each window, ``twins`` of each recording."""
 
     def __init__(
-        self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS, store: Store | None = None
-    ) -> None:
+        self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS, store: Store | None = None,
+        cut: bool = True,
+    ) -> None:  # fmt: skip
         self.beds = list(beds)
+        self.cut = cut
         self.members = members
         self.twins = twins
         self.store = store
-        self.predictors = [BedPredictor(b, members=members, store=store) for b in beds]
+        self.predictors = [BedPredictor(b, members=members, store=store, cut=cut) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
 
@@ -133,7 +135,7 @@ class Bench:
             left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
             if left is None:
                 film = predictor.twin(hypothesis, values, k)
-                own = BedPredictor(bed, film, self.members)
+                own = BedPredictor(bed, film, self.members, cut=self.cut)
                 left = own.seen() - own(hypothesis, values).mean(axis=1)
                 predictor.runs += own.runs
                 if self.store:

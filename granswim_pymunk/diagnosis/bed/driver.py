@@ -195,13 +195,15 @@ def diagnose_windows(
     twins: int = TWINS,
     candidates: Sequence[str] | None = None,
     plan: Plan | None = None,
+    cut: bool = True,
     progress: Progress = lambda text, share: None,
 ) -> BedDiagnosis:
     """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
 
     ``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out,
     and the notes say so. ``candidates``: names of the mechanisms to try, all where not given. ``plan``: how much is
-    simulated, whatever the time. Finished predictions are kept in the user's cache until there is a verdict: a
+    simulated, whatever the time. ``cut``: in windows, grains far from the swimmer are walls that move as seen, where
+    that saves much. Finished predictions are kept in the user's cache until there is a verdict: a
     diagnosis that was interrupted goes on from there.
     Raises InputError for recordings that cannot be used.
     """
@@ -209,7 +211,7 @@ def diagnose_windows(
     rng = np.random.default_rng(seed)
     notes: list[str] = []
     progress("cutting windows", 0.01)
-    beds = cut(recordings, hold_out, seed, MOST_WINDOWS)
+    beds = windows_of(recordings, hold_out, seed, MOST_WINDOWS)
     for bed in beds:
         if any(bed.repaired):
             notes.append(f"{bed.name}: {bed.repaired[0]} labels put back, {bed.repaired[1]} sightings left out")
@@ -219,7 +221,7 @@ def diagnose_windows(
     terms = _wanted_terms(beds, hypothesis, candidates)
 
     # what a member of a window costs decides how many there are
-    bench = Bench(beds, 1, 1)
+    bench = Bench(beds, 1, 1, cut=cut)
     gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in _any(bench)]
     check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
     # the first run compiled the laws, once for all times: that is not counted
@@ -230,7 +232,7 @@ def diagnose_windows(
     windows = sum(len(b.starts) for b in beds)
     training = sum(int(b.training.sum()) for b in beds)
     given = plan is not None
-    store = Store("bed", *((b.film.t, b.film.xy, b.scene.hash) for b in beds), minutes, seed, twins, candidates)
+    store = Store("bed", *((b.film.t, b.film.xy, b.scene.hash) for b in beds), minutes, seed, twins, candidates, cut)
     if plan is None:
         kept = store.get("plan", (5,))
         # an interrupted diagnosis goes on with what it had planned: only then are its runs the same
@@ -241,13 +243,13 @@ def diagnose_windows(
             plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins, whole)
         store.put("plan", np.array(astuple(plan), dtype=float))
     if plan.windows < max(len(b.starts) for b in beds):
-        beds = cut(recordings, hold_out, seed, plan.windows)
+        beds = windows_of(recordings, hold_out, seed, plan.windows)
     if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS):
         notes.append(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
         )
-    bench = Bench(beds, plan.twins, plan.members, store)
+    bench = Bench(beds, plan.twins, plan.members, store, cut)
     for bed, predictor in zip(beds, bench.predictors, strict=True):
         if predictor.cut is not None:
             notes.append(
@@ -451,7 +453,7 @@ def diagnose_windows(
 # ---- steps -----------------------------------------------------------------------------------
 
 
-def cut(recordings: Sequence[Recording], hold_out: Sequence[Recording], seed: int, most: int) -> list[BedCase]:
+def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], seed: int, most: int) -> list[BedCase]:
     """Windows of all recordings, training first."""
     for r in (*recordings, *hold_out):
         check_bed(r.scene, r.name)
@@ -734,7 +736,7 @@ def _polish(
     rough[n:, n:] = trial.covariance
     if hurried:
         return z, rough, trial, bench, None
-    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members, bench.store)
+    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members, bench.store, bench.cut)
     second.predictors = bench.predictors
     steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
     for v, f in zip(z[adjusted:], free[adjusted:], strict=True):

@@ -63,7 +63,7 @@ def propose(
         winner, other = plain.with_term(found.term), plain.with_term(rival.term)
         try:
             film = predictor.twin(winner, np.concatenate([values, found.values]), 90)
-            own = BedPredictor(bed, film, 2)
+            own = BedPredictor(bed, film, 2, cut=bench.cut)
             rows = [
                 own(winner, np.concatenate([values, found.values]), chosen),
                 own(other, np.concatenate([values, rival.values]), chosen),
