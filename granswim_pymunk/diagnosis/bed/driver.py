@@ -165,12 +165,12 @@ def make_plan(
     plans = [
         Plan(m, s, n, w, k)
         for m, s, n, w, k in (
-            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, 6, MOST_WINDOWS, LEADERS),
-            (2, 2, 6, MOST_WINDOWS, LEADERS), (2, 1, 6, MOST_WINDOWS, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
+            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, twins, 26, LEADERS), (MEMBERS, 2, 6, 26, LEADERS),
+            (2, 2, 6, 26, LEADERS), (2, 1, 6, 26, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
             (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
         )
         if n <= twins
-    ] or [Plan(2, 1, twins, MOST_WINDOWS, 5)]  # fmt: skip
+    ] or [Plan(2, 1, twins, 26, 5)]  # fmt: skip
     for plan in plans:
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)
@@ -244,7 +244,9 @@ def diagnose_windows(
         store.put("plan", np.array(astuple(plan), dtype=float))
     if plan.windows < max(len(b.starts) for b in beds):
         beds = windows_of(recordings, hold_out, seed, plan.windows)
-    if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS):
+    if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS) and (
+        plan != Plan(MEMBERS, 2, twins, 26, LEADERS) or windows > 26
+    ):
         notes.append(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
@@ -301,6 +303,7 @@ def diagnose_windows(
     drawn = off(few_nuisance, recombined(bench.noises, few, REPLICATES, rng))
     for s in signatures:
         null = np.maximum(null, s.best(drawn)[1])
+    null *= unsure(bench, rng)
 
     # naming: leaders refitted by simulation
     trials = []
@@ -799,6 +802,7 @@ def _second_law(
         other = make_signature(s.term, s.tried, s.columns, beside)
         null = np.maximum(null, other.best(drawn)[1])
         order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
+    null *= unsure(bench, rng)
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
     order.sort(key=lambda item: -item[0])
     trials = []
@@ -816,6 +820,17 @@ def _second_law(
     done = [search.refit(t, search.used, search.nuisance, bench.members, FINE) for t in trials]
     done = [t for t in done if (t.gain or 0.0) > threshold]
     return max(done, key=lambda t: t.worth, default=None)
+
+
+def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
+    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
+
+    nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
+    Source: Hotelling 1931, Ann. Math. Stat. 2, 360.
+    """
+    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
+    known = max(known, 3)
+    return known / rng.chisquare(known, REPLICATES)
 
 
 def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, windows: int) -> np.ndarray:

@@ -30,7 +30,7 @@ from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 
 LENGTH = 0.016  # s, of a window
 MEMBERS = 3
-MOST_WINDOWS = 26  # of one recording
+MOST_WINDOWS = 45  # of one recording: a second of film
 FEWEST = 5
 DT = 4.0e-6  # s, at most; nine steps a contact of the paper's bed
 NEAR = 3.0e-3  # m between the surfaces of a grain and the swimmer: two diameters
