@@ -204,7 +204,7 @@ def _category(rng: np.random.Generator, setup: BedSetup, effect: str | None) -> 
     return category, None
 
 
-def _shown(setup: BedSetup, xy: np.ndarray, effects: Sequence[Effect], rng: np.random.Generator) -> np.ndarray:
+def shown(setup: BedSetup, xy: np.ndarray, effects: Sequence[Effect], rng: np.random.Generator) -> np.ndarray:
     """(T, n, 2) as filmed: the camera's faults, noise, lost sightings, eight decimals."""
     seen = camera_of(effects).see(xy) + rng.normal(size=xy.shape) * setup.noise
     lost = rng.random(xy.shape[:2]) < setup.lost
@@ -245,13 +245,13 @@ def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     sealed = generator(secret, kind, seed, "sealed")
     category, wanted = _category(sealed, setup, effect)
     # standard errors come from a film of the same bed without anything concealed
-    plain_film = _shown(setup, film_of(setup, scene, ()), (), generator(secret, kind, seed, "other noise"))
+    plain_film = shown(setup, film_of(setup, scene, ()), (), generator(secret, kind, seed, "other noise"))
     bench = WindowBench(Windows(setup, scene, setup.t, plain_film, whole=False))
     drawn = concealed(setup, bench, sealed, category, wanted)
     true = with_adjusted(scene, drawn.moved or {})
     effects = drawn.effects
     offset = camera_of(effects).time_offset
-    seen = _shown(setup, film_of(setup, true, physics_of(effects), offset), effects,
+    seen = shown(setup, film_of(setup, true, physics_of(effects), offset), effects,
                   generator(secret, kind, seed, "noise"))  # fmt: skip
     own, found = rivals(setup, bench, *drawn.chosen[0]) if len(drawn.chosen) == 1 else (0.0, _camera_rivals(drawn))
     belief = believed_bed(setup, scene, seen, guess, fitted)
@@ -334,7 +334,7 @@ def _unseen(seed: int, secret: bytes, effect: str | None, name: str, small: bool
             speeds.append((digits(float(np.mean(found)), 5), digits(sem, 3)))
             values.append(np.array([np.mean(found)]))
         else:
-            values.append(_shown(setup, runs[0][1], effects, noise))
+            values.append(shown(setup, runs[0][1], effects, noise))
     own, found_rivals = 0.0, None
     if not drawn.chosen or len(drawn.chosen) > 1:
         found_rivals = _camera_rivals(drawn)
