@@ -350,6 +350,24 @@ def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp
     assert found.notes  # half a minute is not enough for everything, and it says so
 
 
+def test_whole_recordings_are_held_out():
+    recording = small("small_joint")
+    other = replace(recording, name="other")
+    plan = Plan(1, 1, 4, 8, 2)
+    found = diagnose_windows([recording], [other], candidates=["weak_joint"], plan=plan)
+    assert [int(b.training.sum()) for b in found.beds] == [8, 0]
+    verdict = verdict_of(found)
+    check_verdict(verdict)
+    assert [m["name"] for m in verdict["mechanisms"]] == ["weak_joint"]
+    held = verdict["fit"]["heldout"]
+    assert 0 < held["noise_floor"] < held["recalibrated"] and held["revised"] < held["recalibrated"]
+    assert set(outcome_of(found).revised) == {recording.name, "other"}
+    # the held-out recording is simulated with the stiffness that was learnt from the other
+    scenes = [revised_scene(found, k)[0] for k in (0, 1)]
+    first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)
+    assert first == second != recording.scene.laws_named("bending")[0].values["stiffness"]
+
+
 def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
     recording = small("small_joint")
     options = {"candidates": ["weak_joint"], "plan": Plan(1, 1, 4, 8, 2), "seed": 3}

@@ -204,6 +204,22 @@ class Windows:
         self.noise = np.linalg.inv(np.linalg.cholesky(covariance))
         return base
 
+    def widen_noise(self) -> None:
+        """The noise no smaller than what the film shows, by groups of numbers: disks and grains at each look.
+
+        For a film without anything concealed. Members know neither what the estimate of a start does wrong on the
+        whole nor how a mean over many grains errs. The whole bed is simulated for it.
+        """
+        assert self.noise is not None
+        found = replace(self, whole=True).predict(self.scene)
+        left = np.nan_to_num(self.seen() - found.mean(axis=1)) @ self.noise.T
+        # the whitening is lower triangular, so a group is whitened by itself and what stands before it
+        disks, looks = 2 * len(self.chain), len(self.looks)
+        groups = [np.arange(k * disks, (k + 1) * disks) for k in range(looks)]
+        groups += [looks * disks + 6 * k + 3 * part + np.arange(3) for k in range(looks) for part in (0, 1)]
+        for group in groups:
+            self.noise[group] /= max(float(np.sqrt(np.mean(left[:, group] ** 2))), 1.0)
+
     def white(self, change: np.ndarray) -> np.ndarray:
         """Whitened changes (..., D), counted as many times as the training part holds windows."""
         assert self.noise is not None
@@ -259,6 +275,7 @@ class WindowBench:
 
     def __post_init__(self) -> None:
         self.base = self.windows.settle_noise()
+        self.windows.widen_noise()
         self.columns: dict[str, np.ndarray] = {}
         for name, step in adjusted_steps(self.windows.setup).items():
             value = float(self.windows.scene.parameter(name))

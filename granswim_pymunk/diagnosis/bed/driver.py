@@ -215,7 +215,11 @@ def diagnose_windows(
     for bed in beds:
         if any(bed.repaired):
             notes.append(f"{bed.name}: {bed.repaired[0]} labels put back, {bed.repaired[1]} sightings left out")
-    adjustables = adjustable_terms([b.case for b in beds if b.training.any()])
+    # of held-out recordings, too, but for what only they have: nothing could tell it
+    learnt = {b.name for b in beds if b.training.any()}
+    adjustables = tuple(
+        t for t in adjustable_terms([b.case for b in beds]) if any(f.cases is None or f.cases & learnt for f in t.free)
+    )
     hypothesis = Hypothesis(adjustables)
     values = naive_values = np.array([f.first for f in hypothesis.free])
     terms = _wanted_terms(beds, hypothesis, candidates)
@@ -857,7 +861,7 @@ def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
     """Of the swimmer's disks after the start, in the chosen windows."""
     parts = []
     for bed, rows, chosen in zip(bench.beds, bench.innovations(predicted), windows, strict=True):
-        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), -1)
+        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), 2 * len(bed.rows))
         parts.append(disks[:, 1:].ravel())
     flat = np.concatenate(parts)
     flat = flat[np.isfinite(flat)]
@@ -877,7 +881,7 @@ def noise_floor(bench: Bench, windows: Windows) -> float:
     parts = []
     for bed, noise, chosen in zip(bench.beds, bench.noises, windows, strict=True):
         rows = noise.residuals[:, chosen][:, :, : bed.swimmer_size]
-        parts.append(rows.reshape(rows.shape[0], rows.shape[1], len(bed.looks), -1)[:, :, 1:].ravel())
+        parts.append(rows.reshape(*rows.shape[:2], len(bed.looks), 2 * len(bed.rows))[:, :, 1:].ravel())
     flat = np.concatenate(parts)
     flat = flat[np.isfinite(flat)]
     return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
