@@ -206,6 +206,10 @@ def _category(rng: np.random.Generator, setup: BedSetup, effect: str | None) -> 
 
 def shown(setup: BedSetup, xy: np.ndarray, effects: Sequence[Effect], rng: np.random.Generator) -> np.ndarray:
     """(T, n, 2) as filmed: the camera's faults, noise, lost sightings, eight decimals."""
+    period = setup.scene.periodic_x
+    if period:
+        # a camera sees the box: every body begins in it
+        xy = xy - np.stack([period * np.floor(xy[0, :, 0] / period), np.zeros(xy.shape[1])], axis=-1)
     seen = camera_of(effects).see(xy) + rng.normal(size=xy.shape) * setup.noise
     lost = rng.random(xy.shape[:2]) < setup.lost
     lost[:6] = False

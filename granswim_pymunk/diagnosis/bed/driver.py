@@ -748,36 +748,63 @@ def _polish(
     steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
     for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
         steps.append(0.4 * (v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
+    low, high = np.array([(f.low, f.high) for f in free]).T
     try:
         second.make_twins(full, z)
-        for _ in range(2):
-            wanted = [(full, z)]
-            for k, step in enumerate(steps):
-                moved = z.copy()
-                inside = free[k].low <= z[k] + step <= free[k].high
-                moved[k] += step if inside else -step
-                moved[k] = float(np.clip(moved[k], free[k].low, free[k].high))
-                steps[k] = float(moved[k] - z[k])
-                wanted.append((full, moved))
+        for _ in range(3):
+            # to both sides: a base that the columns share with the innovations would push along its own chaos
+            ends = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
+            wanted = [(full, z), *((full, end) for pair in ends for end in pair)]
             predicted = second.predict_surely(wanted, windows)
+            spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(ends)])
             columns = np.column_stack(
-                [second.change(p, predicted[0], windows) / s for p, s in zip(predicted[1:], steps, strict=True)]
+                [
+                    second.change(predicted[2 * k + 2], predicted[2 * k + 1], windows) / span
+                    for k, span in enumerate(spans)
+                ]
             )
             white = second.white(predicted[0], windows)
-            change = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+            steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
+            change = steered @ (np.linalg.lstsq(columns, white, rcond=1e-10)[0] - away)
             # never further than the columns were taken
-            change = np.clip(change, -1.5 * np.abs(steps), 1.5 * np.abs(steps))
-            low, high = np.array([(f.low, f.high) for f in free]).T
+            change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
             before, z = z, np.clip(z + change, low, high)
-            if np.all(np.abs(z - before) < 0.15 * np.abs(steps)):
+            if np.all(np.abs(z - before) < 0.15 * spans):
                 break
     except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
         return np.concatenate([values, trial.values]), rough, trial, bench, None
     # the twins' covariance is measured, not known, and columns carry the bed's chaos
-    rest = white - columns @ change
+    rest = white - columns @ np.linalg.lstsq(columns, white, rcond=1e-10)[0]
     size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
     covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
+    covariance = steered @ as_twins_scatter(covariance, columns, second, windows) @ steered.T
     return z, covariance, _moved_to(trial, z[n:], covariance[n:, n:]), second, columns
+
+
+def _bias_follows(
+    bench: Bench, second: Bench, columns: np.ndarray, windows: Windows, trial: BedTrial, n: int, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How the estimator's bias, which grows with the law, changes a step: change = M (least squares - away).
+
+    The twins of ``second`` have the law as strong as in ``trial``, those of ``bench`` have none; between and beyond
+    the bias b is linear in the first number of the law: b = b_1 + (b_1 - b_0) (z - z_1)/(z_1 - neutral). (Grains that
+    roll, say: no film shows their spin, so each window begins without.)
+    """
+    parts = []
+    for after, before, seen, chosen in zip(second.noises, bench.noises, bench.seen, windows, strict=True):
+        hidden = np.where(np.isfinite(seen), 0.0, np.nan)
+        parts.append(after.whiten(after.bias - before.bias + hidden, chosen).ravel())
+    size = len(z)
+    strength = float(trial.values[0] - trial.term.free[0].neutral)
+    if strength == 0.0:
+        return np.eye(size), np.zeros(size)
+    slope = np.linalg.lstsq(columns, np.concatenate(parts), rcond=1e-10)[0] / strength
+    # what would more than triple a step is not believed
+    if 1.0 + slope[n] < 1.0 / 3.0:
+        slope = slope * (-2.0 / 3.0 / slope[n])
+    along = np.zeros((size, size))
+    along[:, n] = slope
+    return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])
 
 
 def _moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:
@@ -854,6 +881,30 @@ def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, wind
     # few windows know their own scatter badly: Student's t in place of the normal 95 %
     student = float(stats.t.ppf(0.975, windows - 1) / stats.norm.ppf(0.975))
     factor = student * np.sqrt(np.maximum(scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    return covariance * np.outer(factor, factor)
+
+
+def as_twins_scatter(covariance: np.ndarray, columns: np.ndarray, bench: Bench, windows: Windows) -> np.ndarray:
+    """The covariance, no narrower than the scatter of the answers that twins give, whose truth is known.
+
+    The bias that is taken off a twin is that of the others. Source: Efron & Tibshirani 1993, An Introduction to the
+    Bootstrap, ch. 6 (parametric bootstrap).
+    """
+    number = min(len(noise.twins) for noise in bench.noises)
+    if number < 3:
+        return covariance
+    answers = []
+    for k in range(number):
+        rows = []
+        for noise, chosen in zip(bench.noises, windows, strict=True):
+            others = np.delete(noise.twins, k, axis=0)
+            known = np.isfinite(others)
+            bias = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            rows.append(noise.whiten(noise.twins[k] - bias, chosen).ravel())
+        answers.append(np.linalg.lstsq(columns, np.concatenate(rows), rcond=1e-10)[0])
+    scatter = np.mean(np.square(answers), axis=0)
+    student = float(stats.t.ppf(0.975, number) / stats.norm.ppf(0.975))
+    factor = np.sqrt(np.maximum(student**2 * scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * np.outer(factor, factor)
 
 
