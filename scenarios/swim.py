@@ -24,7 +24,7 @@ scene = pack(
         laws=(
             use("contact_linear", stiffness=2.2e3, damping=1e4),
             use("union", stiffness=1e3, damping=1e3),
-            use("bending", stiffness=2e-3, damping=1e2, amplitude=math.pi / 4, frequency=9.0),
+            use("bending", stiffness=1.36e-3, damping=1e2, amplitude=math.pi / 4, frequency=9.0),
         ),
         periodic_x=0.05,
         bed=Bed(height=0.03, packing_fraction=0.80, grain_diameter=(1e-3, 2e-3), density=1004.0),

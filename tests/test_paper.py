@@ -10,7 +10,7 @@ import xarray as xr
 from granswim_pymunk.analysis.resonance import second_resonance
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.paper import driver, f4, f9, plans, t1
+from granswim_pymunk.paper import compare, driver, f4, f9, plans, t1
 from granswim_pymunk.paper.calibrate import calibrate, fit_curve, third_of_free
 from granswim_pymunk.paper.claim import CALIBRATED, FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
 from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
@@ -66,10 +66,13 @@ def test_paper_scene_is_the_papers() -> None:
     scene = paper_scene(softness=1.0, layers=11, mu_eff=0.22)
     law = {item.name: item.values for item in scene.laws}
     assert law["contact_linear"]["stiffness"] == 2.2e3 and law["contact_linear"]["damping"] == 1e4
-    assert law["union"]["stiffness"] == 1e3 and law["bending"]["stiffness"] == pytest.approx(2e-3)
+    assert law["union"]["stiffness"] == 1e3 and law["bending"]["stiffness"] == 1.36e-3
     assert law["confinement"]["mu_eff"] == 0.22 and scene.bed is not None
     assert scene.bed.grain_diameter == pytest.approx((1e-3, 2e-3))
     assert scene.bodies[0].mass == pytest.approx(7 * scene.bodies[1].mass)
+    # the k_B first taken is that number exactly, so that its runs are found again
+    first = paper_scene(**plans.FIRST, softness=1.0)
+    assert {item.name: item.values for item in first.laws}["bending"]["stiffness"] == 2e-3
     # softer contacts keep the restitution: gamma^2 m/k stays
     soft = {item.name: item.values for item in paper_scene(softness=25.0).laws}["contact_linear"]
     assert soft["damping"] ** 2 / soft["stiffness"] == pytest.approx(1e8 / 2.2e3)
@@ -156,15 +159,43 @@ def test_inertial_number_peaks_where_it_was_measured() -> None:
 
 
 def test_free_speed_section() -> None:
-    results = synthetic({(f, 0.0, MU_EFF): list(1e-3 * np.array([9.0, 11.0, 13.0])) for f in (4.0, 9.0, 11.0, 15.0)})
+    three = {(f, 0.0, MU_EFF): list(1e-3 * np.array([9.0, 11.0, 13.0])) for f in (4.0, 9.0, 11.0, 15.0)}
+    results = synthetic(three, **plans.FIRST)
     text = "\n".join(driver.free_speed_section(results))
-    assert "11.0 ± 5.0 (n = 3)" in text and "holds the independent one: as used" in text
+    assert "11.0 ± 5.0 (n = 3)" in text and "2.00 mN per radian for label 100" in text
     assert "1.5 at 9 Hz" in text and "area to spare" not in text
+    # what an independent code found with another k_B is not set against the default's speeds
+    alone = "\n".join(driver.free_speed_section(synthetic(three)))
+    assert "11.0 ± 5.0 (n = 3)" in alone and "standard deviations:" not in alone
+    results.runs += synthetic(three).runs
     for seed in range(3):
         point = complete({**plans.LOOSE, "frequency": 9.0}, POCKET, seed)
         results.runs.append((point, xr.Dataset({"speed": 1e-3 * (3.0 + 2 * seed)})))
     text = "\n".join(driver.free_speed_section(results))
     assert "slower by 6.00 ± 0.00 mm/s at 9 Hz (n = 3), so that the 3.0 mm/s" in text and "are 0.005 of" in text
+
+
+def test_claims_of_two_runs_side_by_side(tmp_path: Path) -> None:
+    def verdict(*found: tuple[str, str]) -> Verdict:
+        return Verdict(t1.CLAIM, [Finding("as printed", measured, v) for measured, v in found])
+
+    out = tmp_path / "other"
+    out.mkdir()
+    record = {
+        "format": compare.FORMAT, "setting": "pocket", **plans.FIRST,
+        "claims": [verdict(("1", HOLDS), ("2", HOLDS), ("3", FAILS)).to_dict()],
+    }  # fmt: skip
+    (out / "claims.json").write_text(json.dumps(record))
+    other = compare.read_other(out / "claims.json")
+    # the k-th of equal words is the same statement; what only one of them has is left out
+    mine = [verdict(("4", HOLDS), ("5", FAILS))]
+    assert compare.differing(mine, other) == [("T1", "as printed", "5", FAILS, "2", HOLDS)]
+    assert compare.differing([verdict(("4", HOLDS))], other) == []
+    text = driver.page(mine, POCKET, tmp_path, tmp_path, other)
+    assert "k_B 1.36 mN per radian" in text and "with k_B 2.00 mN per radian" in text
+    assert "[numbers](other/claims.json)" in text
+    assert "| T1 | as printed | **does not hold**: 5 | **holds**: 2 |" in text
+    assert "Every statement has the same verdict" in driver.page([verdict(("4", HOLDS))], POCKET, tmp_path, out, other)
 
 
 # ---- calibration ------------------------------------------------------------------------------
@@ -174,7 +205,7 @@ def test_a_third_of_the_free_speed() -> None:
     # 9 mm/s falling by 40 mm/s for each s/m: a third at mu = 0.15
     rng = np.random.default_rng(2)
     values = {(9.0, 0.0, MU_EFF): list(9e-3 + rng.normal(0, 1e-4, 6))}
-    for mu in plans.FRICTION:
+    for mu in POCKET.friction:
         values[9.0, 11.0, mu] = list(9e-3 - 40e-3 * mu + rng.normal(0, 1e-4, 6))
     found = third_of_free(synthetic(values))
     assert found.mu_eff == pytest.approx(0.15, abs=3 * found.error) and 0 < found.error < 0.02
@@ -260,6 +291,24 @@ def test_a_small_run_of_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert a.value is None or a.value == pytest.approx(b.value, rel=1e-5)
 
 
+def test_another_scale_of_k_B(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The modes of the law as simulated go with the root of k_B; the page of the default stands beside it."""
+    first, out = tmp_path / "first", tmp_path / "out"
+    assert main(["paper", "T1", "readings", "--no-run", "--k-b-scale", "1.47", "--out", str(first)]) == 0
+    record = json.loads((first / "claims.json").read_text())
+    assert record["k_B_scale"] == pytest.approx(2.0 / 1.36)
+    assert "--k-b-scale 1.47" in (first / "paper.md").read_text()
+    more = ["--compare", str(first / "claims.json")]
+    assert main(["paper", "T1", "readings", "--no-run", "--out", str(out), *more]) == 0
+    here = json.loads((out / "claims.json").read_text())
+    second, fewer = (
+        [f["value"] for f in r["claims"][0]["findings"] if f["unit"] == "Hz"] for r in (record, here)
+    )  # fmt: skip
+    assert len(second) == 3 and second == pytest.approx(np.sqrt(2.0 / 1.36) * np.array(fewer), rel=1e-3)
+    assert "[page](../first/paper.md)" in (out / "readings.md").read_text()
+    capsys.readouterr()
+
+
 def test_the_command_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, report = tmp_path / "out", tmp_path / "t1.json"
     assert main(["paper", "T1", "F10", "--no-run", "--out", str(out), "--json", str(report)]) == 0
@@ -277,6 +326,9 @@ def test_the_command_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[
         (["F11"], "unknown claim"),
         (["T1", "--curve", "nowhere.csv"], "nowhere.csv"),
         (["T1", "--json", "nowhere/at/all.json"], "does not exist"),
+        (["T1", "--k-b-scale", "0"], "above zero"),
+        (["T1", "--compare", "nowhere.json"], "nowhere.json"),
+        (["T1", "--compare", __file__], "no JSON"),
     ],
 )
 def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str) -> None:

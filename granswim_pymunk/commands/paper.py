@@ -11,6 +11,7 @@ import argparse
 
 from ..paper.driver import paper
 from ..paper.plans import SETTINGS
+from ..paper.scenes import MU_EFF
 
 HELP = "the tables and figures of the sand swimmer's paper, claim by claim"
 
@@ -23,6 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pages", metavar="DIR", help="where paper.md and readings.md go (default: OUT)")
     parser.add_argument("--json", metavar="FILE", help="verdicts and every number as JSON (default: OUT/claims.json)")
     parser.add_argument("--curve", metavar="FILE", help="calibrate mu_eff to a measured curve.csv as well")
+    parser.add_argument(
+        "--k-b-scale", type=float, default=1.0, metavar="X", help="times the default k_B (1.47: as first taken)"
+    )
+    parser.add_argument(
+        "--mu-eff", type=float, default=MU_EFF, metavar="X", help="calibrated mu_eff, under layers (%(default)s)"
+    )
+    parser.add_argument("--compare", metavar="FILE", help="claims.json of another run, to stand beside this one")
     parser.add_argument("--no-run", action="store_true", help="only with what is finished")
     parser.add_argument("--retry-failed", action="store_true", help="run again what failed before")
     parser.add_argument("--processes", type=int, metavar="N", help="local processes (default: one a core)")
@@ -32,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     paper(
         args.claims, setting=args.setting, out=args.out, runs=args.runs, pages=args.pages, json_file=args.json,
-        curve=args.curve, run=not args.no_run, processes=args.processes, dask=args.dask,
-        retry_failed=args.retry_failed, say=lambda text: print(text, flush=True),
+        curve=args.curve, k_B_scale=args.k_b_scale, mu_eff=args.mu_eff, compare=args.compare, run=not args.no_run,
+        processes=args.processes, dask=args.dask, retry_failed=args.retry_failed,
+        say=lambda text: print(text, flush=True),
     )  # fmt: skip
     return 0

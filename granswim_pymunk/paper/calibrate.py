@@ -11,9 +11,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..sweep import Job, read_dataset
-from .plans import FRICTION, Point, Setting, complete
+from .plans import Point, Setting, complete
 from .results import Results, jobs_of, run_points, summarise
-from .scenes import MU_EFF
 
 TARGET = 1.0 / 3.0
 
@@ -23,7 +22,7 @@ class Calibration:
     """mu_eff [s/m] with its 95 % half width.
 
     rms : misfit of the curve at mu_eff [m/s] (NaN where a ratio was asked for);  ratio : free over confined
-    speed at the paper's layers, at ``MU_EFF``;  mu, misfit : what was tried
+    speed at the paper's layers, at the setting's mu_eff;  mu, misfit : what was tried
     """
 
     mu_eff: float
@@ -47,7 +46,7 @@ def third_of_free(results: Results, seed: int = 0, draws: int = 1000) -> Calibra
     Straight lines between the values of mu_eff that were run (0 included). For the error every mean is drawn anew
     from its own Student t.
     """
-    mu = np.array([0.0, *sorted(FRICTION)])
+    mu = np.array([0.0, *results.setting.friction])
     speeds = [
         results.values("speed", frequency=9.0)
         if m == 0
@@ -69,7 +68,7 @@ def third_of_free(results: Results, seed: int = 0, draws: int = 1000) -> Calibra
     kept = kept[np.isfinite(kept)]
     few = min(len(s) for s in speeds) < 2
     low, high = np.percentile(kept, [2.5, 97.5]) if len(kept) > draws / 2 and not few else (np.nan, np.nan)
-    at = np.flatnonzero(np.isclose(mu, MU_EFF))
+    at = np.flatnonzero(np.isclose(mu, results.setting.mu_eff))
     ratio = float(means[0] / means[at[0]]) if len(at) else np.nan
     return Calibration(
         _crossing(mu, means / means[0]), float(high - low) / 2, ratio, np.nan, min(len(s) for s in speeds), mu,
@@ -132,12 +131,14 @@ def fit_curve(
 
 
 def calibrate(
-    curve: np.ndarray, setting: Setting, folder: str | Path, mu: Sequence[float] = (0.0, *sorted(FRICTION)), **how: Any
+    curve: np.ndarray, setting: Setting, folder: str | Path, mu: Sequence[float] | None = None, **how: Any
 ) -> Calibration:
     """Run what a curve needs (its frequencies and layers, each mu_eff, all packings) and fit mu_eff.
 
-    folder : of the run files, shared with the claims;  how : as ``sweep.run_jobs``
+    folder : of the run files, shared with the claims;  mu : [s/m] (default: none and those of the claims)
+    how : as ``sweep.run_jobs``
     """
+    mu = (0.0, *setting.friction) if mu is None else mu
     if not len(curve):
         raise InputError("has no rows", where="curve")
     rows = [(float(row["frequency"]), float(row["layers"])) for row in curve]

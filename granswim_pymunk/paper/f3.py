@@ -1,5 +1,7 @@
 """F3a and F3b: speed under friction with the substrate, calibrated, and for beds of 1, 2 and 3 cm."""
 
+import itertools
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -8,15 +10,17 @@ from .claim import CALIBRATED, OPEN, Claim, Finding, above, least, number
 from .draw import curve, frequency_axis, legend, styled
 from .plans import FRICTION
 from .results import Results
-from .scenes import LAYERS, MU_EFF
+from .scenes import LAYERS
 
-MU = tuple(sorted(FRICTION))
-SHADES = dict(zip((0.0, *MU), ("#222222", "#56b4e9", "#e69f00", "#d55e00", "#009e73"), strict=False))
+STEPS = tuple(sorted({0.0, *FRICTION}))  # s/m, far enough apart to tell the speeds apart
+SHADES = {0.055: "#56b4e9", 0.11: "#e69f00", 0.16: "#cc79a7", 0.22: "#009e73"}
+CALIBRATED_SHADE = "#d55e00"
 
 
 def judge_a(results: Results) -> list[Finding]:
     findings = []
-    for low, high in zip((0.0, *MU), MU, strict=False):
+    usual = results.setting.mu_eff
+    for low, high in itertools.pairwise(STEPS):
         first = {"frequency": 9.0} if low == 0 else {"frequency": 9.0, "layers": 11.0, "mu_eff": low}
         second = {"frequency": 9.0, "layers": 11.0, "mu_eff": high}
         d, e, n = results.difference("speed", first, second)
@@ -28,7 +32,7 @@ def judge_a(results: Results) -> list[Finding]:
             )
         )  # fmt: skip
     found = third_of_free(results)
-    ratio = f"free over confined speed {found.ratio:.2f} at mu_eff {MU_EFF:g} s/m" if np.isfinite(found.ratio) else ""
+    ratio = f"free over confined speed {found.ratio:.2f} at mu_eff {usual:g} s/m" if np.isfinite(found.ratio) else ""
     findings.append(
         Finding(
             says="free speed is three times the confined one; mu_eff = 0.22",
@@ -38,7 +42,7 @@ def judge_a(results: Results) -> list[Finding]:
             note="mu_eff is fitted to this ratio here as in the paper, so it is no evidence",
         )
     )  # fmt: skip
-    for mu in MU:
+    for mu in results.setting.friction:
         verdict, text, n = peaked(results, {"layers": 11.0, "mu_eff": mu})
         findings.append(
             Finding(
@@ -89,12 +93,15 @@ def judge_b(results: Results) -> list[Finding]:
 def draw_a(results: Results) -> Figure | None:
     figure = Figure(figsize=(4.4, 3.0), layout="constrained")
     axis = figure.subplots()
-    curve(axis, results, "speed", 1e3, "free", color=SHADES[0.0])
-    for mu in MU:
-        curve(axis, results, "speed", 1e3, f"μ_eff = {mu:g} s/m", color=SHADES[mu], layers=11.0, mu_eff=mu)
+    curve(axis, results, "speed", 1e3, "free", color="#222222")
+    for mu in results.setting.friction:
+        usual = mu == results.setting.mu_eff
+        name = f"μ_eff = {mu:g} s/m" + ", calibrated" * usual
+        colour = CALIBRATED_SHADE if usual else SHADES[mu]
+        curve(axis, results, "speed", 1e3, name, color=colour, layers=11.0, mu_eff=mu)
     axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
     frequency_axis(axis, "speed, head first [mm/s]")
-    legend(axis)
+    legend(axis, loc="lower left", fontsize=7.5)
     return figure if axis.lines else None
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from .claim import Claim, Finding, above, number, within
 from .draw import MODE_1, MODE_2, styled
@@ -63,10 +64,12 @@ def draw(results: Results) -> Figure | None:
             axis.bar(middle, total / total.sum(), width=edges[1] - edges[0], color=colour, alpha=0.55, label=name)
             drawn = True
         axis.set_title(place)
+        axis.yaxis.set_major_locator(MaxNLocator(3))
         axis.set_yticklabels([])
         axis.tick_params(labelsize=7)
     if not drawn:
         return None
+    figure.suptitle("contacts by the direction of their push; the swimmer moves to the left ←", fontsize=8)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 

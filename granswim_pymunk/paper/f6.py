@@ -3,10 +3,11 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..analysis.resonance import second_resonance
 from ..analysis.work import work_per_cycle
 from .claim import FAILS, HOLDS, OPEN, Claim, Finding, above, least, number
 from .draw import COLOURS, MODE_1, MODE_2, curve, frequency_axis, legend, styled
-from .results import Results
+from .results import Results, nan_mean
 
 MODES = ((4.0, "first mode (4 Hz)", MODE_1), (9.0, "second mode (9 Hz)", MODE_2))
 
@@ -75,6 +76,16 @@ def judge(results: Results) -> list[Finding]:
     return findings
 
 
+PHASES = 30  # in a cycle
+
+
+def _by_phase(cycles: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Means over cycles at ``PHASES`` phases of the drive."""
+    bins = np.floor((cycles % 1.0) * PHASES).astype(int)
+    count = np.bincount(bins, minlength=PHASES)
+    return np.bincount(bins, values, PHASES) / np.where(count, count, np.nan)
+
+
 @styled
 def draw(results: Results) -> Figure | None:
     figure = Figure(figsize=(6.8, 4.6), layout="constrained")
@@ -82,6 +93,7 @@ def draw(results: Results) -> Figure | None:
     drawn = False
     for f, name, colour in MODES:
         works: list[np.ndarray] = []
+        rates: list[np.ndarray] = []
         for p, _ in results.select(frequency=f):
             run = results.full(p)
             if run is None:
@@ -91,22 +103,31 @@ def draw(results: Results) -> Figure | None:
                                   run["disk_mass"].values, f)  # fmt: skip
             if not works:
                 late = work.t > work.t[-1] - 4 / f
-                top.plot((work.t[late] - work.t[late][0]) * f, 1e3 * work.rate[late], color=colour, label=name)
+                begin = np.floor(work.t[late][0] * f)
+                top.plot(work.t[late] * f - begin, 1e3 * work.rate[late], color=colour, alpha=0.35, linewidth=0.6)
+            rates.append(_by_phase(work.t * f, work.rate))
             works.append(work.stated[np.isfinite(work.stated)])
         if works:
+            phase = np.arange(4 * PHASES + 1) / PHASES + 0.5 / PHASES
+            mean = np.tile(nan_mean(rates, axis=0), 5)[: len(phase)]
+            top.plot(phase, 1e3 * mean, color=colour, label=name)
             pdf.hist(1e6 * np.concatenate(works), bins=40, density=True, histtype="step", color=colour, label=name)
             drawn = True
     if not drawn and not results.frequencies():
         return None
-    top.set_xlabel("t f, the last four cycles")
+    top.set_xlabel("t f, four cycles (thin: one packing; thick: mean)")
     top.set_ylabel("F·v/|v| [mN]")
+    top.set_ylim(-2.2, 2.2)
     pdf.set_xlabel("W_T as stated [µN s]")
-    pdf.set_ylabel("PDF")
+    pdf.set_ylabel("PDF [1/(µN s)]")
     legend(pdf, fontsize=7)
     for label, colour in COLOURS.items():
         curve(stated, results, "work_stated", 1e6, f"k_B = {label:g}", color=colour, k_B=label)
         curve(real, results, "input", 1e6, f"k_B = {label:g}", color=colour, k_B=label)
-    frequency_axis(stated, "⟨W_T⟩ as stated [µN s]")
+    for axis in (stated, real):
+        for label, colour in COLOURS.items():
+            axis.axvline(second_resonance(label), color=colour, linewidth=0.8, zorder=0)
+    frequency_axis(stated, "mean W_T as stated [µN s]")
     frequency_axis(real, "work per cycle [µJ]")
     legend(real, fontsize=7)
     return figure

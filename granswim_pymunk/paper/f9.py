@@ -49,8 +49,8 @@ def judge(results: Results) -> list[Finding]:
         said = number(mean, error, "D_s") if reached.any() else "nowhere"
         findings.append(
             Finding(
-                says="above 8 Hz I = 1e-3 lies near y/D_s = 2",
-                measured=f"{f:g} Hz: {said}, reached in {reached.sum()} of {len(found)} packings",
+                says=f"above 8 Hz I = 1e-3 lies near y/D_s = 2 ({f:g} Hz)",
+                measured=f"{said}, reached in {reached.sum()} of {len(found)} packings",
                 verdict=(within(mean, error, 1.0, 3.0) if reached.mean() > 0.5 else FAILS) if len(found) else OPEN,
                 value=mean, error=error, unit="D_s", packings=len(found), note="near: 1 to 3 D_s; P taken over "
                 "the thickness of the layer, so that I is a pure number: as written, I is 32 times larger",

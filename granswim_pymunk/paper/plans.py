@@ -8,30 +8,31 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .measure import Plan
-from .scenes import MU_EFF, STEP
+from .scenes import K_B_FIRST, K_B_PER_LABEL, MU_EFF, STEP
 
 Point = dict[str, Any]
 
 # frequencies [Hz] of the free swimmer at the label k_B
 FREE = {
     100.0: (4.0, 9.0, 15.0, 11.0, 6.0, 20.0),
-    200.0: (9.0, 13.5, 18.0, 24.0),
-    500.0: (9.0, 22.0, 27.0, 36.0),
+    200.0: (9.0, 13.5, 18.0, 24.0, 11.0, 16.0),
+    500.0: (9.0, 22.0, 27.0, 36.0, 17.0),
     150.0: (9.0, 11.5, 15.0, 20.0),
 }
 THREE = (9.0, 4.0, 15.0)
-FRICTION = (MU_EFF, 0.11, 0.055, 0.22)  # s/m, at 11 layers
+FRICTION = (0.11, 0.16, 0.055, 0.22)  # s/m, at 11 layers, besides the calibrated one
 HEIGHTS = (5.0, 18.0)  # layers
 SIZES: tuple[Point, ...] = (
     {"grain_diameter": 2.0e-3},
     {"height": 0.035},
 )
+FIRST: Point = {"k_B_scale": K_B_FIRST / K_B_PER_LABEL}
 READINGS: tuple[Point, ...] = (
     {"form": "elastic"},
     {"form": "head_axis"},
     {"gamma_B": 1.0e3},
-    {"k_B_scale": 0.17},
-    {"k_B_scale": 0.68},
+    {"k_B_scale": 0.25},
+    FIRST,
 )
 LOOSE: Point = {"packing_fraction": 0.79}
 # of a box of 140 mm with as much area to spare as one of 100 mm at 0.80, were grains dense at 0.85:
@@ -52,6 +53,21 @@ class Setting:
     plan: Plan
     softness: float
     usual: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def k_B_scale(self) -> float:
+        """How many times the default's k_B all runs have that say nothing else."""
+        return float(self.usual.get("k_B_scale", 1.0))
+
+    @property
+    def mu_eff(self) -> float:
+        """The calibrated mu_eff [s/m]: of all runs under layers that say nothing else."""
+        return float(self.usual.get("mu_eff", MU_EFF))
+
+    @property
+    def friction(self) -> tuple[float, ...]:
+        """All mu_eff [s/m] at 11 layers, rising."""
+        return tuple(sorted({self.mu_eff, *FRICTION}))
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -102,10 +118,11 @@ def blocks(setting: Setting) -> dict[str, list[Point]]:
             *({"frequency": 9.0, **c} for c in convergence(setting)),
             *({"frequency": 15.0, **c} for c in (LOOSE, stiff(setting))),
         ],
-        "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in FRICTION for f in THREE],
+        "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in setting.friction for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
-        "readings": [{**r, "frequency": f} for r in READINGS for f in THREE],
-        "stored": [{"stored": "bed_9Hz", "frequency": f} for f in (9.0, 15.0)],
+        # what an independent code did, it did with the k_B first taken, at 11 Hz too
+        "readings": [*({**r, "frequency": f} for r in READINGS for f in THREE), {**FIRST, "frequency": 11.0}],
+        "stored": [{"stored": "bed_9Hz", "frequency": f, **FIRST} for f in (9.0, 15.0)],
         "sizes": [{**s, "frequency": f} for s in SIZES for f in THREE],
     }
 

@@ -43,7 +43,7 @@ def judge(results: Results) -> list[Finding]:
         )
     )
     for form in FORMS:
-        modes = linearised_modes(paper_scene(form=form))
+        modes = linearised_modes(paper_scene(form=form, k_B_scale=results.setting.k_B_scale))
         findings.append(
             Finding(
                 says="the second mode of the swimmer lies at 9.06 Hz (k_B 100)",
@@ -68,10 +68,15 @@ def draw(results: Results) -> Figure:
         left.plot(row.label, row.resonant_computed / (2 * math.pi), "o", color=COLOURS[row.label], markersize=4)
     left.set_xlabel("label k_B")
     left.set_ylabel("resonant frequency [Hz]")
-    left.set_title("the paper's chain: squares printed, dots computed")
+    left.set_title("chain: squares printed, dots computed")
+    for mode in (1, 2):
+        last = next(r for r in rows if r.mode == mode and r.label == 500.0)
+        left.annotate(f"mode {mode}", (last.label, last.resonant_computed / (2 * math.pi)), (-10, -3),
+                      textcoords="offset points", ha="right", fontsize=8)  # fmt: skip
     labels = np.array([100.0, 150.0, 200.0, 300.0, 400.0, 500.0])
     for form, style in zip(FORMS, ("-", "--", ":"), strict=True):
-        second = [linearised_modes(paper_scene(form=form, k_B=k)).natural[1] for k in labels]
+        scale = results.setting.k_B_scale
+        second = [linearised_modes(paper_scene(form=form, k_B=k, k_B_scale=scale)).natural[1] for k in labels]
         right.plot(labels, second, style, color="#222222", label=form)
     right.plot(
         [r.label for r in rows if r.mode == 2], [r.resonant_computed / (2 * math.pi) for r in rows if r.mode == 2],
