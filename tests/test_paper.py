@@ -10,7 +10,7 @@ import xarray as xr
 from granswim_pymunk.analysis.resonance import second_resonance
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.paper import compare, driver, f4, f9, plans, t1
+from granswim_pymunk.paper import compare, driver, f4, f9, pages, plans, t1
 from granswim_pymunk.paper.calibrate import calibrate, fit_curve, third_of_free
 from granswim_pymunk.paper.claim import CALIBRATED, FAILS, HOLDS, OPEN, Finding, Verdict, above, number, peak, within
 from granswim_pymunk.paper.f9 import HEIGHTS, at, interface
@@ -161,17 +161,17 @@ def test_inertial_number_peaks_where_it_was_measured() -> None:
 def test_free_speed_section() -> None:
     three = {(f, 0.0, MU_EFF): list(1e-3 * np.array([9.0, 11.0, 13.0])) for f in (4.0, 9.0, 11.0, 15.0)}
     results = synthetic(three, **plans.FIRST)
-    text = "\n".join(driver.free_speed_section(results))
+    text = "\n".join(pages.free_speed_section(results))
     assert "11.0 ± 5.0 (n = 3)" in text and "2.00 mN per radian for label 100" in text
     assert "1.5 at 9 Hz" in text and "area to spare" not in text
     # what an independent code found with another k_B is not set against the default's speeds
-    alone = "\n".join(driver.free_speed_section(synthetic(three)))
+    alone = "\n".join(pages.free_speed_section(synthetic(three)))
     assert "11.0 ± 5.0 (n = 3)" in alone and "standard deviations:" not in alone
     results.runs += synthetic(three).runs
     for seed in range(3):
         point = complete({**plans.LOOSE, "frequency": 9.0}, POCKET, seed)
         results.runs.append((point, xr.Dataset({"speed": 1e-3 * (3.0 + 2 * seed)})))
-    text = "\n".join(driver.free_speed_section(results))
+    text = "\n".join(pages.free_speed_section(results))
     assert "slower by 6.00 ± 0.00 mm/s at 9 Hz (n = 3), so that the 3.0 mm/s" in text and "are 0.005 of" in text
 
 
@@ -191,11 +191,11 @@ def test_claims_of_two_runs_side_by_side(tmp_path: Path) -> None:
     mine = [verdict(("4", HOLDS), ("5", FAILS))]
     assert compare.differing(mine, other) == [("T1", "as printed", "5", FAILS, "2", HOLDS)]
     assert compare.differing([verdict(("4", HOLDS))], other) == []
-    text = driver.page(mine, POCKET, tmp_path, tmp_path, other)
+    text = pages.page(mine, POCKET, tmp_path, tmp_path, other)
     assert "k_B 1.36 mN per radian" in text and "with k_B 2.00 mN per radian" in text
     assert "[numbers](other/claims.json)" in text
     assert "| T1 | as printed | **does not hold**: 5 | **holds**: 2 |" in text
-    assert "Every statement has the same verdict" in driver.page([verdict(("4", HOLDS))], POCKET, tmp_path, out, other)
+    assert "Every statement has the same verdict" in pages.page([verdict(("4", HOLDS))], POCKET, tmp_path, out, other)
 
 
 # ---- calibration ------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from ..scene import Bed, Scene, Time, swimmer, use
 # N per radian for one unit of the paper's label, 1.36e-3 N for "10^2": with it the free swimmer of label 100 is fastest
 # at the table's second resonance (F4 fits this one number; ``readings`` compares)
 K_B_PER_LABEL = 1.36e-5
-K_B_FIRST = 2.0e-5  # the same, as first taken, before anything was measured
+K_B_FIRST = 2.0e-5  # the same, as first taken: an independent code had its optimum near 9 to 11 Hz with it
 # s/m: a third of the free speed at 11 layers and 9 Hz (F3a measures it; 0.16 with K_B_FIRST); the paper prints 0.22
 MU_EFF = 0.13
 LAYERS = {1: 5, 2: 11, 3: 18}  # height of the bed [cm]: layers of grains above
