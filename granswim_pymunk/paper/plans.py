@@ -80,7 +80,7 @@ class Setting:
 
 
 # each with all packings; besides there is "stored", one bed packed by another code
-BLOCKS = ("free", "k_B", "friction", "heights", "readings", "convergence", "sizes")
+BLOCKS = ("free", "k_B", "friction", "heights", "readings", "convergence", "sizes", "convergence_15")
 _EIGHT = (1, 2, 3, 4, 5, 6, 7, 8)
 POCKET = Setting(
     "pocket",
@@ -88,7 +88,7 @@ POCKET = Setting(
         # two packings of everything first, then one claim after the other
         ("friction", _EIGHT[:2]), ("k_B", _EIGHT[:2]), ("readings", _EIGHT[:2]),
         *((name, _EIGHT) for name in ("free", "friction", "k_B", "heights", "sizes")),
-        ("stored", (1,)), ("convergence", _EIGHT), ("readings", _EIGHT),
+        ("stored", (1,)), ("convergence", _EIGHT), ("readings", _EIGHT), ("convergence_15", _EIGHT),
     ),
     Plan(),
     25.0,
@@ -114,10 +114,8 @@ def blocks(setting: Setting) -> dict[str, list[Point]]:
     return {
         "free": [{"k_B": 100.0, "frequency": f} for f in FREE[100.0]],
         "k_B": [{"k_B": k, "frequency": f} for k in (200.0, 500.0, 150.0) for f in FREE[k]],
-        "convergence": [
-            *({"frequency": 9.0, **c} for c in convergence(setting)),
-            *({"frequency": 15.0, **c} for c in (LOOSE, stiff(setting))),
-        ],
+        "convergence": [{"frequency": 9.0, **c} for c in convergence(setting)],
+        "convergence_15": [{"frequency": 15.0, **c} for c in (LOOSE, stiff(setting))],
         "friction": [{"layers": 11.0, "mu_eff": mu, "frequency": f} for mu in setting.friction for f in THREE],
         "heights": [{"layers": n, "frequency": f} for n in HEIGHTS for f in THREE],
         # what an independent code did, it did with the k_B first taken, at 11 Hz too

@@ -188,8 +188,8 @@ def draw_convergence(results: Results) -> Figure | None:
 
 
 READING = Claim(
-    "readings", "Readings of the bending law", "Eq. 3, section II", ("free", "readings", "convergence", "stored"),
-    judge, draw,
+    "readings", "Readings of the bending law", "Eq. 3, section II",
+    ("free", "readings", "convergence", "convergence_15", "stored"), judge, draw,
 )  # fmt: skip
 CONVERGED = Claim(
     "convergence", "Step, stiffness and size of the box", "section II", ("free", "convergence"), judge_convergence,
