@@ -150,7 +150,7 @@ def draw(results: Results) -> Figure | None:
     axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
     axis.set_xlim(0, 38)
     frequency_axis(axis, "speed, head first [mm/s]")
-    axis.set_title("solid: second resonance of the table; dashed: first; dotted: second mode as simulated", fontsize=8)
+    axis.set_title("solid: the table's mode 2; dashed: its mode 1; dotted: mode 2 as simulated", fontsize=8)
     legend(axis, loc="upper left", frameon=True, framealpha=1.0, edgecolor="white")
     return figure if axis.containers else None
 

@@ -117,6 +117,7 @@ def draw(results: Results) -> Figure | None:
         return None
     top.set_xlabel("t f, four cycles (thin: one packing; thick: mean)")
     top.set_ylabel("F·v/|v| [mN]")
+    top.set_xlim(0, 4)
     top.set_ylim(-2.2, 2.2)
     pdf.set_xlabel("W_T as stated [µN s]")
     pdf.set_ylabel("PDF [1/(µN s)]")

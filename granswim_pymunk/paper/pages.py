@@ -15,7 +15,7 @@ from .claim import CALIBRATED, FAILS, HOLDS, OPEN, Verdict, number
 from .compare import Other, differing, scale_in_words
 from .plans import FIRST, LOOSE, Setting
 from .results import Results
-from .scenes import MU_EFF, paper_scene
+from .scenes import K_B_FIRST, K_B_PER_LABEL, MU_EFF, paper_scene
 
 MARK = {HOLDS: "**holds**", FAILS: "**does not hold**", OPEN: "not decided", CALIBRATED: "calibrated"}
 
@@ -184,11 +184,11 @@ def _scale_of_k_B(results: Results, other: Other | None, pages: Path) -> list[st
         return float(linearised_modes(paper_scene(**{"k_B_scale": used, **reading})).natural[1])
 
     text = (
-        "The scale of k_B is not given in SI. First 2.00 mN per radian was taken for the label 100: an independent "
-        "code had its optimum near 9 to 11 Hz with it, in single samples. The default, 1.36 mN per radian, is 0.68 of "
-        "that: **one number, fitted** under `leader` so that the free swimmer of label 100 is fastest at the table's "
+        f"The scale of k_B is not given in SI. First {1e5 * K_B_FIRST:.2f} mN per radian was taken for the label 100: "
+        "an independent code had its optimum near 9 to 11 Hz with it, in single samples. The default, "
+        f"{1e5 * K_B_PER_LABEL:.2f} mN per radian, is {1 / first:.2f} of that: **one number, fitted** under `leader` so that the free swimmer of label 100 is fastest at the table's "
         "second resonance. F4 is no evidence for this label then; the labels 150, 200 and 500, and everything else, "
-        "are. The calibrated μ_eff went along (F3a): 0.13 s/m in place of 0.16. The other forms have the stiffness of "
+        f"are. The calibrated μ_eff goes along (F3a): {MU_EFF:g} s/m in place of 0.16. The other forms have the stiffness of "
         "`leader`, not one fitted to each."
     )
     if other is not None and np.isclose(other.k_B_scale, first):
