@@ -62,7 +62,8 @@ def read_other(file: str | Path) -> Other:
 def differing(verdicts: Sequence[Verdict], other: Other) -> list[tuple[str, str, str, str, str, str]]:
     """(claim, statement, measured here, verdict here, measured there, verdict there) where verdicts differ.
 
-    The k-th statement with the same words in a claim is taken for the same; one that only one of them has is left out.
+    The k-th statement with the same words in a claim is taken for the same; one that only one of them has, or has
+    runs for, is left out.
     """
     theirs: dict[tuple[str, str, int], dict[str, Any]] = {}
     for claim in other.record["claims"]:
@@ -74,7 +75,10 @@ def differing(verdicts: Sequence[Verdict], other: Other) -> list[tuple[str, str,
     for v in verdicts:
         for said, k, f in _counted([(f.says, f) for f in v.findings]):
             there = theirs.get((v.claim.name, said, k))
-            if there is not None and there["verdict"] != f.verdict:
+            # where only one of them has runs there is nothing to compare
+            if there is None or bool(there["packings"]) != bool(f.packings):
+                continue
+            if there["verdict"] != f.verdict:
                 rows.append((v.claim.name, said, f.measured, f.verdict, there["measured"], there["verdict"]))
     return rows
 
