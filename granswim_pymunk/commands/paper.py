@@ -2,7 +2,7 @@
 
 Runs what a claim needs and is not there yet, draws its figure, and prints what the paper says, what was measured
 with its 95 % error, and whether it holds. CLAIM: T1, F2 .. F10 (F3 is F3a and F3b), readings, convergence, checks;
-none: all. The pocket setting (8 packings, 1.5 s, softer contacts) is 578 runs of about 10 s of one core, 16 of them,
+none: all. The pocket setting (8 packings, 1.5 s, softer contacts) is 570 runs of about 10 s of one core, 16 of them,
 with stiff contacts, 50 s: an hour of two cores. paper is 20 packings of 10 s after settling with the paper's
 stiffnesses, for a cluster (--dask). Stopped, it goes on where it was.
 """
