@@ -167,6 +167,9 @@ def test_free_speed_section() -> None:
     # what an independent code found with another k_B is not set against the default's speeds
     alone = "\n".join(pages.free_speed_section(synthetic(three)))
     assert "11.0 ± 5.0 (n = 3)" in alone and "standard deviations:" not in alone
+    assert "tail first" not in alone
+    slow = {(15.0, 0.0, MU_EFF): [-3e-3, -4e-3, -5e-3], (20.0, 0.0, MU_EFF): [-9e-3, 1e-3, 9e-3]}
+    assert "goes tail first at 15 Hz" in "\n".join(pages.free_speed_section(synthetic(slow)))
     results.runs += synthetic(three).runs
     for seed in range(3):
         point = complete({**plans.LOOSE, "frequency": 9.0}, POCKET, seed)

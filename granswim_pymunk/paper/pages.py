@@ -120,6 +120,11 @@ def free_speed_section(results: Results) -> list[str]:
             "", "With k_B as first taken the swimmer is faster than the independent sample by, in those standard "
             f"deviations: {', '.join(away)}.",
         ]  # fmt: skip
+    speeds = {f: results.mean("speed", frequency=f) for f in results.frequencies()}
+    behind = [f"{f:g}" for f, (mean, error, _) in speeds.items() if mean + error < 0]
+    if behind:
+        used = scale_in_words(results.setting.k_B_scale)
+        lines += ["", f"With {used} the free swimmer goes tail first at {', '.join(behind)} Hz."]
     d, e, n = results.difference("speed", {"frequency": 9.0}, {**LOOSE, "frequency": 9.0})
     if n > 2 and d > 0:
         less = 0.80 - LOOSE["packing_fraction"]
@@ -197,7 +202,8 @@ def _scale_of_k_B(results: Results, other: Other | None, pages: Path) -> list[st
         scale = other.measured("F4", "the optimum is the second resonance")
         text += (
             f" Every claim with k_B as first taken: [page]({_link(other.file.with_name('paper.md'), pages)}), "
-            f"[numbers]({_link(other.file, pages)}), side by side in [paper.md](paper.md)"
+            f"[numbers]({_link(other.file, pages)}), side by side in [paper.md](paper.md); the other "
+            f"readings with that stiffness: [page]({_link(other.file.with_name('readings.md'), pages)})"
             + (f"; there F4 has: {scale}." if scale else ".")
         )
     modes = ", ".join(f"`{form}` {second(form=form):.1f}" for form in t1.FORMS)
