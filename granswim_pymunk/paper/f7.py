@@ -60,11 +60,12 @@ def judge(results: Results) -> list[Finding]:
         verdicts = {above(-mean, error), above(other, half)}
         findings.append(
             Finding(
-                says="bed's energy stops growing at some f while the swimmer's still grows",
+                says="bed's energy does not grow from 15 to 20 Hz, while the swimmer's does",
                 measured=f"d ln E/d ln f from 15 to 20 Hz is {number(mean, error)} for the bed, {number(other, half)} "
                 "for the swimmer",
                 verdict=HOLDS if verdicts == {HOLDS} else FAILS if FAILS in verdicts else OPEN,
-                value=mean, error=error, packings=len(bed), note="as the paper's saturation, beyond the optimum",
+                value=mean, error=error, packings=len(bed),
+                note="the paper's saturation, looked for at the highest frequencies",
             )
         )  # fmt: skip
     return findings
