@@ -49,15 +49,16 @@ class Bench:
         wanted: Sequence[tuple[Hypothesis, np.ndarray]],
         windows: Windows | None = None,
         members: int | None = None,
+        first: int = 0,
     ) -> list[Prediction | None]:
-        """What the members show under each hypothesis; None where a run failed."""
+        """What the members, from number ``first`` on, show under each hypothesis; None where a run failed."""
         jobs, owner = [], []
         for k, (hypothesis, values) in enumerate(wanted):
             for b, predictor in enumerate(self.predictors):
                 chosen = None if windows is None else [int(w) for w in windows[b]]
                 if chosen is not None and not chosen:
                     continue
-                jobs.append(Job(predictor, hypothesis, np.asarray(values, dtype=float), chosen, members))
+                jobs.append(Job(predictor, hypothesis, np.asarray(values, dtype=float), chosen, members, first))
                 owner.append((k, b))
         found = dict(zip(owner, predict_all(jobs), strict=True))
         result: list[Prediction | None] = []
@@ -81,9 +82,10 @@ class Bench:
         wanted: Sequence[tuple[Hypothesis, np.ndarray]],
         windows: Windows | None = None,
         members: int | None = None,
+        first: int = 0,
     ) -> list[Prediction]:
         """As ``predict``. Raises Failed where a run failed."""
-        found = [p for p in self.predict(wanted, windows, members) if p is not None]
+        found = [p for p in self.predict(wanted, windows, members, first) if p is not None]
         if len(found) < len(wanted):
             raise Failed("a window cannot be simulated")
         return found

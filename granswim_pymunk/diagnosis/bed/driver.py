@@ -25,7 +25,7 @@ from .candidates import bed_terms, check_bed, flexible_terms, siblings
 from .cut import REACH
 from .experiment import Proposal, propose
 from .places import Place, locate
-from .signatures import BedSignature, limits, make_signature, off, recombined, to_values
+from .signatures import BedSignature, coherence, limits, make_signature, off, recombined, to_values, whole_films
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
 ALARM = 0.01
@@ -287,6 +287,7 @@ def diagnose_windows(
     few = thinned(used, CLEAR_GAIN / surplus if surplus > CLEAR_GAIN else 1.0)
     at = positions(bench, used, few)
     few_nuisance, few_left = nuisance[at], off(nuisance[at], white[at])
+    apart = _apart(bench, hypothesis, values, few, plan.screening)
     signatures: list[BedSignature] = []
     untried: list[str] = []
     for k, term in enumerate(terms):
@@ -294,7 +295,7 @@ def diagnose_windows(
         if clock.late(0.72):
             untried.append(term.label)
             continue
-        signature = _signature(bench, hypothesis, values, base, few_nuisance, term, few, plan.screening)
+        signature = _signature(bench, hypothesis, values, apart, few_nuisance, term, few, plan.screening)
         if signature is None:
             notes.append(f"{term.label} could not be simulated")
         else:
@@ -307,7 +308,7 @@ def diagnose_windows(
     drawn = off(few_nuisance, recombined(bench.noises, few, REPLICATES, rng))
     for s in signatures:
         null = np.maximum(null, s.best(drawn)[1])
-    null *= unsure(bench, rng)
+    null *= coherence(signatures, off(few_nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
 
     # naming: leaders refitted by simulation
     trials = []
@@ -521,7 +522,10 @@ def _signature(
     bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
     windows: Windows, members: int,
 ) -> BedSignature | None:  # fmt: skip
-    """Columns of a term, each from an amount that changes the prediction by about a standard deviation."""
+    """Columns of a term, each from an amount that changes the prediction by about a standard deviation.
+
+    ``base``: see ``_apart``.
+    """
     extended = hypothesis.with_term(term)
     low, high = limits(term)
     tried, columns = [], []
@@ -537,7 +541,9 @@ def _signature(
             amounts[k] = sign * amount
             values_k = to_values(term, amounts)
             amount = abs(float(values_k[k] - term.free[k].neutral) / term.free[k].scale)
-            found = bench.predict([(extended, np.concatenate([values, values_k]))], windows, members)[0]
+            found = bench.predict(
+                [(extended, np.concatenate([values, values_k]))], windows, members, bench.members
+            )[0]
             if found is None:
                 smallest_failed = amount
                 amount *= 0.15
@@ -561,6 +567,16 @@ def _signature(
         tried.append(kept[0])
         columns.append(kept[1])
     return make_signature(term, np.array(tried), np.column_stack(columns), nuisance)
+
+
+def _apart(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, windows: Windows, members: int
+) -> Prediction:
+    """The prediction that signatures are changes of, by members of their own.
+
+    With the members of the innovations, the chaos of these would be in both and look like every candidate.
+    """
+    return bench.predict_surely([(hypothesis, values)], windows, members, bench.members)[0]
 
 
 def _trial(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:
@@ -747,7 +763,7 @@ def _polish(
     second.predictors = bench.predictors
     steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
     for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
-        steps.append(0.4 * (v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
+        steps.append(0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
     low, high = np.array([(f.low, f.high) for f in free]).T
     try:
         second.make_twins(full, z)
@@ -826,15 +842,21 @@ def _second_law(
     left = off(beside, bench.white(search.base, few))
     drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
     null = np.zeros(REPLICATES)
+    others: list[BedSignature] = []
     order: list[tuple[float, BedSignature]] = []
     for s in signatures:
         if s.term.label == found.term.label:
             continue
         other = make_signature(s.term, s.tried, s.columns, beside)
         null = np.maximum(null, other.best(drawn)[1])
+        others.append(other)
         order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
-    null *= unsure(bench, rng)
+    null *= coherence(others, off(beside, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
+    try:
+        apart = _apart(bench, search.hypothesis, search.values, few, search.plan.screening)
+    except Failed:
+        return None
     order.sort(key=lambda item: -item[0])
     trials = []
     for gain, s in order[:SECONDS]:
@@ -842,7 +864,7 @@ def _second_law(
             break
         search.progress(f"beside it: {s.term.label}", 0.80)
         signature = _signature(
-            bench, search.hypothesis, search.values, search.base, beside, s.term, few, search.plan.screening
+            bench, search.hypothesis, search.values, apart, beside, s.term, few, search.plan.screening
         )
         if signature is not None:
             amounts, linear = signature.best(left[:, None])
@@ -948,11 +970,12 @@ def _flexible(
     seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
     speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
     white = off(nuisance[at], bench.white(base, few))
+    apart = _apart(bench, hypothesis, values, few, plan.screening)
     arms: list[BedTrial] = []
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
         if arms and clock.late(0.9):
             break
-        signature = _signature(bench, hypothesis, values, base, nuisance[at], term, few, plan.screening)
+        signature = _signature(bench, hypothesis, values, apart, nuisance[at], term, few, plan.screening)
         if signature is not None:
             amounts, gain = signature.best(white[:, None])
             arms.append(_trial(signature, amounts[:, 0], float(gain[0]), None))

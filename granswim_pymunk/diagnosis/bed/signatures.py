@@ -137,17 +137,41 @@ def off(nuisance: np.ndarray, white: np.ndarray) -> np.ndarray:
     return white - q @ (q.T @ white)
 
 
-def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
-    """(n, count) whitened innovations without a candidate: each window from a twin drawn at random.
+def whole_films(noises: Sequence[Noise], used: Sequence[np.ndarray]) -> np.ndarray:
+    """(n, N) whitened innovations without a candidate, each of one twin from its first window to its last.
 
     Every twin is whitened with the bias and the covariance of the others: its own would flatter it.
     """
+    number = min(len(noise.twins) for noise in noises)
+    return np.concatenate([_judged_by_others(noise, w)[:number].reshape(number, -1) for noise, w in zip(
+        noises, used, strict=True)], axis=1).T  # fmt: skip
+
+
+def _judged_by_others(noise: Noise, windows: np.ndarray) -> np.ndarray:
+    """(N, w, D)"""
+    others = [twin_noise(np.delete(noise.twins, k, axis=0)) for k in range(len(noise.twins))]
+    return np.stack([o.whiten(t - o.bias) for o, t in zip(others, noise.twins, strict=True)])[:, windows]
+
+
+def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
+    """(n, count) whitened innovations without a candidate: each window from a twin drawn at random.
+
+    What the windows of one film have in common is lost here; see ``coherence``.
+    """
     rows = []
     for noise, windows in zip(noises, used, strict=True):
-        number = len(noise.twins)
-        others = [twin_noise(np.delete(noise.twins, k, axis=0)) for k in range(number)]
-        white = np.stack([o.whiten(t - o.bias) for o, t in zip(others, noise.twins, strict=True)])[:, windows]
-        chosen = rng.integers(number, size=(count, white.shape[1]))
+        white = _judged_by_others(noise, windows)
+        chosen = rng.integers(len(white), size=(count, white.shape[1]))
         drawn = white[chosen, np.arange(white.shape[1])]
         rows.append(drawn.reshape(count, -1).T)
     return np.concatenate(rows)
+
+
+def coherence(signatures: Sequence[BedSignature], films: np.ndarray, drawn: np.ndarray) -> float:
+    """By how much the candidates gain more on whole films of twins (n, N) than on recombined windows (n, m); >= 1.
+
+    Errors that the windows of one film share add up along a signature.
+    """
+    whole = sum(float(s.best(films)[1].mean()) for s in signatures)
+    apart = sum(float(s.best(drawn)[1].mean()) for s in signatures)
+    return max(whole / apart, 1.0) if apart > 0 else 1.0

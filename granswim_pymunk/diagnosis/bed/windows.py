@@ -420,12 +420,13 @@ class BedPredictor:
         values: np.ndarray,
         windows: Sequence[int] | None = None,
         members: int | None = None,
+        first: int = 0,
     ) -> np.ndarray:
-        """(w, m, D) what each member would show [m]. Raises Failed."""
+        """(w, m, D) what each member would show [m], from number ``first`` on. Raises Failed."""
         bed = self.bed
         chosen = range(len(bed.starts)) if windows is None else windows
         count = members or self.members
-        key = self.key("windows", hypothesis, values, list(map(int, chosen)), count) if self.store else ""
+        key = self.key("windows", hypothesis, values, list(map(int, chosen)), count, first) if self.store else ""
         out = self.store.get(key, (len(chosen), count, bed.size)) if self.store else None
         if out is not None:
             return out
@@ -433,7 +434,7 @@ class BedPredictor:
         out = np.empty((len(chosen), count, bed.size))
         for k, window in enumerate(chosen):
             for member in range(count):
-                out[k, member] = self.member(simulation, camera, int(window), member)
+                out[k, member] = self.member(simulation, camera, int(window), first + member)
         if self.store:
             self.store.put(key, out)
         return out
@@ -502,6 +503,7 @@ class Job:
     values: np.ndarray
     windows: Sequence[int] | None = None
     members: int | None = None
+    first: int = 0
 
 
 def predict_all(jobs: Sequence[Job]) -> list[np.ndarray | None]:
@@ -509,7 +511,7 @@ def predict_all(jobs: Sequence[Job]) -> list[np.ndarray | None]:
 
     def one(job: Job) -> np.ndarray | None:
         try:
-            return job.predictor(job.hypothesis, job.values, job.windows, job.members)
+            return job.predictor(job.hypothesis, job.values, job.windows, job.members, job.first)
         except Failed:
             return None
 
