@@ -344,7 +344,8 @@ def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp
     found = diagnose([small("small_nothing")], tmp_path / "out", minutes=0.5)
     verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert verdict["verdict"] == "no_mismatch" and verdict["mechanisms"] == []
-    assert verdict["null"]["p_false_alarm"] > 0.01
+    # how small p gets hangs on what half a minute allows here; that p is spread evenly, another test asks
+    assert 1 / (verdict["null"]["replicates"] + 1) <= verdict["null"]["p_false_alarm"] <= 1.0
     assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
     assert Simulation(read_scene(tmp_path / "out" / "revised.toml")).dt > 0
     assert found.notes  # half a minute is not enough for everything, and it says so
@@ -366,6 +367,23 @@ def test_whole_recordings_are_held_out():
     scenes = [revised_scene(found, k)[0] for k in (0, 1)]
     first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)
     assert first == second != recording.scene.laws_named("bending")[0].values["stiffness"]
+
+
+@pytest.mark.long
+def test_p_is_not_small_where_the_scene_is_the_truth():
+    """Films of twins: nothing is missing but what the estimate of starts and the bed's chaos make."""
+    recording = small("small_nothing")
+    bed = bed_case(recording)
+    predictor = BedPredictor(bed)
+    found = []
+    for number in range(4):
+        film = predictor.twin(Hypothesis(()), np.zeros(0), 50 + number)
+        t, xy = film.t[2:], film.xy[2:][:, recording.track_rows]
+        twin = replace(recording, name=f"twin{number}", t=t, xy=xy)
+        found.append(diagnose_windows([twin], candidates=FEW, plan=Plan(2, 2, 6, 26, 3)))
+    p = sorted(d.p for d in found)
+    assert p[0] > 0.004 and p[-1] > 0.1, p
+    assert not any(d.laws for d in found)
 
 
 def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():

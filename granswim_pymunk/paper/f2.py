@@ -1,11 +1,16 @@
-"""F2: shapes of the swimmer in the co-moving frame at 4, 9 and 15 Hz."""
+"""F2: the bed, and shapes of the swimmer in the co-moving frame at 4, 9 and 15 Hz."""
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
+from ..packing import pack
 from .claim import FAILS, HOLDS, OPEN, Claim, Finding, above, number
 from .draw import styled
 from .results import Results
+from .scenes import paper_scene
 
 THREE = (4.0, 9.0, 15.0)
 
@@ -74,17 +79,40 @@ def draw(results: Results) -> Figure | None:
     shown = [(f, results.shapes(frequency=f)) for f in THREE]
     if not any(shapes for _, shapes in shown):
         return None
-    figure = Figure(figsize=(6.8, 2.5), layout="constrained")
-    for axis, (f, shapes) in zip(figure.subplots(1, 3, sharex=True, sharey=True), shown, strict=True):
+    figure = Figure(figsize=(6.8, 5.6), layout="constrained")
+    top, bottom = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3.1, 2.5))))
+    _bed(top.subplots())
+    axes = bottom.subplots(1, 3, sharex=True, sharey=True)
+    for axis, (f, shapes) in zip(axes, shown, strict=True):
         if shapes:
             for k, shape in enumerate(shapes[0]):
                 axis.plot(*(1e3 * shape.T), color="#0072b2", alpha=0.15 + 0.85 * k / len(shapes[0]), linewidth=1)
                 axis.plot(*(1e3 * shape[0]), "o", color="#e6ab02", markersize=4, zorder=3)
-        axis.set_title(f"{f:g} Hz, one cycle")
+        axis.set_title(f"({'bcd'[THREE.index(f)]}) {f:g} Hz, one cycle")
         axis.set_xlabel("x [mm]")
         axis.set_aspect("equal")
-    figure.axes[0].set_ylabel("y [mm]")
+    axes[0].set_ylabel("y [mm]")
     return figure
+
+
+def _bed(axis: Axes) -> None:
+    """The swimmer in its bed before the first step: yellow the head, blue the other disks."""
+    scene = pack(paper_scene(seed=1))
+    colours = {"head": "#e6ab02", "tail": "#0072b2", "grain": "#d9d9d9", "wall": "#7f7f7f"}
+    period = scene.periodic_x or 0.0
+    circles, colour = [], []
+    for body in scene.bodies:
+        if body.initial is not None:
+            x = body.initial[0] % period if period else body.initial[0]
+            circles.append(Circle((1e3 * x, 1e3 * body.initial[1]), 1e3 * body.radius))
+            colour.append(colours[body.role])
+    axis.add_collection(PatchCollection(circles, facecolor=colour, edgecolor="white", linewidth=0.2))
+    axis.set_xlim(0, 1e3 * period)
+    axis.autoscale_view(scalex=False)
+    axis.set_aspect("equal")
+    axis.set_title("(a) the bed, periodic along x")
+    axis.set_xlabel("x [mm]")
+    axis.set_ylabel("y [mm]")
 
 
 CLAIM = Claim("F2", "Shapes of the swimmer", "Fig. 2", ("free",), judge, draw)
