@@ -359,6 +359,11 @@ def diagnose_windows(
         revised_values, covariance, found, after, columns = _polish(
             bench, hypothesis, readjusted, found, used, clock.late(0.85), plan, len(values)
         )
+        if not beyond_nothing(found):
+            notes.append(f"{found.mechanism}: in the last fit its numbers are within three standard errors of none")
+            found, covariance = None, plain_covariance
+            revised, revised_values, after = hypothesis, values, bench
+    if found is not None:
         rows = after.predict([(revised, revised_values)], used)[0]
         unexplained = still(rows, after)
         if unexplained > UNEXPLAINED and columns is not None and rows is not None and not clock.late(0.8):
@@ -821,6 +826,15 @@ def _bias_follows(
     along = np.zeros((size, size))
     along[:, n] = slope
     return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])
+
+
+def beyond_nothing(trial: BedTrial) -> bool:
+    """Whether the numbers of a law are three standard errors from those with which it is absent."""
+    away = trial.values - np.array([f.neutral for f in trial.term.free])
+    if not np.isfinite(trial.covariance).all():
+        return True
+    chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
+    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(3.0), len(away)))
 
 
 def _moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:
