@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -24,13 +25,18 @@ class Bench:
         cut: bool = True,
     ) -> None:  # fmt: skip
         self.beds = list(beds)
-        self.cut = cut
         self.members = members
         self.twins = twins
         self.store = store
         self.predictors = [BedPredictor(b, members=members, store=store, cut=cut) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
+
+    def with_twins(self, twins: int) -> Bench:
+        """The same predictions, to be judged by that many twins of another scene."""
+        other = copy.copy(self)
+        other.twins, other.noises = twins, []
+        return other
 
     @property
     def training(self) -> list[np.ndarray]:
@@ -137,7 +143,7 @@ class Bench:
             left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
             if left is None:
                 film = predictor.twin(hypothesis, values, k)
-                own = BedPredictor(bed, film, self.members, cut=self.cut)
+                own = predictor.of(film)
                 left = own.seen() - own(hypothesis, values).mean(axis=1)
                 predictor.runs += own.runs
                 if self.store:

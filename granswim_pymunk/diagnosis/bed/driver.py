@@ -25,7 +25,17 @@ from .candidates import bed_terms, check_bed, flexible_terms, siblings
 from .cut import REACH
 from .experiment import Proposal, propose
 from .places import Place, locate
-from .signatures import BedSignature, coherence, limits, make_signature, off, recombined, to_values, whole_films
+from .signatures import (
+    BedSignature,
+    coherence,
+    limits,
+    make_signature,
+    mean_of_twins,
+    off,
+    recombined,
+    to_values,
+    whole_films,
+)  # fmt: skip
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
 ALARM = 0.01
@@ -764,8 +774,7 @@ def _polish(
     rough[n:, n:] = trial.covariance
     if hurried:
         return z, rough, trial, bench, None
-    second = Bench(bench.beds, max(min(plan.twins - 2, 6), 3), bench.members, bench.store, bench.cut)
-    second.predictors = bench.predictors
+    second = bench.with_twins(max(min(plan.twins - 2, 6), 3))
     steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
     for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
         steps.append(0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
@@ -786,7 +795,8 @@ def _polish(
             )
             white = second.white(predicted[0], windows)
             steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
-            change = steered @ (np.linalg.lstsq(columns, white, rcond=1e-10)[0] - away)
+            answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+            change = steered @ (answer - away)
             # never further than the columns were taken
             change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
             before, z = z, np.clip(z + change, low, high)
@@ -795,7 +805,7 @@ def _polish(
     except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
         return np.concatenate([values, trial.values]), rough, trial, bench, None
     # the twins' covariance is measured, not known, and columns carry the bed's chaos
-    rest = white - columns @ np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+    rest = white - columns @ answer
     size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
     covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
     covariance = steered @ as_twins_scatter(covariance, columns, second, windows) @ steered.T
@@ -933,9 +943,7 @@ def as_twins_scatter(covariance: np.ndarray, columns: np.ndarray, bench: Bench, 
     for k in range(number):
         rows = []
         for noise, chosen in zip(bench.noises, windows, strict=True):
-            others = np.delete(noise.twins, k, axis=0)
-            known = np.isfinite(others)
-            bias = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            bias = mean_of_twins(np.delete(noise.twins, k, axis=0))
             rows.append(noise.whiten(noise.twins[k] - bias, chosen).ravel())
         answers.append(np.linalg.lstsq(columns, np.concatenate(rows), rcond=1e-10)[0])
     scatter = np.mean(np.square(answers), axis=0)

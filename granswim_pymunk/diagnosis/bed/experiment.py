@@ -11,7 +11,7 @@ import numpy as np
 from ..hypothesis import Failed, Hypothesis, Term
 from .bench import Bench, Windows
 from .signatures import off
-from .windows import HALF, POOL, BedPredictor
+from .windows import HALF, POOL
 
 if TYPE_CHECKING:
     from .driver import BedTrial
@@ -63,7 +63,7 @@ def propose(
         winner, other = plain.with_term(found.term), plain.with_term(rival.term)
         try:
             film = predictor.twin(winner, np.concatenate([values, found.values]), 90)
-            own = BedPredictor(bed, film, 2, cut=bench.cut)
+            own = predictor.of(film, 2)
             rows = [
                 own(winner, np.concatenate([values, found.values]), chosen),
                 own(other, np.concatenate([values, rival.values]), chosen),

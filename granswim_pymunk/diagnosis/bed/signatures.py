@@ -61,11 +61,17 @@ def ensemble_noise(predicted: np.ndarray, windows: np.ndarray, sigma: float) -> 
     return Noise(np.zeros((count, size)), np.repeat(root[None], count, axis=0), *[np.zeros((0, count, size))] * 2)
 
 
+def mean_of_twins(innovations: np.ndarray) -> np.ndarray:
+    """(W, D) [m] of (N, W, D); zero where no twin was seen."""
+    known = np.isfinite(innovations)
+    mean: np.ndarray = np.where(known, innovations, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return mean
+
+
 def twin_noise(innovations: np.ndarray) -> Noise:
     """Noise from the innovations of twins (N, W, D) [m]: one bias for each window, one covariance, a size each."""
     number, count, size = innovations.shape
-    known = np.isfinite(innovations)
-    bias = np.where(known, innovations, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    bias = mean_of_twins(innovations)
     left = (innovations - bias) * np.sqrt(number / (number - 1))
     flat = np.where(np.isfinite(left), left, 0.0).reshape(-1, size)
     covariance = _shrunk(flat.T @ flat / len(flat), len(flat) * (number - 1) / number) + FINEST**2 * np.eye(size)

@@ -201,9 +201,14 @@ def placed(scene: Scene, xy: np.ndarray, v: np.ndarray | None) -> Scene:
     return replace(scene, bodies=bodies)
 
 
+def _plain(camera: Mapping[str, Any]) -> bool:
+    """Whether places are shown as they are."""
+    return camera["scale"] == 1.0 and camera["tilt"] == 0.0 and not any(camera["bias"])
+
+
 def _unseen(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
     """True positions from those that the camera shows: the inverse of ``see``."""
-    if camera["scale"] == 1.0 and camera["tilt"] == 0.0 and not any(camera["bias"]):
+    if _plain(camera):
         return xy
     return see(xy - np.asarray(camera["bias"]), scale=1.0 / camera["scale"], tilt=-camera["tilt"])
 
@@ -225,6 +230,7 @@ class BedPredictor:
     ) -> None:  # fmt: skip
         self.bed = bed
         self.film = film or bed.film
+        self.cuts = cut
         self.cut = cut_out(bed.scene, self.film.xy, bed.starts, int(bed.looks[-1])) if cut else None
         self.free = np.ones(len(bed.grains), dtype=bool)  # which of the grains are simulated
         if self.cut is not None:
@@ -233,8 +239,13 @@ class BedPredictor:
         self.members = members
         self._lock = threading.Lock()
         self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
+        self._paths: dict[int, np.ndarray] = {}
         self._sums: dict[int, Sums] = {}
         self.runs = 0
+
+    def of(self, film: Film, members: int | None = None) -> BedPredictor:
+        """The same for another film, a twin's; nothing of it is kept."""
+        return BedPredictor(self.bed, film, members or self.members, cut=self.cuts)
 
     @property
     def whole(self) -> float:
@@ -327,8 +338,7 @@ class BedPredictor:
                 path = self._wall_path(window, camera)
                 found = self.start_at(frame, numbers, camera, self.cut.rows, (wall, path[0]))
                 found[1][wall] = self._wall_velocity(window, path, 0)
-            plain = key[2:] == (1.0, 0.0, tuple(NO_CAMERA["bias"]))
-            if plain:  # other cameras are tried once or twice: not worth the memory
+            if _plain(camera):  # other cameras are tried once or twice: not worth the memory
                 with self._lock:
                     self._starts[key] = found
         return found
@@ -368,6 +378,8 @@ class BedPredictor:
     def _wall_path(self, window: int, camera: Mapping[str, Any]) -> np.ndarray:
         """(L, k, 2) where the grains that are walls are at the looks [m]."""
         assert self.cut is not None
+        if _plain(camera) and window in self._paths:
+            return self._paths[window]
         bed = self.bed
         first = int(bed.starts[window])
         # a frame more on either side: the path is least sure at its ends
@@ -381,6 +393,9 @@ class BedPredictor:
             for k, track in zip(np.flatnonzero(lost), np.moveaxis(xy, 1, 0), strict=True):
                 known = np.flatnonzero(np.isfinite(track[:, 0]))
                 path[:, k] = track[known[-1]] if len(known) else (0.0, 0.0)
+        if _plain(camera):
+            with self._lock:
+                self._paths[window] = path
         return path
 
     def _wall_velocity(self, window: int, path: np.ndarray, leg: int) -> np.ndarray:
