@@ -26,4 +26,6 @@ from .base import AUTOMATIC, Parameter, law
 def distance_force(gap, distance, r0, s, n, range):
     if gap <= 0.0:
         return 0.0, 0.0
-    return s * (r0 / distance) ** n, 0.0
+    ratio = r0 / distance
+    # where the power is not asked for, as in most fits, no logarithm is needed
+    return s * (ratio * ratio if n == 2.0 else ratio**n), 0.0

@@ -6,6 +6,7 @@ simulation, held-out windows, places, the next experiment.
 
 from __future__ import annotations
 
+import gc
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -238,6 +239,7 @@ def diagnose_windows(
     bench = Bench(beds, 1, 1, cut=cut)
     gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in _any(bench)]
     check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
+    gc.freeze()  # what imports and the compiler left is not walked through again and again
     # the first run compiled the laws, once for all times: that is not counted
     clock = Clock(minutes)
     began = time.monotonic()
