@@ -711,11 +711,18 @@ class Simulation:
                 fx, fy, _ = self._array_forces(True, self.t, state)
             vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
             vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
-        u = self.units
-        for k in range(self._n_mobile):
-            self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
-            if torque[k]:
-                self._bodies[k].angular_velocity = half * torque[k] * self._inverse_moment[k] * u.time
+        u, o = self.units, self._offsets
+        if o is not None:
+            mobile = slice(0, self._n_mobile)
+            stepping.write_fields(
+                self._a["bodies"][mobile].copy(), np.array([o.velocity, o.velocity + 8]),
+                np.array([vx[mobile], vy[mobile]]) / u.velocity,
+            )  # fmt: skip
+        else:
+            for k in range(self._n_mobile):
+                self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
+        for k in np.flatnonzero(torque[: self._n_mobile]):
+            self._bodies[k].angular_velocity = half * torque[k] * self._inverse_moment[k] * u.time
         self._a["fx"][:], self._a["fy"][:] = fx, fy
 
     def _held_rows(self) -> np.ndarray:
