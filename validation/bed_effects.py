@@ -95,14 +95,19 @@ def bed_of(row: Row, seed: int) -> BedSetup:
         setup = draw_bed(np.random.default_rng((seed, k)), "bed", False)
         if bool(setup.scene.laws_named("confinement")) == row.confined:
             break
-    rate = 1 / float(np.median(np.diff(setup.t)))
-    t = np.round(setup.t[0] + np.arange(int(DURATION * rate) + 1) / rate, 7)
+    setup = film_in(setup)
     free = [("bending", "stiffness")] + ([("confinement", "mu_eff")] if row.confined else [])
     adjustable = []
     for law, parameter in free:
         value = float(setup.scene.parameter(f"{law}.{parameter}"))
         adjustable.append(Adjustable(law, parameter, digits(0.4 * value, 3), digits(2.5 * value, 3)))
-    return replace(setup, t=t, scene=replace(setup.scene, adjustable=tuple(adjustable)))
+    return replace(setup, scene=replace(setup.scene, adjustable=tuple(adjustable)))
+
+
+def film_in(setup: BedSetup) -> BedSetup:
+    """The same, filmed for DURATION."""
+    rate = 1 / float(np.median(np.diff(setup.t)))
+    return replace(setup, t=np.round(setup.t[0] + np.arange(int(DURATION * rate) + 1) / rate, 7))
 
 
 def effects_of(row: Row, setup: BedSetup) -> list[Effect]:
@@ -123,7 +128,11 @@ def effects_of(row: Row, setup: BedSetup) -> list[Effect]:
 def make(row: Row, number: int, folder: Path) -> None:
     """Write the recording of a row. Raises SimulationError where it cannot be simulated."""
     seed = 7000 + number
-    setup = bed_of(row, seed)
+    recorded(row, bed_of(row, seed), seed, folder)
+
+
+def recorded(row: Row, setup: BedSetup, seed: int, folder: Path) -> None:
+    """Write the film of a bed, packed from ``seed``, with what the row conceals. Raises SimulationError."""
     rng = np.random.default_rng(seed)
     scene = replace(packed(setup.scene, seed), bed=None)
     true = with_adjusted(scene, {name: factor * float(scene.parameter(name)) for name, factor in row.moved})
@@ -137,7 +146,7 @@ def make(row: Row, number: int, folder: Path) -> None:
     if row.masked:
         guess = calibrated(setup, scene, setup.t, seen, guess)
     belief = with_adjusted(scene, {name: digits(value) for name, value in guess.items()})
-    write_recording(seen_recording(setup, belief, seen, f"recording-{number:02d}"), folder)
+    write_recording(seen_recording(setup, belief, seen, folder.name), folder)
 
 
 def diagnosed(recording: Path, out: Path, minutes: float) -> dict[str, Any]:
