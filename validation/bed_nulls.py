@@ -89,12 +89,13 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
     parser.add_argument("--full", type=int, default=FULL, metavar="N")
     parser.add_argument("--small", type=int, default=SMALL, metavar="N")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="begin with the K-th of each")
+    parser.add_argument("--step", type=int, default=1, metavar="K", help="every K-th of each, to share the work")
     parser.add_argument("--page", metavar="FILE", help="write the table here")
     parser.add_argument("--minutes", type=float, default=10.0)
     args = parser.parse_args(argv)
     out = Path(args.out)
     wanted = [(f"{kind}-{k:02d}", kind == "small", k) for kind, count in (("full", args.full), ("small", args.small))
-              for k in range(args.first, count)]  # fmt: skip
+              for k in range(args.first, count, args.step)]  # fmt: skip
     for name, small, k in wanted:
         file = out / "results" / f"{name}.json"
         if file.exists():
