@@ -249,14 +249,17 @@ def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     sealed = generator(secret, kind, seed, "sealed")
     category, wanted = _category(sealed, setup, effect)
     # standard errors come from a film of the same bed without anything concealed
-    plain_film = shown(setup, film_of(setup, scene, ()), (), generator(secret, kind, seed, "other noise"))
+    nothing = film_of(setup, scene, ())
+    plain_film = shown(setup, nothing, (), generator(secret, kind, seed, "other noise"))
     bench = WindowBench(Windows(setup, scene, setup.t, plain_film, whole=False))
     drawn = concealed(setup, bench, sealed, category, wanted)
     true = with_adjusted(scene, drawn.moved or {})
     effects = drawn.effects
-    offset = camera_of(effects).time_offset
-    seen = shown(setup, film_of(setup, true, physics_of(effects), offset), effects,
-                  generator(secret, kind, seed, "noise"))  # fmt: skip
+    if effects or drawn.moved:
+        xy = film_of(setup, true, physics_of(effects), camera_of(effects).time_offset)
+    else:
+        xy = nothing
+    seen = shown(setup, xy, effects, generator(secret, kind, seed, "noise"))
     own, found = rivals(setup, bench, *drawn.chosen[0]) if len(drawn.chosen) == 1 else (0.0, _camera_rivals(drawn))
     belief = believed_bed(setup, scene, seen, guess, fitted)
     truth = _truth(kind, seed, setup, drawn, true, own, found, fitted)

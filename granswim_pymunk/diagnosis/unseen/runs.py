@@ -25,7 +25,7 @@ from .conditions import Condition
 SOFTER = 4.0  # contacts are softer by this in runs that only give differences; restitution stays the same
 FIRST_SEED = 700_001  # of the packings of a diagnosis: unlikely to be that of a simulated recording
 CODE = 1  # part of the cache's key
-SLACK = 3.0  # of the advised time step: 5 steps a contact instead of 15, the restitution within 0.01 (benchmarks/cut_out)
+SLACK = 3.0  # of the advised time step: 5 steps a contact instead of 15 (see benchmarks/cut_out.py)
 
 Change = Callable[[Scene], Scene]
 
