@@ -14,7 +14,7 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -149,13 +149,13 @@ def recorded(row: Row, setup: BedSetup, seed: int, folder: Path) -> None:
     write_recording(seen_recording(setup, belief, seen, folder.name), folder)
 
 
-def diagnosed(recording: Path, out: Path, minutes: float) -> dict[str, Any]:
-    """The verdict of ``granswim diagnose`` in a process of its own."""
+def diagnosed(recordings: Sequence[Path], out: Path, minutes: float) -> dict[str, Any]:
+    """The verdict of ``granswim diagnose`` on recordings of one folder, in a process of its own."""
     began = time.monotonic()
     done = subprocess.run(
-        [sys.executable, "-m", "granswim_pymunk", "diagnose", recording.name, "--out", str(out.resolve()),
-         "--minutes", f"{minutes:g}"],
-        cwd=recording.parent, capture_output=True, text=True, check=False,
+        [sys.executable, "-m", "granswim_pymunk", "diagnose", *(r.name for r in recordings), "--out",
+         str(out.resolve()), "--minutes", f"{minutes:g}"],
+        cwd=recordings[0].parent, capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
         return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"]}
@@ -203,23 +203,32 @@ def told(row: Row) -> str:
     return f"{row.name.replace('_', ' ')}" + (f" ({'; '.join(extra)})" if extra else "")
 
 
-def page(results: Mapping[str, Mapping[str, Any]]) -> str:
+TITLE = "Known effects in full beds"
+ABOUT = (
+    "Every line is a bed of its own (some 2200 grains, 0.6 s, 500 frames a second, 20 µm), simulated by the",
+    "proof's code, not by the engine, and diagnosed in another process from the recording alone; two diagnoses at a",
+    "time shared two cores. Strengths are chosen; drawn and sealed ones are in [proof.md](proof.md). Errors: held-out",
+    "windows, rms of the swimmer's disks, µm.",
+)
+
+
+def table(
+    rows: Sequence[Row], results: Mapping[str, Mapping[str, Any]], title: str, module: str, about: Sequence[str]
+) -> str:
+    """The page of some rows."""
     lines = [
-        "# Known effects in full beds",
+        f"# {title}",
         "",
-        "Made by `python -m granswim_pymunk.validation.bed_effects --out DIR --page FILE`; do not edit.",
+        f"Made by `python -m granswim_pymunk.validation.{module} --out DIR --page FILE`; do not edit.",
         "",
-        "Every line is a bed of its own (some 2200 grains, 0.6 s, 500 frames a second, 20 µm), simulated by the",
-        "proof's code, not by the engine, and diagnosed in another process from the recording alone. Strengths are",
-        "chosen; drawn and sealed ones are in [proof.md](proof.md). Errors: held-out windows, rms of the swimmer's",
-        "disks, µm.",
+        *about,
         "",
         "| concealed | verdict | named | number, 95 % | first place | naive, recalibrated, revised, floor | p | s | |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     count = {"right": 0, "class": 0, "wrong": 0}
     inside = total = 0
-    for row in ROWS:
+    for row in rows:
         result = results.get(row.key)
         if result is None:
             continue
@@ -273,14 +282,14 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
             if not (recording / "recording.toml").exists():
                 make(row, number, recording)
             made = time.monotonic() - began
-            result = diagnosed(recording, out / "reports" / f"{number:02d}", args.minutes)
+            result = diagnosed([recording], out / "reports" / f"{number:02d}", args.minutes)
             file.parent.mkdir(parents=True, exist_ok=True)
             with written_whole(file) as stream:
                 stream.write(json.dumps(result, indent=1).encode())
             results[row.key] = result
             how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
             say(f"{row.key}: {how} (film {made:.0f} s, diagnosis {result.get('seconds', 0)} s)")
-    text = page(results)
+    text = table(ROWS, results, TITLE, "bed_effects", ABOUT)
     if args.page:
         Path(args.page).write_text(text)
     say(text)

@@ -103,7 +103,7 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
         recording = out / "recordings" / name
         if not (recording / "recording.toml").exists():
             make(FIRST + k, small, recording)
-        result = diagnosed(recording, out / "reports" / name, args.minutes)
+        result = diagnosed([recording], out / "reports" / name, args.minutes)
         file.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(file) as stream:
             stream.write(json.dumps(result, indent=1).encode())

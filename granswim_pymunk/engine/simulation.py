@@ -721,8 +721,9 @@ class Simulation:
         else:
             for k in range(self._n_mobile):
                 self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
-        for k in np.flatnonzero(torque[: self._n_mobile]):
-            self._bodies[k].angular_velocity = half * torque[k] * self._inverse_moment[k] * u.time
+        for turning in np.flatnonzero(torque[: self._n_mobile]):
+            spin = half * torque[turning] * self._inverse_moment[turning] * u.time
+            self._bodies[int(turning)].angular_velocity = spin
         self._a["fx"][:], self._a["fy"][:] = fx, fy
 
     def _held_rows(self) -> np.ndarray:

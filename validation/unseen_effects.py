@@ -1,0 +1,111 @@
+"""``python -m granswim_pymunk.validation.unseen_effects [NAME ...] --out DIR``: full beds, only the swimmer filmed.
+
+Four films of 0.8 s at some 500 frames a second with 20 micrometres of noise, each at a frequency and in a packing of
+its own, of the paper's bed of some 2200 grains, simulated by the proof's own code; then ``granswim diagnose`` in
+another process, which is given the four folders and nothing else. Strengths are chosen, not drawn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granswim_pymunk.files import written_whole
+from granswim_pymunk.proof.bed_cases import shown
+from granswim_pymunk.proof.beds import digits, draw_bed, packed
+from granswim_pymunk.proof.fitting import with_adjusted
+from granswim_pymunk.proof.packings import tracks
+from granswim_pymunk.proof.suspects import camera_of, physics_of
+from granswim_pymunk.recording import Recording, write_recording
+from granswim_pymunk.scene import Adjustable
+from granswim_pymunk.validation.bed_effects import Row, diagnosed, effects_of, table
+
+TITLE = "Known effects in full beds of which only the swimmer is seen"
+ABOUT = (
+    "Every line is four films of 0.8 s (500 frames a second, 20 µm), each at a frequency and in a packing of its own",
+    "(some 2200 grains), simulated by the proof's code, not by the engine, and diagnosed together in another process",
+    "from the tracks of the swimmer alone. Strengths are chosen. Errors: held-out recordings, rms of the disks over",
+    "a cycle, µm.",
+)
+ROWS = (
+    Row("actuator_saturation", {"limit": 0.6}, number=("limit", 0.6)),
+    Row("weak_joint", {"joint": 4, "factor": 0.5}, number=("factor", 0.5)),
+    Row("coulomb_substrate", {"mu": 0.6}, number=("mu", 0.6)),
+    Row("quadratic_drag", {"c": 2e-3, "p": 0}, number=("c", 2e-3)),
+    Row("stiffness off", {}, "recalibrate", moved=(("bending.stiffness", 0.8),)),
+    Row("nothing", {}, "no_mismatch"),
+    Row("camera_scale", {"s": 1.01}, "measurement", ("camera_scale",)),
+)
+
+
+def make(row: Row, number: int, folder: Path) -> list[Path]:
+    """Write the four recordings of a row. Raises SimulationError where one cannot be simulated."""
+    seed = 9000 + number
+    rng = np.random.default_rng(seed)
+    for k in range(1000):
+        setup = draw_bed(np.random.default_rng((seed, k)), "unseen", False)
+        if not setup.scene.laws_named("confinement"):
+            break
+    stiffness = float(setup.scene.parameter("bending.stiffness"))
+    free = Adjustable("bending", "stiffness", digits(0.4 * stiffness, 3), digits(2.5 * stiffness, 3))
+    setup = replace(setup, scene=replace(setup.scene, adjustable=(free,)))
+    effects = effects_of(row, setup)
+    off = 0.0 if row.moved else float(rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.06))
+    belief = with_adjusted(setup.scene, {free.name: digits(stiffness * (1 + off))})
+    true = with_adjusted(setup.scene, {name: f * float(setup.scene.parameter(name)) for name, f in row.moved})
+    written = []
+    for d in range(len(setup.drives)):
+        target = folder / f"film-{d + 1}"
+        written.append(target)
+        if (target / "recording.toml").exists():
+            continue
+        scene = packed(setup.driven(true, d), 10 * seed + d)
+        xy = tracks(setup, scene, physics_of(effects), setup.t, setup.dt, camera_of(effects).time_offset)
+        film = shown(setup, xy, effects, np.random.default_rng((seed, d)))
+        write_recording(
+            Recording(
+                f"film-{d + 1}", setup.driven(belief, d), setup.t, setup.swimmer, film, title="swimmer in a bed",
+                sampling=float(f"{1 / np.median(np.diff(setup.t)):.6g}"), position_noise=setup.noise,
+            ),
+            target,
+        )  # fmt: skip
+    return written
+
+
+def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="rows of the table (default: all)")
+    parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument("--page", metavar="FILE", help="write the table here")
+    parser.add_argument("--minutes", type=float, default=40.0)
+    args = parser.parse_args(argv)
+    out = Path(args.out)
+    results: dict[str, dict[str, Any]] = {}
+    for number, row in enumerate(ROWS):
+        file = out / "results" / f"{row.key.replace(' ', '_')}.json"
+        if file.exists():
+            results[row.key] = json.loads(file.read_text())
+        elif not args.names or row.key in args.names:
+            films = make(row, number, out / "recordings" / f"{number:02d}")
+            result = diagnosed(films, out / "reports" / f"{number:02d}", args.minutes)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with written_whole(file) as stream:
+                stream.write(json.dumps(result, indent=1).encode())
+            results[row.key] = result
+            say(f"{row.key}: {result.get('seconds', 'failed')} s")
+    text = table(ROWS, results, TITLE, "unseen_effects", ABOUT)
+    if args.page:
+        Path(args.page).write_text(text)
+    say(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
