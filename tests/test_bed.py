@@ -289,6 +289,12 @@ def test_a_flow_is_reported_as_a_velocity(packed):
     assert found["u"][1][0] < 0.02 < found["u"][2][0] and found["u"][3] == "m/s"
     changed, _ = term.apply(packed, {}, values)
     assert changed.laws_named("ambient_flow")[0].values["u"] == pytest.approx((0.02, -0.01))
+    # of a bed that is carried along the force is that on bodies which go with it
+    (term,) = law_terms(all_laws()["ambient_flow"], packed, (0.07, 0.0))
+    changed, _ = term.apply(packed, {}, values)
+    assert changed.laws_named("ambient_flow")[0].values["u"] == pytest.approx((0.09, -0.01))
+    found = parameters_of(replace(trial, signature=replace(signature, term=term)))
+    assert found["u"][0] == pytest.approx([0.09, -0.01])
 
 
 # ---- whole runs ------------------------------------------------------------------------------

@@ -39,10 +39,25 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
     terms += _contact_damping(cases)
     laws = [law for law in all_laws().values() if law.kind in KINDS and law.candidate == "named"]
     laws = [law for law in laws if applies(law, cases)]
-    terms += [t for law in laws if not _far(law) for t in law_terms(law, scene)[:1]]
+    drift = mean_drift(cases)
+    terms += [t for law in laws if not _far(law) for t in law_terms(law, scene, drift)[:1]]
     terms += swimmer_terms([c.recording.scene for c in cases])
     # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
-    return terms + [t for law in laws if _far(law) for t in law_terms(law, scene)[:1]]
+    return terms + [t for law in laws if _far(law) for t in law_terms(law, scene, drift)[:1]]
+
+
+def mean_drift(cases: Sequence[Case]) -> tuple[float, float]:
+    """Mean velocity [m/s] of all bodies that were seen, from first to last sight: a bed that a flow carries along."""
+    found = []
+    for case in cases:
+        xy, t = case.recording.unwrapped().xy, case.recording.t
+        for k in range(xy.shape[1]):
+            seen = np.flatnonzero(np.isfinite(xy[:, k, 0]))
+            if len(seen) > 1:
+                first, last = seen[0], seen[-1]
+                found.append((xy[last, k] - xy[first, k]) / (t[last] - t[first]))
+    mean = np.mean(found, axis=0) if found else np.zeros(2)
+    return float(mean[0]), float(mean[1])
 
 
 def _far(law: Law) -> bool:
@@ -55,7 +70,8 @@ def siblings(term: Term, scene: Scene) -> list[Term]:
     law = all_laws().get(term.mechanism)
     if law is None or law.kind not in KINDS:
         return []
-    return [t for t in law_terms(law, scene) if t.label != term.label]
+    drift = term.apply.drift if isinstance(term.apply, LawAdder) else (0.0, 0.0)
+    return [t for t in law_terms(law, scene, drift) if t.label != term.label]
 
 
 def _sized(term: Term, sizes: Sequence[float]) -> Term:
@@ -80,11 +96,11 @@ def size_of(law: Law, name: str, unit: str, scene: Scene) -> float:
     return by_unit.get(unit, abs(parameter.typical or 1.0))
 
 
-def law_terms(law: Law, scene: Scene) -> list[Term]:
+def law_terms(law: Law, scene: Scene, drift: tuple[float, float] = (0.0, 0.0)) -> list[Term]:
     """Terms that add a law of bodies or pairs, one for each choice of its exponents; the usual choice first.
 
-    Ranges stay as typical. A flow that drags has its force (drag times flow) as numbers, so that a first-order
-    change is linear in them.
+    Ranges stay as typical. A flow that drags has its force on bodies that go at ``drift`` [m/s] as numbers, so that a
+    first-order change is linear in them, and a drag alone does not stop a bed that is carried along.
     """
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
     radii = {b.radius for b in scene.bodies if b.mobile}
@@ -123,7 +139,7 @@ def law_terms(law: Law, scene: Scene) -> list[Term]:
         label = law.name + "".join(f" {k} = {v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
-                law.mechanism, label, tuple(free), LawAdder(law, fixed, tuple(groups), pushed), mobile,
+                law.mechanism, label, tuple(free), LawAdder(law, fixed, tuple(groups), pushed, drift), mobile,
                 law.expression, {**choice}, tuple(groups),
             )
         )  # fmt: skip
@@ -131,10 +147,12 @@ def law_terms(law: Law, scene: Scene) -> list[Term]:
 
 
 class LawAdder:
-    """Adds a law with its strengths; a force of a flow becomes the flow's velocity."""
+    """Adds a law with its strengths; a force of a flow on bodies that go at ``drift`` becomes the flow's velocity."""
 
-    def __init__(self, law: Law, fixed: Mapping[str, Any], groups, pushed: str) -> None:
-        self.law, self.fixed, self.groups, self.pushed = law, dict(fixed), groups, pushed
+    def __init__(
+        self, law: Law, fixed: Mapping[str, Any], groups, pushed: str, drift: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self.law, self.fixed, self.groups, self.pushed, self.drift = law, dict(fixed), groups, pushed, drift
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         given = dict(self.fixed)
@@ -143,7 +161,7 @@ class LawAdder:
             if name == self.pushed:
                 drag = max(float(values[0]), 1e-12)  # a force without a drag is a fast, thin flow
                 given[self.law.strength[0]] = drag
-                numbers = [n / drag for n in numbers]
+                numbers = [n / drag + d for n, d in zip(numbers, self.drift, strict=True)]
             elif self.pushed and name == self.law.strength[0]:
                 continue
             given[name] = numbers[0] if len(numbers) == 1 else tuple(numbers)
@@ -155,7 +173,7 @@ class LawAdder:
             return None
         c, wx, wy = (float(v) for v in values)
         c = max(c, 1e-12)
-        u = np.array([c, wx / c, wy / c])
+        u = np.array([c, wx / c + self.drift[0], wy / c + self.drift[1]])
         if covariance is None:
             return u, None
         jacobian = np.array([[1.0, 0.0, 0.0], [-wx / c**2, 1 / c, 0.0], [-wy / c**2, 0.0, 1 / c]])
