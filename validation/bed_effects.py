@@ -82,7 +82,7 @@ ROWS = (
     Row("mu_eff off", {}, "recalibrate", moved=(("confinement.mu_eff", 1.6),), confined=True),
     Row("nothing", {}, "no_mismatch"),
     Row("nothing, confined", {}, "no_mismatch", confined=True),
-    Row("camera_scale", {"s": 1.01}, "measurement", ("camera_scale",)),
+    Row("camera_scale", {"s": 0.01}, "measurement", ("camera_scale",)),
     Row("time_offset", {"offset": 4e-3}, "measurement", ("time_offset",)),
     Row("attraction", {"strength": 4e-7, "size": 8e-3}, "unmodelled"),
     Row("phase_drag", {"c": 2e-4, "phase": 1.0}, "unmodelled"),

@@ -41,7 +41,7 @@ ROWS = (
     Row("quadratic_drag", {"c": 2e-3, "p": 0}, number=("c", 2e-3)),
     Row("stiffness off", {}, "recalibrate", moved=(("bending.stiffness", 0.8),)),
     Row("nothing", {}, "no_mismatch"),
-    Row("camera_scale", {"s": 1.01}, "measurement", ("camera_scale",)),
+    Row("camera_scale", {"s": 0.01}, "measurement", ("camera_scale",)),
 )
 
 

@@ -318,6 +318,8 @@ def _check_first_frame(recording: Recording) -> None:
         dx -= round(dx / period) * period if period else 0.0
         if period and len(found) > MANY and abs(raw[j] - raw[i]) > 0.5 * period:
             continue  # a picture with a wrong scale does not close at the seam
+        if len(found) > MANY and measured[i] != measured[j]:
+            continue  # nor does it fit between walls whose places are told
         overlap = a.radius + b.radius - math.hypot(dx, dy)
         if overlap > 0.6 * min(a.radius, b.radius) + allowance:
             wrong.append((a.id, b.id, overlap))

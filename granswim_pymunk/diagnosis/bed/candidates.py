@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,9 @@ from ..swimmer_terms import swimmer_terms
 KINDS = ("body", "pair", "constraint")
 APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 4e-3}  # a smaller shift drowns in chaos
 SPEED = 0.05  # m/s, of the grains that move
+LEAST_SCALE = 1.5e-3  # of a picture: less is not told from what the links themselves do
+COARSE_SCALE = 2e-3  # standard error above which links say too little
+FEWEST_SIGHTS = 10  # of a link
 ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
 
 
@@ -44,6 +47,62 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
     terms += swimmer_terms([c.recording.scene for c in cases])
     # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
     return terms + [t for law in laws if _far(law) for t in law_terms(law, scene, drift)[:1]]
+
+
+@dataclass(frozen=True)
+class PictureScale:
+    """Scale of the picture by the swimmer itself, whose disks keep their distance: value, standard error, term.
+
+    held : the term with that value, nothing in it free
+    """
+
+    value: float
+    error: float
+    term: Term
+
+    @property
+    def held(self) -> Term:
+        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+            return self.term.apply(scene, camera, [self.value])
+
+        return replace(self.term, free=(), groups=(), apply=apply)
+
+    @property
+    def wrong(self) -> bool:
+        return abs(self.value - 1.0) > max(5.0 * self.error, LEAST_SCALE)
+
+
+def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
+    """s = mean of |r_i - r_j|/l over linked disks that are seen, l the length at rest; None where too few are.
+
+    The springs between disks are stiff: what stretches them in a bed is far below what noise shows. The noise across
+    a link lengthens it by sigma^2/|r|, which is taken off.
+    """
+    found = []
+    for case in cases:
+        scene, ids = case.recording.scene, list(case.recording.ids)
+        xy = case.recording.unwrapped().xy
+        sigma = float(np.nanmean(case.sigma)) if len(case.sigma) else 0.0
+        for item in scene.laws_named("union"):
+            length = scene.resolved(item)["length"]
+            for chain in scene.chains:
+                for i, j in itertools.pairwise(chain):
+                    a, b = scene.bodies[i], scene.bodies[j]
+                    if a.id in ids and b.id in ids:
+                        d = np.hypot(*(xy[:, ids.index(b.id)] - xy[:, ids.index(a.id)]).T)
+                        rest = float(length) if length else a.radius + b.radius
+                        found.append((d - sigma**2 / np.maximum(d, 1e-12)) / rest)
+    seen = [q[np.isfinite(q)] for q in found]
+    seen = [q for q in seen if len(q) > FEWEST_SIGHTS]
+    term = next((t for t in camera_terms(cases) if t.mechanism == "camera_scale"), None)
+    if len(seen) < 2 or term is None:
+        return None
+    value = float(np.mean([q.mean() for q in seen]))
+    # between links, too: a disk whose radius is not what it is believed to be is no scale
+    error = float(np.hypot(np.std([q.mean() for q in seen], ddof=1), 1e-4) / math.sqrt(len(seen)))
+    if error > COARSE_SCALE:
+        return None
+    return PictureScale(value, error, term)
 
 
 def mean_drift(cases: Sequence[Case]) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from ..data import choose_held_out
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, check_runs
-from .candidates import bed_terms, check_bed, flexible_terms, siblings
+from .candidates import PictureScale, bed_terms, check_bed, flexible_terms, picture_scale, siblings
 from .cut import REACH
 from .experiment import Proposal, propose
 from .places import Place, locate
@@ -231,9 +231,15 @@ def diagnose_windows(
     adjustables = tuple(
         t for t in adjustable_terms([b.case for b in beds]) if any(f.cases is None or f.cases & learnt for f in t.free)
     )
-    hypothesis = Hypothesis(adjustables)
-    values = naive_values = np.array([f.first for f in hypothesis.free])
+    naive = Hypothesis(adjustables)
+    values = naive_values = np.array([f.first for f in naive.free])
+    picture = picture_scale([b.case for b in beds])
+    # a wrong scale is plain in the swimmer itself, and until it is put right windows cannot even be started
+    wrong = picture if picture is not None and picture.wrong else None
+    hypothesis = naive if wrong is None else naive.with_term(wrong.held)
     terms = _wanted_terms(beds, hypothesis, candidates)
+    if picture is not None:
+        terms = [t for t in terms if t.mechanism != "camera_scale"]
 
     # what a member of a window costs decides how many there are
     bench = Bench(beds, 1, 1, cut=cut)
@@ -289,9 +295,9 @@ def diagnose_windows(
         values, base, nuisance = _recalibrate(bench, hypothesis, values, base, used)
     white = bench.white(base, used)
     left = off(nuisance, white)
-    naive_base = base
-    if adjustables:
-        naive_base = bench.predict_surely([(hypothesis, naive_values)], used)[0]
+    naive_base: Prediction | None = base
+    if adjustables and wrong is None:
+        naive_base = bench.predict_surely([(naive, naive_values)], used)[0]
 
     # signatures; where very much is left, fewer windows tell the candidates apart
     null_chi2 = np.sum(off(nuisance, recombined(bench.noises, used, REPLICATES, rng)) ** 2, axis=0)
@@ -378,7 +384,8 @@ def diagnose_windows(
     if found is not None:
         rows = after.predict([(revised, revised_values)], used)[0]
         unexplained = still(rows, after)
-        if unexplained > UNEXPLAINED and columns is not None and rows is not None and not clock.late(0.8):
+        more = unexplained > UNEXPLAINED and wrong is None
+        if more and columns is not None and rows is not None and not clock.late(0.8):
             progress("a second law", 0.80)
             search = Search(after, revised, revised_values, rows, columns, used, few, at, plan, clock, progress)
             partner = _second_law(search, found, signatures, rng)
@@ -402,6 +409,9 @@ def diagnose_windows(
             arm = _flexible(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
             best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
             best_named += partner.worth if partner is not None else 0.0
+            if found is not None and rows is not None:
+                polished = off(nuisance, bench.white(rows, used))
+                best_named = max(best_named, float(left @ left - polished @ polished))
             if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
                 notes.append(
                     f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
@@ -416,7 +426,7 @@ def diagnose_windows(
     # held-out windows are looked at only now
     progress("held-out windows", 0.88)
     every = [np.arange(len(b.starts)) for b in beds]
-    wanted = [(hypothesis, naive_values), (hypothesis, values), (revised, revised_values)]
+    wanted = [(naive, naive_values), (hypothesis, values), (revised, revised_values)]
     if found is None:
         wanted = wanted[:2]
     if single is not None:
@@ -447,23 +457,42 @@ def diagnose_windows(
             train["revised"], held["revised"] = train["recalibrated"], held["recalibrated"]
             gain_held = None
     floor = (noise_floor(bench, used), noise_floor(bench, bench.held))
+    rivals = [r for r in _rivals(found, trials) if partner is None or r[0].mechanism != partner.mechanism]
+    if wrong is not None:
+        # what was told beside a wrong scale is the second law; without the scale nothing is right
+        predicted.setdefault("revised", predicted["recalibrated"])
+        plain = bench.predict([(naive, values)], every)[0]
+        if plain is None:
+            predicted.pop("recalibrated")
+            notes.append("with the picture as it is the scene cannot be run")
+        else:
+            predicted["recalibrated"] = plain
+            gain_held = held_gain(bench, plain, predicted["revised"]) if any(len(w) for w in bench.held) else None
+        trial = _scale_trial(bench, wrong, nuisance, plain, base, used)
+        found, partner = trial, found
+        trials = [trial, *trials]
+        score = max(score, float(trial.gain or 0.0))
+        p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+        train = {label: errors(bench, rows, used) for label, rows in predicted.items()}
+        held = {label: errors(bench, rows, bench.held) for label, rows in predicted.items()}
+        hypothesis = naive
 
     # verdict
     excess = {}
     for label, rows in predicted.items():
         # with a law found, the estimator's bias is that of twins that have the law
         judge = after if label == "revised" and found is not None else bench
-        rest = off(nuisance, judge.white(rows, used)) if label != "naive" else bench.white(rows, used)
+        raw = label == "naive" or (wrong is not None and label == "recalibrated")
+        rest = bench.white(rows, used) if raw else off(nuisance, judge.white(rows, used))
         excess[label] = beyond_nulls(rest)
     laws = [t for t in (found, partner) if t is not None]
     verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
-    rivals = [r for r in _rivals(found, trials) if partner is None or r[0].mechanism != partner.mechanism]
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
     places: list[Place] = []
     if verdict != "no_mismatch" and shown in predicted:
         places = locate(bench, predicted[shown], every)
     proposal = None
-    if found is not None and rivals and not clock.late(0.93):
+    if found is not None and rivals and wrong is None and not clock.late(0.93):
         progress("the next experiment", 0.93)
         proposal = propose(bench, hypothesis, values, found, rivals[0][0], used)
     progress("done", 1.0)
@@ -714,6 +743,37 @@ class Search:
         share, lowest = smooth_minimum(chi2)
         amounts = np.clip(start * (share or 1e-3), low, high)
         return _trial(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
+
+
+    def turned(self, trial: BedTrial) -> BedTrial | None:
+        """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
+        extended, neutral = self.hypothesis.with_term(trial.term), np.zeros(len(trial.amounts))
+        low, high = limits(trial.term)
+        ends = []
+        for k, h in enumerate(np.abs(trial.signature.tried)):
+            step = neutral.copy()
+            step[k] = h
+            ends += [np.clip(trial.amounts - step, low, high), np.clip(trial.amounts + step, low, high)]
+        predicted = self.bench.predict(
+            [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in (trial.amounts, *ends)],
+            self.used,
+        )
+        here, pairs = predicted[0], list(zip(predicted[1::2], predicted[2::2], strict=True))
+        if here is None or any(a is None or b is None for a, b in pairs):
+            return None
+        columns = np.column_stack(
+            [
+                self.bench.change(after, before, self.used) / (ends[2 * k + 1][k] - ends[2 * k][k])
+                for k, (before, after) in enumerate(pairs)
+                if before is not None and after is not None
+            ]
+        )
+        clear = off(self.nuisance, columns)
+        change = np.linalg.lstsq(clear, off(self.nuisance, self.bench.white(here, self.used)), rcond=1e-8)[0]
+        amounts = np.clip(trial.amounts + change, low, high)
+        signature = replace(trial.signature, columns=columns, clear=clear)
+        moved = replace(trial, amounts=amounts, signature=signature)
+        return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
 
 
 def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
@@ -1005,8 +1065,34 @@ def _flexible(
             arms.append(_trial(signature, amounts[:, 0], float(gain[0]), None))
     search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
     arms.sort(key=lambda t: -(t.linear - 2.0 * len(t.term.free)))
-    done = [search.refit(t, used, nuisance, bench.members, (0.6, 1.0, 1.6)) for t in arms[:2]]
+    done = []
+    for t in arms[:2]:
+        refitted = search.refit(t, used, nuisance, bench.members, (0.6, 1.0, 1.6))
+        # few windows tell the direction of five numbers badly
+        for _ in range(2):
+            if clock.late(0.92):
+                break
+            turned = search.turned(refitted)
+            if turned is None or turned.worth < refitted.worth + SAME:
+                break
+            refitted = turned
+        done.append(refitted)
     return max(done, key=lambda t: t.worth, default=None)
+
+
+def _scale_trial(
+    bench: Bench, wrong: PictureScale, nuisance: np.ndarray, without: Prediction | None, base: Prediction,
+    windows: Windows,
+) -> BedTrial:  # fmt: skip
+    """The scale of the picture, as the swimmer shows it, as what was found."""
+    free = wrong.term.free[0]
+    amounts = np.array([(wrong.value - free.neutral) / free.scale])
+    column, gain = np.zeros((len(nuisance), 1)), 1e6  # where it cannot be run without
+    if without is not None:
+        column = bench.change(base, without, windows)[:, None] / amounts
+        gain = float(np.sum(bench.white(without, windows) ** 2) - np.sum(bench.white(base, windows) ** 2))
+    signature = make_signature(wrong.term, amounts, column, nuisance)
+    return BedTrial(signature, amounts, np.array([wrong.value]), np.array([[wrong.error**2]]), gain, gain)
 
 
 def _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
