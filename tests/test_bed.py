@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis import diagnose
-from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms
+from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, diagnose_windows, make_plan
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
@@ -346,6 +346,23 @@ def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
     # one film: within three standard errors of the truth, and far from what was believed
     error = (stiffness["high"] - stiffness["low"]) / 3.92
     assert abs(stiffness["value"] - 1.5e-3) < 3 * error < 3e-4
+
+
+def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
+    true = small("small_nothing")
+    bed = bed_case(true)
+    right = picture_scale([bed.case])
+    assert right is not None and not right.wrong and abs(right.value - 1.0) < 4 * right.error < 3e-3
+    for s in (0.99, 1.01, 2.0):
+        found = picture_scale([replace(bed.case, recording=replace(true, xy=s * true.xy))])
+        assert found.wrong and found.value == pytest.approx(s * right.value, abs=1e-4)
+    verdict = verdict_of(
+        diagnose_windows([replace(true, xy=1.01 * true.xy)], plan=PLAN, candidates=FEW, minutes=60.0)
+    )
+    assert verdict["verdict"] == "measurement"
+    (entry,) = verdict["mechanisms"]
+    s = entry["parameters"]["s"]
+    assert entry["name"] == "camera_scale" and s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 5e-3
 
 
 def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp_path):
