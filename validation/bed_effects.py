@@ -84,7 +84,7 @@ ROWS = (
     Row("nothing, confined", {}, "no_mismatch", confined=True),
     Row("camera_scale", {"s": 0.01}, "measurement", ("camera_scale",)),
     Row("time_offset", {"offset": 4e-3}, "measurement", ("time_offset",)),
-    Row("attraction", {"strength": 4e-7, "size": 8e-3}, "unmodelled"),
+    Row("attraction", {"strength": 2e-6, "size": 8e-3}, "unmodelled"),
     Row("phase_drag", {"c": 2e-4, "phase": 1.0}, "unmodelled"),
     Row("quadratic_drag", {"c": 1e-3, "p": 0}, number=("c", 1e-3), confined=True, masked=True),
     Row("contact_friction", {"mu": 0.3}, number=("mu", 0.3), confined=True, masked=True),
