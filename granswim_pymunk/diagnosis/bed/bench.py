@@ -31,11 +31,12 @@ class Bench:
         self.predictors = [BedPredictor(b, members=members, store=store, cut=cut) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
+        self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its twins, see BedPredictor.pace
 
     def with_twins(self, twins: int) -> Bench:
         """The same predictions, to be judged by that many twins of another scene."""
         other = copy.copy(self)
-        other.twins, other.noises = twins, []
+        other.twins, other.noises, other.paces = twins, [], []
         return other
 
     @property
@@ -136,25 +137,32 @@ class Bench:
         tasks = [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
         done = [0]
 
-        def one(task: tuple[int, int]) -> np.ndarray:
+        def one(task: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
             b, k = task
             bed, predictor = self.beds[b], self.predictors[b]
             key = predictor.key("twin", hypothesis, values, k, self.members) if self.store else ""
+            pace = self.store.get(key + "-pace", (2,)) if self.store else None
             left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
-            if left is None:
+            if left is None or pace is None:
                 film = predictor.twin(hypothesis, values, k)
                 own = predictor.of(film)
                 left = own.seen() - own(hypothesis, values).mean(axis=1)
+                pace = own.pace()
                 predictor.runs += own.runs
                 if self.store:
                     self.store.put(key, left)
+                    self.store.put(key + "-pace", pace)
             done[0] += 1
             progress(done[0] / len(tasks))
-            return left
+            return left, pace
 
         found = list(POOL.map(one, tasks))
         self.noises = [
-            twin_noise(np.stack([f for f, (b, _) in zip(found, tasks, strict=True) if b == number]))
+            twin_noise(np.stack([f for (f, _), (b, _) in zip(found, tasks, strict=True) if b == number]))
+            for number in range(len(self.beds))
+        ]
+        self.paces = [
+            np.stack([pace for (_, pace), (b, _) in zip(found, tasks, strict=True) if b == number])
             for number in range(len(self.beds))
         ]
 

@@ -46,6 +46,7 @@ FEWEST_TWINS = 4
 SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
 CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
+LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
 RESPONSE = (0.12, 2.0)  # rms of a signature in standard deviations: above what chaos leaves, still near linear
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
@@ -487,10 +488,16 @@ def diagnose_windows(
         excess[label] = beyond_nulls(rest)
     laws = [t for t in (found, partner) if t is not None]
     verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
+    strayed = astray(bench) if not laws else None
+    if strayed is not None:
+        verdict, p = "unmodelled", min(p, strayed.place.p)
+        notes.append(strayed.text)
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
     places: list[Place] = []
     if verdict != "no_mismatch" and shown in predicted:
         places = locate(bench, predicted[shown], every)
+        if strayed is not None:
+            places.insert(0, strayed.place)
     proposal = None
     if found is not None and rivals and wrong is None and not clock.late(0.93):
         progress("the next experiment", 0.93)
@@ -898,6 +905,48 @@ def _bias_follows(
     along = np.zeros((size, size))
     along[:, n] = slope
     return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])
+
+
+@dataclass(frozen=True)
+class Strayed:
+    """Where a film as a whole is unlike its twins, and in words."""
+
+    place: Place
+    text: str
+
+
+def astray(bench: Bench) -> Strayed | None:
+    """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
+
+    Windows start from what was seen: a swimmer that is stuck stays stuck in them. Student's t of the logarithm of the
+    rms speed among those of twins, corrected for the number of looks; None where all is as it should be.
+    """
+    worst: Strayed | None = None
+    looks = 2 * len(bench.beds)
+    for bed, predictor, paces in zip(bench.beds, bench.predictors, bench.paces, strict=True):
+        number, seen = len(paces), predictor.pace()
+        if number < 3 or not bed.training.any():
+            continue
+        for k, who in enumerate(("swimmer", "grains")):
+            if not (seen[k] > 0 and (paces[:, k] > 0).all()):
+                continue
+            logs = np.log(paces[:, k])
+            away = math.log(seen[k]) - float(logs.mean())
+            t = away / (max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number))
+            p = min(2.0 * float(stats.t.sf(abs(t), number - 1)) * looks, 1.0)
+            if p > 0.1 * ALARM or (worst is not None and p >= worst.place.p):
+                continue
+            ids = tuple(bed.scene.bodies[int(r)].id for r in bed.rows) if who == "swimmer" else ()
+            region = "swimmer" if who == "swimmer" else "grains farther from the swimmer"
+            move = "moves" if who == "swimmer" else "move"
+            low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
+            worst = Strayed(
+                Place(ids, region, None, None, None, t, p),
+                f"{bed.name}: over the whole film the {who} {move} at {1e3 * seen[k]:.3g} mm/s rms, "
+                f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
+                "with what was seen, do not show why",
+            )
+    return worst
 
 
 def beyond_nothing(trial: BedTrial) -> bool:

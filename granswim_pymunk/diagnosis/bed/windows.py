@@ -253,6 +253,19 @@ class BedPredictor:
         """How many times the bodies of a window the whole bed has."""
         return 1.0 if self.cut is None else len(self.bed.scene.bodies) / len(self.cut.rows)
 
+    def pace(self) -> np.ndarray:
+        """(2,) rms speed [m/s] at the starts of training windows, of the swimmer's disks and of the grains."""
+        bed, frames = self.bed, self.bed.starts[self.bed.training]
+        if not len(frames):
+            frames = bed.starts
+        t = self.film.t
+        v = (self.film.xy[frames + HALF] - self.film.xy[frames - HALF]) / (t[frames + HALF] - t[frames - HALF])[
+            :, None, None
+        ]
+        squares = np.sum(v**2, axis=-1)
+        means = [np.nanmean(squares[:, rows]) if len(rows) else 0.0 for rows in (bed.rows, bed.grains)]
+        return np.sqrt(np.nan_to_num(np.array(means)))
+
     # ---- what is seen -------------------------------------------------------------------------
 
     def sums(self, window: int) -> Sums:
