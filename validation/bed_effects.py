@@ -209,8 +209,8 @@ def told(row: Row) -> str:
 TITLE = "Known effects in full beds"
 ABOUT = (
     "Every line is a bed of its own (some 2200 grains, 0.6 s, 500 frames a second, 20 µm), simulated by the",
-    "proof's code, not by the engine, and diagnosed in another process from the recording alone; two diagnoses at a",
-    "time shared two cores. Strengths are chosen; drawn and sealed ones are in [proof.md](proof.md). Errors: held-out",
+    "proof's code, not by the engine, and diagnosed in another process from the recording alone; two to four diagnoses",
+    "at a time shared two cores. Strengths are chosen; drawn and sealed ones are in [proof.md](proof.md). Errors: held-out",
     "windows, rms of the swimmer's disks, µm.",
 )
 

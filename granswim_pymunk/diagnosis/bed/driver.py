@@ -490,7 +490,7 @@ def diagnose_windows(
     verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
     strayed = astray(bench) if not laws else None
     if strayed is not None:
-        verdict, p = "unmodelled", min(p, strayed.place.p)
+        verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
         notes.append(strayed.text)
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
     places: list[Place] = []
