@@ -99,11 +99,16 @@ def bed_of(row: Row, seed: int) -> BedSetup:
             break
     setup = film_in(setup)
     free = [("bending", "stiffness")] + ([("confinement", "mu_eff")] if row.confined else [])
-    adjustable = []
-    for law, parameter in free if not row.known else []:
+    return adjustable(setup, free if not row.known else [])
+
+
+def adjustable(setup: BedSetup, free: Sequence[tuple[str, str]]) -> BedSetup:
+    """The same with these parameters, and no others, adjustable between 0.4 and 2.5 of what they are."""
+    found = []
+    for law, parameter in free:
         value = float(setup.scene.parameter(f"{law}.{parameter}"))
-        adjustable.append(Adjustable(law, parameter, digits(0.4 * value, 3), digits(2.5 * value, 3)))
-    return replace(setup, scene=replace(setup.scene, adjustable=tuple(adjustable)))
+        found.append(Adjustable(law, parameter, digits(0.4 * value, 3), digits(2.5 * value, 3)))
+    return replace(setup, scene=replace(setup.scene, adjustable=tuple(found)))
 
 
 def film_in(setup: BedSetup) -> BedSetup:
@@ -127,10 +132,12 @@ def effects_of(row: Row, setup: BedSetup) -> list[Effect]:
     return [Effect(row.name, values, row.bodies)]
 
 
-def make(row: Row, number: int, folder: Path) -> None:
-    """Write the recording of a row. Raises SimulationError where it cannot be simulated."""
-    seed = 7000 + number
-    recorded(row, bed_of(row, seed), seed, folder)
+def make(row: Row, number: int, folder: Path) -> list[Path]:
+    """The recording of a row, written if it is not there. Raises SimulationError where it cannot be simulated."""
+    seed, target = 7000 + number, folder / f"recording-{number:02d}"
+    if not (target / "recording.toml").exists():
+        recorded(row, bed_of(row, seed), seed, target)
+    return [target]
 
 
 def recorded(row: Row, setup: BedSetup, seed: int, folder: Path) -> None:
@@ -210,8 +217,8 @@ TITLE = "Known effects in full beds"
 ABOUT = (
     "Every line is a bed of its own (some 2200 grains, 0.6 s, 500 frames a second, 20 µm), simulated by the",
     "proof's code, not by the engine, and diagnosed in another process from the recording alone; two to four diagnoses",
-    "at a time shared two cores. Strengths are chosen; drawn and sealed ones are in [proof.md](proof.md). Errors: held-out",
-    "windows, rms of the swimmer's disks, µm.",
+    "at a time shared two cores. Strengths are chosen; drawn and sealed ones are in [proof.md](proof.md). Errors:",
+    "held-out windows, rms of the swimmer's disks, µm.",
 )
 
 
@@ -266,37 +273,51 @@ def table(
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="rows of the table (default: all)")
-    parser.add_argument("--out", required=True, metavar="DIR")
-    parser.add_argument("--page", metavar="FILE", help="write the table here")
-    parser.add_argument("--minutes", type=float, default=10.0)
-    args = parser.parse_args(argv)
-    out = Path(args.out)
-    results: dict[str, dict[str, Any]] = {}
-    for number, row in enumerate(ROWS):
+def keep(file: Path, result: Mapping[str, Any]) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(file) as stream:
+        stream.write(json.dumps(result, indent=1).encode())
+
+
+def run_rows(
+    args: argparse.Namespace, rows: Sequence[Row], make: Callable[[Row, int, Path], list[Path]],
+    say: Callable[[str], None],
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Results of the wanted rows, by their keys; those that are there are not run again."""
+    out, results = Path(args.out), {}
+    for number, row in enumerate(rows):
         file = out / "results" / f"{row.key.replace(' ', '_').replace(',', '')}.json"
         if file.exists():
             results[row.key] = json.loads(file.read_text())
         elif not args.names or row.key in args.names:
-            recording = out / "recordings" / f"recording-{number:02d}"
-            began = time.monotonic()
-            if not (recording / "recording.toml").exists():
-                make(row, number, recording)
-            made = time.monotonic() - began
-            result = diagnosed([recording], out / "reports" / f"{number:02d}", args.minutes)
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(file) as stream:
-                stream.write(json.dumps(result, indent=1).encode())
+            recordings = make(row, number, out / "recordings")
+            result = diagnosed(recordings, out / "reports" / f"{number:02d}", args.minutes)
+            keep(file, result)
             results[row.key] = result
             how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
-            say(f"{row.key}: {how} (film {made:.0f} s, diagnosis {result.get('seconds', 0)} s)")
-    text = table(ROWS, results, TITLE, "bed_effects", ABOUT)
-    if args.page:
-        Path(args.page).write_text(text)
+            say(f"{row.key}: {how} ({result.get('seconds', 0)} s)")
+    return results
+
+
+def table_parser(doc: str | None, minutes: float) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=doc)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="rows of the table (default: all)")
+    parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument("--page", metavar="FILE", help="write the table here")
+    parser.add_argument("--minutes", type=float, default=minutes, help="budget of a diagnosis")
+    return parser
+
+
+def tell(text: str, page: str | None, say: Callable[[str], None]) -> int:
+    if page:
+        Path(page).write_text(text)
     say(text)
     return 0
+
+
+def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
+    args = table_parser(__doc__, 10.0).parse_args(argv)
+    return tell(table(ROWS, run_rows(args, ROWS, make, say), TITLE, "bed_effects", ABOUT), args.page, say)
 
 
 if __name__ == "__main__":

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from granswim_pymunk.files import written_whole
 from granswim_pymunk.proof.beds import draw_bed
-from granswim_pymunk.validation.bed_effects import Row, diagnosed, film_in, recorded
+from granswim_pymunk.validation.bed_effects import Row, diagnosed, film_in, keep, recorded, tell
 
 FULL, SMALL = 12, 48
 FIRST = 8000  # of the seeds
@@ -104,17 +103,11 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
         if not (recording / "recording.toml").exists():
             make(FIRST + k, small, recording)
         result = diagnosed([recording], out / "reports" / name, args.minutes)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(file) as stream:
-            stream.write(json.dumps(result, indent=1).encode())
+        keep(file, result)
         v = result.get("verdict")
         say(f"{name}: {v['verdict']}, p = {_p(v):.3f}, {result['seconds']} s" if v else f"{name}: {result['failed']}")
     results = {f.stem: json.loads(f.read_text()) for f in sorted((out / "results").glob("*.json"))}
-    text = page(results)
-    if args.page:
-        Path(args.page).write_text(text)
-    say(text)
-    return 0
+    return tell(page(results), args.page, say)
 
 
 if __name__ == "__main__":

@@ -7,25 +7,19 @@ another process, which is given the four folders and nothing else. Strengths are
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from granswim_pymunk.files import written_whole
 from granswim_pymunk.proof.bed_cases import shown
 from granswim_pymunk.proof.beds import digits, draw_bed, packed
 from granswim_pymunk.proof.fitting import with_adjusted
 from granswim_pymunk.proof.packings import tracks
 from granswim_pymunk.proof.suspects import camera_of, physics_of
 from granswim_pymunk.recording import Recording, write_recording
-from granswim_pymunk.scene import Adjustable
-from granswim_pymunk.validation.bed_effects import Row, diagnosed, effects_of, table
+from granswim_pymunk.validation.bed_effects import Row, adjustable, effects_of, run_rows, table, table_parser, tell
 
 TITLE = "Known effects in full beds of which only the swimmer is seen"
 ABOUT = (
@@ -46,23 +40,22 @@ ROWS = (
 
 
 def make(row: Row, number: int, folder: Path) -> list[Path]:
-    """Write the four recordings of a row. Raises SimulationError where one cannot be simulated."""
+    """The four recordings of a row, written where they are not there. Raises SimulationError where a run fails."""
     seed = 9000 + number
     rng = np.random.default_rng(seed)
     for k in range(1000):
         setup = draw_bed(np.random.default_rng((seed, k)), "unseen", False)
         if not setup.scene.laws_named("confinement"):
             break
+    setup = adjustable(setup, [("bending", "stiffness")])
     stiffness = float(setup.scene.parameter("bending.stiffness"))
-    free = Adjustable("bending", "stiffness", digits(0.4 * stiffness, 3), digits(2.5 * stiffness, 3))
-    setup = replace(setup, scene=replace(setup.scene, adjustable=(free,)))
     effects = effects_of(row, setup)
     off = 0.0 if row.moved else float(rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.06))
-    belief = with_adjusted(setup.scene, {free.name: digits(stiffness * (1 + off))})
+    belief = with_adjusted(setup.scene, {"bending.stiffness": digits(stiffness * (1 + off))})
     true = with_adjusted(setup.scene, {name: f * float(setup.scene.parameter(name)) for name, f in row.moved})
     written = []
     for d in range(len(setup.drives)):
-        target = folder / f"film-{d + 1}"
+        target = folder / f"{number:02d}" / f"film-{d + 1}"
         written.append(target)
         if (target / "recording.toml").exists():
             continue
@@ -80,31 +73,8 @@ def make(row: Row, number: int, folder: Path) -> list[Path]:
 
 
 def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="rows of the table (default: all)")
-    parser.add_argument("--out", required=True, metavar="DIR")
-    parser.add_argument("--page", metavar="FILE", help="write the table here")
-    parser.add_argument("--minutes", type=float, default=40.0)
-    args = parser.parse_args(argv)
-    out = Path(args.out)
-    results: dict[str, dict[str, Any]] = {}
-    for number, row in enumerate(ROWS):
-        file = out / "results" / f"{row.key.replace(' ', '_')}.json"
-        if file.exists():
-            results[row.key] = json.loads(file.read_text())
-        elif not args.names or row.key in args.names:
-            films = make(row, number, out / "recordings" / f"{number:02d}")
-            result = diagnosed(films, out / "reports" / f"{number:02d}", args.minutes)
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(file) as stream:
-                stream.write(json.dumps(result, indent=1).encode())
-            results[row.key] = result
-            say(f"{row.key}: {result.get('seconds', 'failed')} s")
-    text = table(ROWS, results, TITLE, "unseen_effects", ABOUT)
-    if args.page:
-        Path(args.page).write_text(text)
-    say(text)
-    return 0
+    args = table_parser(__doc__, 40.0).parse_args(argv)
+    return tell(table(ROWS, run_rows(args, ROWS, make, say), TITLE, "unseen_effects", ABOUT), args.page, say)
 
 
 if __name__ == "__main__":
