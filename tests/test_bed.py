@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, diagnose_windows, make_plan
+from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, astray, diagnose_windows, make_plan
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
@@ -363,6 +364,23 @@ def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     (entry,) = verdict["mechanisms"]
     s = entry["parameters"]["s"]
     assert entry["name"] == "camera_scale" and s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 5e-3
+
+
+def test_a_film_at_another_pace_than_its_twins_is_no_match():
+    bed = bed_case(small("small_nothing"))
+    bench = Bench([bed], 5, 1)
+    pace = bench.predictors[0].pace()
+    assert pace.shape == (2,) and (pace > 1e-3).all()
+    scatter = np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5]))[:, None]
+    bench.paces = [pace * scatter]
+    assert astray(bench) is None
+    bench.paces = [pace * scatter * [5.0, 1.0]]  # a swimmer that is held fast
+    found = astray(bench)
+    assert found is not None and found.place.region == "swimmer"
+    assert found.place.p < 1e-3 and len(found.place.bodies) == 7
+    bench.paces = [pace * scatter * [1.0, 0.3]]
+    found = astray(bench)
+    assert found is not None and found.place.bodies == () and "grains move" in found.text
 
 
 def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp_path):

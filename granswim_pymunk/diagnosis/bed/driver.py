@@ -98,6 +98,14 @@ class Errors:
     chi2: float | None  # over the count of numbers
 
 
+@dataclass(frozen=True)
+class Strayed:
+    """Where a film as a whole is unlike its twins, and in words."""
+
+    place: Place
+    text: str
+
+
 @dataclass
 class BedDiagnosis:
     """Everything that was found; ``verdict`` is one of the contract's five; ``partner`` a second law."""
@@ -128,6 +136,7 @@ class BedDiagnosis:
     seconds: float = 0.0
     runs: int = 0
     seed: int = 0
+    strayed: Strayed | None = None
 
     @property
     def beds(self) -> list[BedCase]:
@@ -507,7 +516,7 @@ def diagnose_windows(
     return BedDiagnosis(
         bench, verdict, adjustables, naive_values, values, revised_values[: len(values)],
         covariance[: len(values), : len(values)], found, partner, rivals, trials, null, score, p, train, held,
-        floor, gain_held, places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed,
+        floor, gain_held, places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed, strayed,
     )  # fmt: skip
 
 
@@ -907,14 +916,6 @@ def _bias_follows(
     return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])
 
 
-@dataclass(frozen=True)
-class Strayed:
-    """Where a film as a whole is unlike its twins, and in words."""
-
-    place: Place
-    text: str
-
-
 def astray(bench: Bench) -> Strayed | None:
     """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
 
@@ -941,7 +942,7 @@ def astray(bench: Bench) -> Strayed | None:
             move = "moves" if who == "swimmer" else "move"
             low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
             worst = Strayed(
-                Place(ids, region, None, None, None, t, p),
+                Place(ids, region, None, None, None, abs(t), p),
                 f"{bed.name}: over the whole film the {who} {move} at {1e3 * seen[k]:.3g} mm/s rms, "
                 f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
                 "with what was seen, do not show why",

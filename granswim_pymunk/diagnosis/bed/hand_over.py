@@ -82,8 +82,9 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
                 )
             )  # fmt: skip
     elif d.verdict == "unmodelled":
+        what = "the windows" if d.strayed is None else "the pace of the whole film"
         verdict["mechanisms"] = [
-            mechanism_entry("unknown", "no law that was tried explains the windows", [], {}, None, None)
+            mechanism_entry("unknown", f"no law that was tried explains {what}", [], {}, None, None)
         ]
     verdict["mismatch"] = [
         mismatch_entry(
@@ -249,6 +250,8 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
             if n in _moved(d)
         ]
         answers.append(("What is wrong?", "; ".join(changes) + ". With that no law is missing."))
+    elif d.strayed is not None:
+        answers.append(("What is wrong?", d.strayed.text[:1].upper() + d.strayed.text[1:] + "."))
     elif d.verdict == "unmodelled":
         nearest = next((t for t in d.trials if t.gain is not None and t.mechanism != "unknown"), None)
         text = "The windows differ from what any law in the list gives."
@@ -276,6 +279,8 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
         f"The best law gains {d.score:.0f} in χ²; the same search where nothing is missing gains at most "
         f"{float(d.null.max()):.0f} in {len(d.null)} repeats (p = {_number(d.p, 2)})."
     )
+    if d.strayed is not None:
+        sure = f"Its pace is {d.strayed.place.z:.0f} standard errors from that of its twins (p = {_number(d.p, 2)})."
     same = [plainly(t.mechanism) for t, equal in d.rivals if equal]
     if same:
         sure += f" On these data it cannot be told from {html.unescape(listed(same))}."
@@ -301,6 +306,8 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
 def _where(d: BedDiagnosis) -> str:
     acting = _where_it_acts(d)
     parts = []
+    if d.strayed is not None:
+        parts.append(f"The {d.strayed.place.region} as a whole.")
     if acting:
         entry = acting[0]
         region = entry["where"]["region"]
