@@ -308,7 +308,7 @@ def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_suspects):
     (entry,) = verdict["mechanisms"]
     assert entry["name"] == "camera_scale"
     s = entry["parameters"]["s"]
-    assert s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 3e-3  # of the 10e-3 that are wrong
+    assert s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 2e-3
 
 
 def test_a_late_motor_is_found_at_the_head(few_suspects):

@@ -80,18 +80,16 @@ def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
     """
     found = []
     for case in cases:
-        scene, ids = case.recording.scene, list(case.recording.ids)
-        xy = case.recording.unwrapped().xy
+        scene, xy = case.recording.scene, case.recording.unwrapped().xy
+        column = {row: k for k, row in enumerate(case.recording.track_rows.tolist())}
         sigma = float(np.nanmean(case.sigma)) if len(case.sigma) else 0.0
         for item in scene.laws_named("union"):
-            length = scene.resolved(item)["length"]
-            for chain in scene.chains:
+            length = float(scene.resolved(item)["length"])
+            for chain in scene.chains if length > 0 else ():
                 for i, j in itertools.pairwise(chain):
-                    a, b = scene.bodies[i], scene.bodies[j]
-                    if a.id in ids and b.id in ids:
-                        d = np.hypot(*(xy[:, ids.index(b.id)] - xy[:, ids.index(a.id)]).T)
-                        rest = float(length) if length else a.radius + b.radius
-                        found.append((d - sigma**2 / np.maximum(d, 1e-12)) / rest)
+                    if i in column and j in column:
+                        d = np.hypot(*(xy[:, column[j]] - xy[:, column[i]]).T)
+                        found.append((d - sigma**2 / np.maximum(d, 1e-12)) / length)
     seen = [q[np.isfinite(q)] for q in found]
     seen = [q for q in seen if len(q) > FEWEST_SIGHTS]
     term = next((t for t in camera_terms(cases) if t.mechanism == "camera_scale"), None)
