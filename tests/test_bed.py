@@ -18,7 +18,7 @@ from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, astray, diagnose_windows, make_plan
+from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, as_in_twins, astray, diagnose_windows, make_plan
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
@@ -223,6 +223,47 @@ def test_noise_of_twins_makes_innovations_white():
     row = np.repeat(fresh[:1], 10, axis=0)
     row[:, 3] = np.nan
     assert np.isfinite(noise.whiten(row)).all() and (noise.whiten(row)[:, 3] == 0).all()
+
+
+class BenchOfNumbers:
+    """Windows of one number each: a start that is wrong by e (in its speed), and columns made of that start."""
+
+    def __init__(self, rng: np.random.Generator, films: int, twins: int, windows: int = 12, size: int = 10) -> None:
+        self.members, self.twin_scene = 3, (Hypothesis(()), np.zeros(0))
+        shape = (windows, size)
+        errors = rng.normal(size=(films + twins, *shape))
+        speeds = 2.0 * rng.normal(size=(films + twins, *shape))
+        # what is seen less what is predicted from a speed that is too high by e; a drag goes by that wrong speed
+        self.innovations = -errors + 0.3 * rng.normal(size=errors.shape)
+        self.columns = -(speeds + errors) / 3.0
+        self.films = films
+        self.noises = [twin_noise(self.innovations[films:])]
+
+    def twin_views(self, wanted, windows, members, first=0):
+        assert len(wanted) == 2
+        noise = self.noises[0]
+        white = np.stack([noise.whiten(c).ravel() for c in self.columns[self.films :]])
+        return np.stack([np.zeros_like(white), white], axis=-1)
+
+
+def test_gains_that_columns_have_from_errors_of_their_starts_are_taken_off():
+    rng = np.random.default_rng(11)
+    before, after = [], []
+    for _ in range(60):
+        bench = BenchOfNumbers(rng, 1, 8)
+        windows, noise = [np.arange(12)], bench.noises[0]
+        column = noise.whiten(bench.columns[0]).ravel()[:, None]
+        left = noise.whiten(bench.innovations[0] - noise.bias).ravel()
+        nothing = np.zeros((len(left), 0))
+        signature = make_signature(one_number(low=-np.inf, scale=1.0), np.ones(1), column, nothing)
+        amounts, gain = signature.best(left[:, None])
+        trial = BedTrial(signature, amounts[:, 0], np.zeros(1), np.eye(1), float(gain[0]), None)
+        (corrected,), wider = as_in_twins(bench, [trial], windows, nothing, left, 2)
+        before.append(trial.linear)
+        after.append(corrected.linear / wider)
+    # nothing is there: the fall in chi2 should be that of one number
+    assert np.mean(before) > 10.0
+    assert 0.6 < np.mean(after) < 1.6
 
 
 def test_budget_gives_up_the_least_first():

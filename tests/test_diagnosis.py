@@ -112,6 +112,30 @@ def test_tilted_table_is_a_uniform_force_with_both_components():
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.02, -0.01), atol=1e-3)
 
 
+def test_a_tilt_is_that_of_the_table_and_not_of_the_disk():
+    """Disks that are each pushed elsewhere are not on a tilted table, though a force for each would fit."""
+    pushes = {"0": (0.05, 0.0), "1": (-0.05, 0.03), "2": (0.0, -0.06)}
+    truth = table(*(use("uniform_force", a=a, bodies=[b]) for b, a in pushes.items()))
+    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(4))])
+    assert found.verdict == "unmodelled"
+    assert "uniform_force (each body)" not in {t.term.label for t in found.trials}
+
+
+def test_a_force_on_a_slanted_rail_has_one_component():
+    across = 0.02
+    slanted = cart().laws
+    slanted = (use("rail", direction=(math.sin(across), math.cos(across))), *slanted[1:])
+    body = replace(cart().bodies[0], initial=(0.08 * math.sin(across), 0.08 * math.cos(across), 0.0, 0.0))
+    naive = Scene((body,), slanted)
+    truth = Scene((body,), (*slanted, use("linear_drag", c=0.1), use("uniform_force", a=(0.0, 0.2))))
+    found = diagnose_bodies([filmed(truth, naive, SWING[::4], np.random.default_rng(9))])
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert entry["name"] == "ambient_flow"  # a drag and a steady push are a drag in a stream
+    u = entry["parameters"]["u"]
+    assert u["value"][0] == 0.0 and u["low"][0] is None
+    assert u["low"][1] < 0.3 * 0.2 / 0.1 * math.cos(across) ** 2 < u["high"][1]
+
+
 def test_nothing_missing_gives_no_mismatch():
     found = diagnose_bodies([filmed(table(), table(), SHORT, np.random.default_rng(5))])
     verdict = verdict_dict(found)

@@ -228,8 +228,12 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
 
 def _is_simple(law: Law) -> bool:
-    """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body."""
-    return law.kind == "body" and {p.name for p in law.parameters if p.typical is not None} == set(law.strength)
+    """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body.
+
+    Not a field, which has a direction: a tilt or a stream is that of the place, not of the body.
+    """
+    fitted = [p for p in law.parameters if p.typical is not None]
+    return law.kind == "body" and {p.name for p in fitted} == set(law.strength) and all(p.size == 1 for p in fitted)
 
 
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:

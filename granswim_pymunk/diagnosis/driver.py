@@ -619,13 +619,13 @@ def _verdict(
         if all(is_apparatus(t) for t in found):
             return "measurement", None
         return "missing_physics", None
-    improved = naive.chi2 - recalibrated.chi2
-    if adjustable and improved / spread > 12 + 2 * len(recalibrated.values):
-        return "recalibrate", None
     if white_recalibrated.z > 6 and white_recalibrated.p < 1e-6:
         # the size of the noise is given, and this is more than noise
         notes.append("the innovations are far above the stated noise, and no named law predicts them better")
         return "unmodelled", arm
+    improved = naive.chi2 - recalibrated.chi2
+    if adjustable and improved / spread > 12 + 2 * len(recalibrated.values):
+        return "recalibrate", None
     if white_recalibrated.p < 1e-4:
         notes.append("the innovations are not white noise, but nothing tried predicts them better")
     return "no_mismatch", None

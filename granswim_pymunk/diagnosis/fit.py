@@ -234,7 +234,8 @@ class Fitter:
             for k, f in enumerate(hypothesis.free):
                 if f.cases is not None and case.name not in f.cases:
                     continue
-                step = 0.1 * f.scale
+                # a scale may be wider than the bounds: into the wider room, and no further than there is
+                step = min(0.1 * f.scale, max(f.high - values[k], values[k] - f.low))
                 if values[k] + step > f.high:
                     step = -step
                 shifted = np.array(values, dtype=float)

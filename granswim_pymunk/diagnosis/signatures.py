@@ -11,6 +11,7 @@ from .candidates import rescaled, with_numbers
 from .fit import Fit, Fitter, basis
 from .hypothesis import Term
 
+SAME_COLUMN = 1e-4  # of its length: a column that others imitate to this says nothing of its own
 
 @dataclass(frozen=True)
 class Signature:
@@ -115,6 +116,18 @@ def _held_against(
     return directions, surviving, gain, amount
 
 
+def _independent(columns: np.ndarray) -> np.ndarray:
+    """(k,) whether a column of (n, k) changes something that longer ones do not."""
+    sizes = np.linalg.norm(columns, axis=0)
+    kept = np.zeros(columns.shape[1], dtype=bool)
+    for k in np.argsort(-sizes, kind="stable"):
+        if sizes[k] > 0:
+            q = basis(columns[:, kept])
+            rest = columns[:, k] - q @ (q.T @ columns[:, k])
+            kept[k] = np.linalg.norm(rest) > SAME_COLUMN * sizes[k]
+    return kept
+
+
 def _flow_signature(
     fitter: Fitter, fit: Fit, term: Term, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
 ) -> Signature:
@@ -135,12 +148,16 @@ def _flow_signature(
     scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
     if not columns.any():
         return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
+    answered = _independent(columns)
+    if answered[0] and not answered.all():
+        term = with_numbers(term, [int(k) for k in np.flatnonzero(answered)])
+        columns, scales = columns[:, answered], scales[answered]
     directions, surviving, gain, (c, *push) = _held_against(columns, scales, starts, nuisance, left)
-    force = float(np.hypot(*push))
+    force = float(np.linalg.norm(push))
     # where nothing tells the drag (another one is adjustable), a flow as fast as the bodies
     if c * top < 0.1 * force:
         c = force / top
-    u = np.array(push) / c if c > 0 else np.zeros(2)
+    u = np.array(push) / c if c > 0 else np.zeros(len(push))
     sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, 1e-3 * top) for x in scales[1:])]
     return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
 
@@ -156,13 +173,14 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
             signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
             continue
         columns, scales = _columns(fitter, fit, term)
-        answered = np.abs(columns).max(axis=0, initial=0.0) > 0
+        answered = _independent(columns)
         if not answered.any():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
             continue
         linear = [k for k, f in enumerate(term.free) if not f.inner]
         if not answered.all():
-            # a number that changes nothing these recordings show stays where the law is absent
+            # a number that changes nothing these recordings show, or only what others do (a force on a rail has one
+            # component), stays where the law is absent
             keep = {linear[k] for k in np.flatnonzero(answered)} | {k for k, f in enumerate(term.free) if f.inner}
             term = with_numbers(term, sorted(keep))
             linear = [k for k, f in enumerate(term.free) if not f.inner]

@@ -32,7 +32,7 @@ QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 FULL = {
     "bodies": range(1120, 1260),
     "bed": range(1000, 1036),
-    "small-bed": range(1000, 1050),
+    "small-bed": range(1001, 1051),
     "unseen": range(1000, 1008),
     "small-unseen": range(1000, 1032),
     "curve": range(1000, 1004),

@@ -32,11 +32,14 @@ class Bench:
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
         self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its twins, see BedPredictor.pace
+        self.twin_scene: tuple[Hypothesis, np.ndarray] | None = None  # what the twins were made of
+        self._films: dict[tuple[int, int], BedPredictor] = {}  # of (bed, twin)
 
     def with_twins(self, twins: int) -> Bench:
         """The same predictions, to be judged by that many twins of another scene."""
         other = copy.copy(self)
         other.twins, other.noises, other.paces = twins, [], []
+        other.twin_scene, other._films = None, {}
         return other
 
     @property
@@ -134,8 +137,9 @@ class Bench:
         self, hypothesis: Hypothesis, values: np.ndarray, progress: Callable[[float], None] = lambda share: None
     ) -> None:
         """Noise and bias from twins of the scene with these values. Raises Failed."""
-        tasks = [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
+        tasks = self._twin_tasks()
         done = [0]
+        self.twin_scene, self._films = (hypothesis, values), {}
 
         def one(task: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
             b, k = task
@@ -144,8 +148,7 @@ class Bench:
             pace = self.store.get(key + "-pace", (2,)) if self.store else None
             left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
             if left is None or pace is None:
-                film = predictor.twin(hypothesis, values, k)
-                own = predictor.of(film)
+                own = self._twin(b, k)
                 left = own.seen() - own(hypothesis, values).mean(axis=1)
                 pace = own.pace()
                 predictor.runs += own.runs
@@ -165,6 +168,56 @@ class Bench:
             np.stack([pace for (_, pace), (b, _) in zip(found, tasks, strict=True) if b == number])
             for number in range(len(self.beds))
         ]
+
+    def _twin_tasks(self) -> list[tuple[int, int]]:
+        return [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
+
+    def _twin(self, b: int, k: int) -> BedPredictor:
+        """The predictor of a twin's windows. Raises Failed."""
+        if (b, k) not in self._films:
+            assert self.twin_scene is not None
+            self._films[b, k] = self.predictors[b].of(self.predictors[b].twin(*self.twin_scene, k))
+        return self._films[b, k]
+
+    def twin_views(
+        self, wanted: Sequence[tuple[Hypothesis, np.ndarray]], windows: Windows, members: int, first: int = 0
+    ) -> np.ndarray:
+        """(N, n, wanted) whitened mean predictions in the windows of each twin, to be subtracted from one another.
+
+        Of all twins from their own starts: columns made of the film's starts share their errors with the film's
+        innovations, these in the same way with those of the twins. Raises Failed.
+        """
+        assert self.twin_scene is not None
+        scene = self.twin_scene
+
+        def one(task: tuple[int, int]) -> np.ndarray:
+            b, k = task
+            chosen, noise, bed = [int(w) for w in windows[b]], self.noises[b], self.beds[b]
+            key = ""
+            if self.store:
+                parts = [self.predictors[b].key("view", h, v) for h, v in wanted]
+                key = self.predictors[b].key("views", *scene, k, chosen, members, first, parts)
+                kept = self.store.get(key, (len(chosen) * bed.size, len(wanted)))
+                if kept is not None:
+                    return kept
+            own = self._twin(b, k)
+            began = own.runs
+            hidden = np.where(np.isfinite(noise.twins[k]), 0.0, np.nan)
+            views = []
+            for h, v in wanted:
+                full = np.full((len(bed.starts), bed.size), np.nan)
+                full[chosen] = own(h, v, chosen, members, first).mean(axis=1)
+                views.append(noise.whiten(full + hidden, chosen).ravel())
+            self.predictors[b].runs += own.runs - began
+            out = np.stack(views, axis=1)
+            if self.store:
+                self.store.put(key, out)
+            return out
+
+        tasks = [(b, k) for b, k in self._twin_tasks() if len(windows[b])]
+        found = dict(zip(tasks, POOL.map(one, tasks), strict=True))
+        beds = [b for b in range(len(self.beds)) if len(windows[b])]
+        return np.stack([np.concatenate([found[b, k] for b in beds]) for k in range(self.twins)])
 
 
 def check_runs(found: Prediction | None, where: str) -> Prediction:
