@@ -149,6 +149,8 @@ def test_a_law_seen_in_two_kinds_is_one_law_with_both_measurements():
     (entry,) = found.verdict["mechanisms"]
     c = entry["parameters"]["c"]
     assert c["value"] == pytest.approx((1e-4 * 4 + 1.1e-4) / 5) and c["high"] - c["low"] < 2e-5
+    assert f"c = {c['value']:.4g}" in entry["expression"]  # the number of both, not that of one
+    assert entry["expression"] in dict(found.answers)["What is wrong?"]
     assert entry["gain_heldout"] == 20.0 and found.verdict["verdict"] == "missing_physics"
     assert found.verdict["null"] == {"p_false_alarm": 0.008, "replicates": 249}
     assert set(found.revised) == {"bodies", "bed"}

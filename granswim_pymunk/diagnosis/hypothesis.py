@@ -6,7 +6,7 @@ A term is a law missing from the list (or a changed parameter, or a part of the 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -118,6 +118,18 @@ def _set_parameter(name: str, bodies: tuple[str, ...] | None):
         return scene.with_parameter(name, float(values[0]), bodies=present), camera
 
     return apply
+
+
+def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> str:
+    """An equation with its numbers: (name, value, unit) each."""
+
+    def said(value: Any) -> str:
+        if isinstance(value, list | tuple):
+            return "[" + ", ".join(said(v) for v in value) + "]"
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    shown = [f"{name} = {said(value)}" + (f" {unit}" if unit not in ("1", "") else "") for name, value, unit in numbers]
+    return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
 class Failed(Exception):

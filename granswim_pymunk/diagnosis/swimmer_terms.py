@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Law, all_laws
 from ..scene import Scene, use
-from .hypothesis import Free, Term
+from .hypothesis import Free, Term, equation_with
 
 ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation")
 INTERVAL = 1.96  # standard deviations on either side: the central 95 %
@@ -177,11 +177,4 @@ def reported_parameters(
 
 def equation(term: Term, parameters: Mapping[str, tuple[Any, Any, Any, str]]) -> str:
     """The term's expression with its numbers and units."""
-
-    def said(value: Any) -> str:
-        if isinstance(value, list | tuple):
-            return "[" + ", ".join(said(v) for v in value) + "]"
-        return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-    shown = [f"{k} = {said(v)}" + (f" {u}" if u not in ("1", "") else "") for k, (v, _, _, u) in parameters.items()]
-    return f"{term.expression}; {', '.join(shown)}" if shown else term.expression
+    return equation_with(term.expression, ((name, p[0], p[3]) for name, p in parameters.items()))

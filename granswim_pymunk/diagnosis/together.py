@@ -20,6 +20,7 @@ from ..recording import Recording
 from ..scene import LawUse, Scene
 from .candidates import APPARATUS
 from .driver import Diagnosis
+from .hypothesis import equation_with
 from .outcome import MODELS, Outcome, Table, empty_verdict, verdict_of
 from .verdict import revised_scene
 
@@ -204,6 +205,8 @@ def _mechanisms(parts: Sequence[Part]) -> list[dict[str, Any]]:
                 entries.append(dict(entry))
                 continue
             same["parameters"] = {k: combined(p, entry["parameters"][k]) for k, p in same["parameters"].items()}
+            numbers = ((k, p["value"], p["unit"]) for k, p in same["parameters"].items())
+            same["expression"] = equation_with(same["expression"].split("; ")[0], numbers)
             same["bodies"] = list(dict.fromkeys([*same["bodies"], *entry["bodies"]]))
             gains = [g for g in (same["gain_heldout"], entry["gain_heldout"]) if g is not None]
             same["gain_heldout"] = sum(gains) if gains else None
@@ -301,6 +304,8 @@ def _answers(
             f"In {SPOKEN[leader.kind]}, what was not used is predicted to {fit['revised']:.2g} instead of "
             f"{fit['recalibrated']:.2g} {leader.verdict['fit']['unit']}."
         )
+    if any(set(p.names) & set(leader.names) for p in parts if p is not leader):
+        own.pop("What is wrong?", None)  # it has the leader's number, not that of all
     answers = {**answers, **own} if own else answers
     said = [n for n in notes if n.startswith(tuple(item.name for item in leader.laws()))] if leader.names else []
     answers["Do the kinds of recording agree?"] = (

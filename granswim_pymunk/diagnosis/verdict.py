@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from .candidates import distinct_bodies, owners
 from .data import Case
 from .driver import Diagnosis
 from .fit import Fit
-from .hypothesis import NO_CAMERA
+from .hypothesis import NO_CAMERA, equation_with
 from .name import Trial
 from .start import states
 
@@ -55,7 +54,9 @@ def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dic
         entries.append(
             {
                 "name": trial.mechanism,
-                "expression": _with_numbers(term.expression, parameters),
+                "expression": equation_with(
+                    term.expression, ((k, p["value"], p["unit"]) for k, p in parameters.items())
+                ),
                 "bodies": [owner] if owner is not None else _acting(diagnosis, trial),
                 "parameters": parameters,
                 "surviving_fraction": _number(trial.signature.surviving),
@@ -79,15 +80,6 @@ def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int
     return {
         "value": [f[0] for f in found], "low": [f[1] for f in found], "high": [f[2] for f in found], "unit": unit,
     }  # fmt: skip
-
-
-def _with_numbers(expression: str, parameters: Mapping[str, Any]) -> str:
-    shown = []
-    for name, p in parameters.items():
-        value = p["value"]
-        text = "[" + ", ".join(f"{v:.4g}" for v in value) + "]" if isinstance(value, list) else f"{value:.4g}"
-        shown.append(f"{name} = {text}" + (f" {p['unit']}" if p["unit"] not in ("1", "") else ""))
-    return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
 def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
