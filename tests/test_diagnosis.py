@@ -9,7 +9,11 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis.fit import Fit
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Term
 from granswim_pymunk.diagnosis.innovations import standard_deviations
+from granswim_pymunk.diagnosis.name import Trial, unstuck
+from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
@@ -289,7 +293,11 @@ def test_late_camera_of_a_driven_body_is_a_time_offset():
 
 @pytest.mark.parametrize(
     ("fault", "name", "parameter", "true"),
-    [("lag", "actuator_lag", "tau", 0.02), ("saturation", "actuator_saturation", "limit", 0.08)],
+    [
+        ("lag", "actuator_lag", "tau", 0.02),
+        ("saturation", "actuator_saturation", "limit", 0.08),
+        ("saturation", "actuator_saturation", "limit", 0.12),  # reached a few times: nothing to first order
+    ],
 )
 def test_fault_of_a_motor_is_named(fault, name, parameter, true):
     # the motor's path is integrated here, from the exact solution of its equation
@@ -317,6 +325,26 @@ def test_fault_of_a_motor_is_named(fault, name, parameter, true):
     size = entry["parameters"][parameter]
     half = 0.5 * (size["high"] - size["low"])
     assert abs(size["value"] - true) < 2 * half and half < 0.05 * true
+
+
+def test_a_fit_that_was_caught_gains_nothing_by_any_law():
+    """Whatever helps a fit out of a minimum would seem to be a law; the fit without one is begun there again."""
+
+    class Basin:
+        def fit(self, hypothesis, values, starts):
+            return replace(caught, chi2=101.0 if starts["r"] is free else 140.0)
+
+    def ended(label: str, gain: float, starts) -> Trial:
+        term = Term(label, label, (), lambda scene, camera, values: (scene, camera))
+        fit = replace(caught, chi2=caught.chi2 - gain, starts={"r": starts})
+        return Trial(Signature(term, np.zeros((1, 0)), 1.0, 0.0), fit, gain, math.inf)
+
+    free, tight = np.zeros(2), np.ones(2)
+    caught = Fit(Hypothesis(()), np.zeros(0), {"r": tight}, {}, {}, 140.0, 100, np.zeros((0, 0)))
+    base, trials = unstuck(Basin(), caught, [ended("drag", 40.0, free), ended("scale", 39.5, free)])
+    assert base.chi2 == 101.0 and [t.gain for t in trials] == pytest.approx([1.0, 0.5])
+    base, trials = unstuck(Basin(), caught, [ended("drag", 40.0, tight)])
+    assert base is caught and trials[0].gain == 40.0
 
 
 def test_the_same_seed_gives_the_same_verdict_file(tmp_path):

@@ -79,7 +79,7 @@ SAME = [
 ]
 CONTACTS = [
     ("contact_friction", {"mu": 0.3}),
-    ("cohesion", {"force": 0.003, "range": 0.002}),
+    ("cohesion", {"force": 0.004, "range": 0.002}),
     ("distance_force", {"s": 0.02, "n": 2.0}),
     ("pair_lubrication", {"c": 2.0, "range": 0.003}),
 ]
@@ -113,7 +113,9 @@ def test_laws_of_single_bodies_agree_with_the_reference(make, name, values):
 
 @pytest.mark.parametrize(("name", "values"), CONTACTS)
 def test_laws_of_pairs_agree_with_the_reference(name, values):
-    wrong, moved = differences(lambda *laws: meeting(CONTACT, *laws), name, values, 1e-4, T[:5])
+    # cohesion moves little, and the reference rounds the moment of touching to steps: 4 um with steps of 0.1 ms
+    dt = 5e-6 if name == "cohesion" else 1e-4
+    wrong, moved = differences(lambda *laws: meeting(CONTACT, *laws), name, values, dt, T[:5])
     assert moved > 4e-5
     assert wrong < 2e-2 * moved
 

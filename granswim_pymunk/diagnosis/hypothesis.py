@@ -200,7 +200,7 @@ class Predictor:
             last.simulation.restart(begin[:, :2], begin[:, 2:], t0)
             return last.simulation
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
-        simulation = Simulation(whole)
+        simulation = Simulation(whole, averaged=True)
         last.key = None
         if simulation.mode == "verlet" and not simulation.impulse:
             last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,15 +98,25 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     neutral = np.array([f.neutral for f in signature.term.free])
     best: Fit | None = None
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
-    for share in (1.0, 0.2):
-        values = np.concatenate([base.values, neutral + share * (first - neutral)])
+    beginnings = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
+    only = signature.term.free[0]
+    if len(first) == 1 and only.neutral in (only.low, only.high) and np.isfinite(only.high - only.low):
+        # a limit changes nothing until it is reached: it is looked for over its range
+        far = only.low + only.high - only.neutral
+        beginnings = [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
+    if signature.term.mechanism == "ambient_flow" and len(first) > 1 and first[0] > 0:
+        # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
+        part = np.array([4.0, *[0.25] * (len(first) - 1)])
+        beginnings = [(1.0, first), (0.2, neutral + 0.2 * (first - neutral)), (1.0, first * part), (1.0, first / part)]
+    for share, begin in beginnings:
+        values = np.concatenate([base.values, begin])
         found = fitter.fit(
             hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,),
-            evaluations=8 if len(signature.term.free) > 12 else 20,
+            evaluations=8 if len(first) > 12 else 60 if signature.term.mechanism == "ambient_flow" else 20,
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found
-        if found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count:
+        if len(beginnings) == 2 and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
             break
     assert best is not None
     return best
@@ -136,6 +146,23 @@ def try_candidates(
     if not late():
         trials = [_from_special_case(fitter, base, t, trials) for t in trials]
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, list[Trial]]:
+    """The fit without a law, again from where those with one ended, and the trials with the gains over it.
+
+    A fit may be caught in a minimum that every further number helps it out of: that is no gain of the law.
+    """
+    n = len(base.values)
+    best = base
+    for t in sorted(trials, key=lambda t: -t.gain)[:3]:
+        if t.fit is not None and t.gain > 8:
+            found = fitter.fit(base.hypothesis, t.fit.values[:n], t.fit.starts)
+            best = found if found.chi2 < best.chi2 - 1.0 else best
+    if best is base:
+        return base, list(trials)
+    moved = [t if t.fit is None else replace(t, gain=best.chi2 - t.fit.chi2) for t in trials]
+    return best, sorted(moved, key=lambda t: -t.gain)
 
 
 def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence[Trial]) -> Trial:

@@ -190,6 +190,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         sizes = [f.scale for f in term.free]
         for k, number in enumerate(linear):
             firsts[number] += float(amount[k])
-            sizes[number] = float(scales[k])
+            # what hardly shows to first order (a limit that is just reached) has a scale beyond its bounds
+            sizes[number] = min(float(scales[k]), 0.05 * (term.free[number].high - term.free[number].low))
         signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain))
     return Bank(fit, r, nuisance, tuple(signatures))

@@ -71,7 +71,8 @@ BODIES = 128
 BLOCK = 256
 WORK = ("dx", "dy", "ux", "uy", "touch", "mass", "px", "py", "ri", "rj", "wi", "wj", "ti", "tj")
 # numbers that laws may ask for
-SCALARS = ("length", "gx", "gy", "g", "mean_mass")
+# the last: 1 where a contact counts in its first and last step by the share of it that it lasts, else 0
+SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share")
 
 
 def cache_folder() -> Path:
@@ -169,6 +170,10 @@ def _pair_block(law: Law, code: int) -> str:
     }  # fmt: skip
     reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
     lines = ["nx = dx / d", "ny = dy / d", "gap = d - touch", "vn = ux * nx + uy * ny"]
+    # a dashpot acts at once when bodies touch: without this its moment is rounded to steps
+    shared = ["deep = abs(vn) * step", "vn *= 0.5 - gap / deep if -gap < deep else 1.0"]
+    shared = shared if "vn" in law.arguments and not law.reach else []
+    opening = len(lines)
     if spin:
         lines.append("vt = uy * nx - ux * ny - wj * rj - wi * ri")
     lines.append(f"{'fn, ft, mi, mj' if _turns(law) else 'fn, ft'} = {_call(law, available)}")
@@ -210,15 +215,15 @@ def pair_{law.name}(i, j, o, t, state, inverse_mass, radius, parameters, scalars
 
 
 @njit(**PLAIN)
-def each_{law.name}(count, o, t, parameters, work):
+def each_{law.name}(count, o, t, step, parameters, work):
     r0 = parameters[o - 1]
 {_indent(read, 1)}    for m in range(np.uint64(count)):
 {_indent(unpack, 2)}        d = math.sqrt(dx * dx + dy * dy)
-{_indent([*lines, *pack], 2)}
+{_indent([*lines[:opening], *shared, *lines[opening:], *pack], 2)}
 
 @njit(**PLAIN)
-def sum_{law.name}(u, t, begin, end, seam, flat, radius, parameters, uses, mask, near_i, near_j, near_shift, near_touch,
-                   near_mass, which, work):
+def sum_{law.name}(u, t, step, begin, end, seam, flat, radius, parameters, uses, mask, near_i, near_j, near_shift,
+                   near_touch, near_mass, which, work):
     o = uses[u, 1]
 {_indent(read if reach else [], 1)}    reach = 0.0{reach}
     for first in range(begin, end, {BLOCK}):
@@ -228,7 +233,7 @@ def sum_{law.name}(u, t, begin, end, seam, flat, radius, parameters, uses, mask,
         else:
             count = reached(first, last, reach, uses[u, 4], mask[u], flat, near_i, near_j, near_shift, near_touch, which, work)
         count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
-        each_{law.name}(count, o, t, parameters, work)
+        each_{law.name}(count, o, t, step, parameters, work)
         scatter(count, {int(spin)}, flat, near_i, near_j, which, work)
 """
 
@@ -467,8 +472,8 @@ def interpolate(t, times, values, first, last):
         pair_sums += [
             f"elif code == {codes[law.name]}:",
             "    if from_list != 0:",
-            f"        sum_{law.name}(u, t, near_starts[b], near_starts[b + 1], near_seam[b], flat, radius, parameters, uses,",
-            "            mask, near_i, near_j, near_shift, near_touch, near_mass, which, work)",
+            f"        sum_{law.name}(u, t, scalars[5] * dt, near_starts[b], near_starts[b + 1], near_seam[b], flat, radius,",
+            "            parameters, uses, mask, near_i, near_j, near_shift, near_touch, near_mass, which, work)",
         ]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]

@@ -202,7 +202,7 @@ class PythonCallbacks:
         if "command" in item.law.arguments:
             first, last = a["input_at"][k]
             command = float(np.interp(t + 0.5 * s.dt, a["input_t"][first:last], a["input_v"][first:last]))
-        _, gx, gy, g, mean_mass = (float(v) for v in a["scalars"])
+        _, gx, gy, g, mean_mass, _ = (float(v) for v in a["scalars"])
         return {
             "t": t, "dt": s.dt, "x": x, "y": y, "vx": vx, "vy": vy, "mass": float(a["mass"][k]),
             "radius": float(a["radius"][k]), "given_inertia": float(a["given_inertia"][k]), "fx": self._fx[k],

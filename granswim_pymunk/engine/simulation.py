@@ -109,6 +109,8 @@ class Simulation:
     only : rows of ``scene.bodies`` that are simulated, all where not given. The others are absent; laws keep the
         numbers (mean mass, radii) of the whole scene, and ``state``, ``raw``, ``forces`` give NaN for them
     carried : rows that move at the velocities they are given, whatever pushes them: walls that move. Mode verlet
+    averaged : a contact's dashpot counts in its first and last step by the share of the step that it lasts, so that
+        the moment of touching is not rounded to steps. Mode verlet, in others without effect
 
     Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
     dampings, velocities kick (leapfrog). Runs are repeatable bit for bit.
@@ -126,6 +128,7 @@ class Simulation:
         skin: float | None = None,
         only: Sequence[int] | np.ndarray | None = None,
         carried: Sequence[int] | np.ndarray = (),
+        averaged: bool = False,
     ) -> None:
         if mode not in MODES:
             raise InputError(f"unknown mode {mode!r}; expected one of {', '.join(MODES)}")
@@ -137,6 +140,7 @@ class Simulation:
             if body.initial is None:
                 raise InputError("needs initial = [x, y, vx, vy]", where=f"body {body.id}")
         self.scene = scene
+        self.averaged = averaged
         self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
         if self.impulse and scene.periodic_x:
             raise InputError(
@@ -358,8 +362,9 @@ class Simulation:
         a["table_values"] = np.zeros(64, dtype=np.int64)
         mean_mass = [b.mass for b in scene.bodies if b.role == "grain"] or [b.mass for b in bodies if b.mobile] or [1.0]
         a["scalars"] = np.array(
-            [scene.periodic_x or 0.0, *scene.gravity, scene.gravity_size, float(np.mean(mean_mass))]
-        )
+            [scene.periodic_x or 0.0, *scene.gravity, scene.gravity_size, float(np.mean(mean_mass)),
+             float(self.averaged and self.mode == "verlet")]
+        )  # fmt: skip
         assert len(a["scalars"]) == len(SCALARS)
         a["bodies"] = np.zeros(n, dtype=np.int64)
         self._a = a
@@ -637,10 +642,11 @@ class Simulation:
                 a["near_mass"], a["near_starts"], a["near_seam"], ROW,
             )  # fmt: skip
         self._forget_lists()
+        plain = np.append(a["scalars"][:-1], 0.0)  # forces of this moment, not of a step
         self._kernel.add_forces(
             1, int(constrained), t, self.dt, state, a["mass"], a["inverse_mass"], a["radius"], a["given_inertia"],
             a["parameters"], a["uses"], a["runs"], a["run_starts"], a["blocks"], a["mask"], a["near_i"], a["near_j"],
-            a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], a["scalars"],
+            a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], plain,
             a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"],
         )  # fmt: skip
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]

@@ -113,8 +113,12 @@ def body_forces(t, xy, v, spin, kind, geometry, radius, code, par, weight, force
 
 
 @_jit
-def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, force, torque):
-    """Contacts and the other forces between the ``count`` listed pairs."""
+def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, dt, force, torque):
+    """Contacts and the other forces between the ``count`` listed pairs.
+
+    A dashpot acts at once when disks touch. A step in which they first do counts by the share of it that they touch,
+    so that its moment is not rounded to steps: of the force at its end, half that share more or less.
+    """
     period = base[PERIOD]
     half = 0.5 * period
     contact = int(base[CONTACT])
@@ -150,6 +154,9 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
             damping = base[GAMMA_C]
             if base[DAMPING_POWER] != 0.0:
                 damping *= (-gap / base[DAMPING_SCALE]) ** base[DAMPING_POWER]
+            deep = abs(opening) * dt
+            if -gap < deep:
+                damping *= 0.5 - gap / deep
             normal = -damping * reduced * opening
             if contact == LINEAR:
                 normal -= base[K_C] * gap
@@ -570,7 +577,7 @@ def run(
         body_forces(t, xy, ahead, ahead_spin, kind, geometry, radius, field_code, field_par, field_weight, force)
         if wants_pairs:
             pair_forces(
-                xy, ahead, ahead_spin, kind, mass, radius, base, pairs, count, pair_code, pair_par, force, torque
+                xy, ahead, ahead_spin, kind, mass, radius, base, pairs, count, pair_code, pair_par, dt, force, torque
             )
         chain_forces(head[step], head_rate[step], xy, ahead, mass, chain, base, stiffer, rest, force)
         for i in range(n):
