@@ -125,6 +125,14 @@ def test_a_tilt_is_that_of_the_table_and_not_of_the_disk():
     assert "uniform_force (each body)" not in {t.term.label for t in found.trials}
 
 
+def test_a_push_on_one_disk_is_located_there():
+    truth = table(use("uniform_force", a=(0.05, -0.03), bodies=["1"]))
+    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(5))])
+    (entry,) = verdict_dict(found)["mechanisms"]
+    assert (found.verdict, entry["name"], entry["bodies"]) == ("missing_physics", "uniform_force", ["1"])
+    np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.05, -0.03), atol=1e-3)
+
+
 def test_a_force_on_a_slanted_rail_has_one_component():
     across = 0.02
     slanted = cart().laws

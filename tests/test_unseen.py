@@ -16,10 +16,10 @@ from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.conditions import Condition, conditions_of
 from granswim_pymunk.diagnosis.unseen.observe import View
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
-from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softened
+from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner
 from granswim_pymunk.diagnosis.unseen.search import Sizes
 from granswim_pymunk.diagnosis.unseen.suspects import suspects_of
-from granswim_pymunk.engine import Simulation
+from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
@@ -177,8 +177,8 @@ def test_softer_contacts_keep_the_restitution():
         return float(sim.state().v[1, 0] - sim.state().v[0, 0]) / 0.2
 
     scene = toy_scene(F)
-    assert rebound(softened(scene)) == pytest.approx(rebound(scene), rel=0.01)
-    stiffness = softened(scene).laws_named("contact_linear")[0].values["stiffness"]
+    assert rebound(softened(scene, SOFTER)) == pytest.approx(rebound(scene), rel=0.01)
+    stiffness = softened(scene, SOFTER).laws_named("contact_linear")[0].values["stiffness"]
     assert stiffness == 2.2e2 / SOFTER
 
 

@@ -21,6 +21,7 @@ from .data import Case
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 
+FEW = 6  # bodies that a push on a single one is looked for among
 APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 
 
@@ -245,7 +246,17 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             terms += law_terms(law, cases, each=False)
             if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)
+            elif several and each and law.name == "uniform_force":
+                terms += _on_one_body(law, cases)
     return terms
+
+
+def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
+    """A push on a single body, for each of a few."""
+    (together,) = law_terms(law, cases, each=True)
+    names = owners(together)
+    alone = [(name, for_bodies(together, [name])) for name in names if 1 < len(names) <= FEW]
+    return [replace(found[0], label=f"{law.name} on {name}") for name, found in alone if found is not None]
 
 
 def applies(law: Law, cases: Sequence[Case]) -> bool:
