@@ -104,7 +104,9 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         # a limit changes nothing until it is reached: it is looked for over its range
         far = only.low + only.high - only.neutral
         beginnings = [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
-    if signature.term.mechanism == "ambient_flow" and len(first) > 1 and first[0] > 0:
+    beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
+    valley = signature.term.mechanism == "ambient_flow" and beside and len(first) > 1 and first[0] > 0
+    if valley:
         # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
         part = np.array([4.0, *[0.25] * (len(first) - 1)])
         beginnings = [(1.0, first), (0.2, neutral + 0.2 * (first - neutral)), (1.0, first * part), (1.0, first / part)]
@@ -112,7 +114,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         values = np.concatenate([base.values, begin])
         found = fitter.fit(
             hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,),
-            evaluations=8 if len(first) > 12 else 60 if signature.term.mechanism == "ambient_flow" else 20,
+            evaluations=8 if len(first) > 12 else 60 if valley else 20,
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found
