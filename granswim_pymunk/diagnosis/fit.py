@@ -251,6 +251,23 @@ class Fitter:
         found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
         return columns, [(found[0] - other) / c[2] for other, c in zip(found[1:], changes[1:], strict=True)]
 
+    def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed) -> tuple[np.ndarray, np.ndarray]:
+        """d(predicted/sigma) of what was seen in ``frames``, by all values (n, p) and by the numbers of the start."""
+        use = np.isfinite(case.values[frames])
+        columns, block = self._jacobian(case, hypothesis, values, numbers, frames, fixed)
+        by_value = np.zeros((int(use.sum()), len(hypothesis.free)))
+        by_start = np.zeros((int(use.sum()), len(numbers)))
+        for index, column in zip(columns, block, strict=True):
+            if index >= 0:
+                by_value[:, index] = column[use]
+            else:
+                by_start[:, -index - 1] = column[use]
+        return by_value, by_start
+
+    def sensitivity(self, fit: Fit, case: Case, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """d(predicted/sigma) at a fit of what was seen in ``frames``: by its values (n, p), by the start's numbers."""
+        return self._sensitivity(case, fit.hypothesis, fit.values, fit.starts[case.name], frames, False)
+
     def _finish(self, hypothesis, x, numbers, fixed) -> Fit:
         innovations, jacobian = {}, {}
         p = len(hypothesis.free)
@@ -261,15 +278,7 @@ class Fitter:
             full = np.full(c.values.shape, np.nan)
             full[frames] = self._innovations(c, hypothesis, x, numbers[c.name], frames)
             innovations[c.name] = full
-            use = np.isfinite(c.values[frames])
-            columns, block = self._jacobian(c, hypothesis, x, numbers[c.name], frames, fixed)
-            by_value = np.zeros((int(use.sum()), p))
-            by_start = np.zeros((int(use.sum()), len(numbers[c.name])))
-            for index, column in zip(columns, block, strict=True):
-                if index >= 0:
-                    by_value[:, index] = column[use]
-                else:
-                    by_start[:, -index - 1] = column[use]
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed)
             jacobian[c.name] = (by_value, by_start)
             projected = by_value - project(by_start, by_value)
             information += projected.T @ projected

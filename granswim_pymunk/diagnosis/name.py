@@ -22,8 +22,8 @@ INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between c
 class Trial:
     """A candidate after refitting.
 
-    gain : fall in chi2 on the training part;  inner : mean squared innovation (in sigma^2) on the part of
-    the training data that its fit did not see;  reason : why there is no fit, if so
+    gain : fall in chi2 on the training part;  inner : how badly the part of the training data is predicted that
+    its fit did not see (``InnerSplit.score``);  reason : why there is no fit, if so
     """
 
     signature: Signature
@@ -69,13 +69,17 @@ class InnerSplit:
         return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
 
     def score(self, hypothesis: Hypothesis, start: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
-        """Mean squared innovation on the rest, over all and by recording; infinite where the run failed.
+        """How badly the rest is predicted, over all, and the mean squared innovation by recording.
+
+        Over all: (r' S^-1 r + ln det S)/n, S = 1 + J C J' the covariance of the prediction in units of the noise (J its
+        derivatives by values and starts, C their covariance after the first part; Gaussian log density, Gneiting &
+        Raftery 2007, JASA 102, 359, eq. 24). About 1 for a right law, however little the first part says of its
+        numbers; a law whose numbers leave the rest open pays for that by ln det S. Infinite where a run failed.
 
         ``start``: where the search begins, so that all candidates begin equally well.
         """
         fit = self.fitter.fit(hypothesis, start.values, start.starts, evaluations=evaluations)
-        squares, count = 0.0, 0
-        by_case = {}
+        by_case, innovations, blocks = {}, [], []
         for case in self.cases:
             if not self.rest[case.name].any():
                 continue
@@ -85,10 +89,44 @@ class InnerSplit:
                 return float("inf"), {}
             r = ((case.values - predicted) / case.sigma)[self.rest[case.name]]
             r = r[np.isfinite(r)]
-            squares += float(r @ r)
-            count += len(r)
             by_case[case.name] = float(np.mean(r**2)) if len(r) else float("nan")
-        return (squares / count if count else float("inf")), by_case
+            innovations.append(r)
+            both = self.fitter.frames[case.name] | self.rest[case.name]
+            later = self.rest[case.name][both][np.nonzero(np.isfinite(case.values[both]))[0]]
+            blocks.append((case.name, *self.fitter.sensitivity(fit, case, both), later))
+        if not innovations:
+            return float("inf"), by_case
+        return _surprise(fit, innovations, blocks, spread_of(fit, self.fitter.cases)), by_case
+
+
+def _surprise(
+    fit: Fit,
+    innovations: Sequence[np.ndarray],
+    blocks: Sequence[tuple[str, np.ndarray, np.ndarray, np.ndarray]],
+    spread: float,
+) -> float:
+    """(r' S^-1 r + ln det S)/n of the later numbers of every recording: (name, by value, by start, which are later)."""
+    sizes = [by_start.shape[1] for _, _, by_start, _ in blocks]
+    p, offsets = len(fit.values), np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    rows = []
+    for k, (_, by_value, by_start, _) in enumerate(blocks):
+        row = np.zeros((len(by_value), p + offsets[-1]))
+        row[:, :p] = by_value
+        row[:, p + offsets[k] : p + offsets[k + 1]] = by_start
+        rows.append(row)
+    whole, later = np.concatenate(rows), np.concatenate([b[3] for b in blocks])
+    r = np.concatenate(innovations)
+    size = np.linalg.norm(whole, axis=0)
+    whole = whole[:, size > 0] / size[size > 0]
+    first, rest = whole[~later], whole[later]
+    # what the first part leaves open is bounded by a thousand times what all would tell
+    known = first.T @ first / spread + 1e-6 * np.eye(whole.shape[1])
+    told = known + rest.T @ rest
+    pull = rest.T @ r
+    square = float(r @ r) - float(pull @ np.linalg.solve(told, pull))
+    width = float(np.linalg.slogdet(told)[1] - np.linalg.slogdet(known)[1])
+    value = (square + width) / max(len(r), 1)
+    return value if np.isfinite(value) else float("inf")
 
 
 def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:

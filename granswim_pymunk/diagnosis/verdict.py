@@ -119,10 +119,10 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
 
     def inner_gain(trial: Trial) -> float | None:
         # rivals are never shown held-out data: their gain is that inside the training part
-        if not base_inner or not math.isfinite(trial.inner) or trial.inner <= 0:
+        if not base_inner or not math.isfinite(trial.inner):
             return None
         n = sum(int(c.training.sum()) * len(c.channels) for c in d.cases if not c.held_out) * 0.4 / max(d.spread, 1.0)
-        return float(n / 2 * math.log(base_inner / trial.inner))
+        return float(n / 2 * (base_inner - trial.inner))
 
     errors = {
         part: {

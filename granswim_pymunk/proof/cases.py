@@ -14,7 +14,7 @@ from ..scene import LawUse, Scene
 from .beds import digits
 from .fitting import Sight, Strength, calibrate, canonical, left, look, with_adjusted
 from .seal import generator
-from .setups import Setup, draw_setup
+from .setups import DRAGS, Setup, draw_setup
 from .suspects import APPARATUS, OUTSIDE, STRENGTH, Sizes, draw, scale_strength, typical
 from .world import Effect, World
 
@@ -24,6 +24,7 @@ NOISE_KNOWN = 0.9
 # standard errors at which effects are concealed
 LADDER = (2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0)
 STRONGER = (12.0, 25.0, 50.0, 100.0)  # of what lies outside the library
+WIDER = {"linear_drag": "ambient_flow"}  # a law and one that holds it as a special case: no rival, only richer
 CATEGORIES = {
     "mechanism": 0.45,
     "pair": 0.05,
@@ -160,8 +161,10 @@ def rivals(setup: Setup, scene: Scene, effects: list[Effect], start: np.ndarray,
     if truth.name in OUTSIDE:
         own = 0.0
     found = {}
-    for name in (*setup.suspects, *setup.cameras):
-        if name == truth.name or name in OUTSIDE:
+    # whatever a diagnosis may name instead, whether or not it is concealed in this apparatus
+    everywhere = () if setup.scene.laws_named("drive") else DRAGS
+    for name in dict.fromkeys((*setup.suspects, *setup.cameras, *everywhere)):
+        if name in (truth.name, WIDER.get(truth.name), *OUTSIDE):
             continue
         rival = typical(name, setup, sizes)
         if truth.bodies is not None and name in ("linear_drag", "quadratic_drag", "coulomb_substrate", "uniform_force"):

@@ -212,6 +212,8 @@ def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
     strong = [r for r in rows if r.eligible]
     nulls = [r for r in rows if r.category in NULLS]
     outside = [r for r in rows if r.category == "outside" and r.sigma >= STRONG]
+    # a force that a known law imitates within its noise can only be named after that law
+    unlike = [r for r in outside if r.d_prime >= STRONG]
     intervals = [c for r in rows for c in r.covered]
     return [
         _figure("right name first (5 standard errors, best rival at d' of 2 or more)", "at least 90 %",
@@ -225,6 +227,10 @@ def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
                 True),
         _figure("outside the library: a confident wrong name", "at most 10 %", [r.physics_named for r in outside], 0.1,
                 False),
+        _figure("outside, and no known law comes nearer than 5 standard errors: unmodelled", "at least 80 %",
+                [r.verdict == "unmodelled" for r in unlike], 0.8, True),
+        _figure("outside, and no known law comes nearer than 5 standard errors: a confident wrong name",
+                "at most 10 %", [r.physics_named for r in unlike], 0.1, False),
         _figure("95 % intervals that hold the truth", "90 to 99 %", intervals, 0.9, True, 0.99),
     ]  # fmt: skip
 

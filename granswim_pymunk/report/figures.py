@@ -788,7 +788,7 @@ def candidates(diagnosis: Diagnosis, most: int = 18) -> Figure:
         if together and diagnosis.inner.get(together, 0.0) > 0:
             scores.append(diagnosis.inner[together])
         _falling_axis(right, min(scores), max(scores))
-    right.set_xlabel("inner test\n[χ² per number]")
+    right.set_xlabel("inner test\n[−2 ln p per number]")
     for axis in (left, middle, right):
         axis.tick_params(axis="y", length=0)
         axis.spines["left"].set_visible(False)
