@@ -237,6 +237,12 @@ def _is_simple(law: Law) -> bool:
     return law.kind == "body" and {p.name for p in fitted} == set(law.strength) and all(p.size == 1 for p in fitted)
 
 
+def _is_push(law: Law) -> bool:
+    """A force that asks nothing of its body but the mass: one body may be pushed and the others not."""
+    own = {a for p in law.parameters for a in p.arguments}
+    return law.kind == "body" and set(law.arguments) <= {"mass"} | own
+
+
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
@@ -246,7 +252,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             terms += law_terms(law, cases, each=False)
             if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)
-            elif several and each and law.name == "uniform_force":
+            elif several and each and _is_push(law):
                 terms += _on_one_body(law, cases)
     return terms
 

@@ -132,34 +132,41 @@ def _surprise(
 def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:
     """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
     hypothesis = base.hypothesis.with_term(signature.term)
-    first = np.array([f.first for f in signature.term.free])
-    neutral = np.array([f.neutral for f in signature.term.free])
+    few, evaluations, beginnings = _beginnings(base, signature.term)
     best: Fit | None = None
-    # beyond the linear range the first-order amount may be far off: begin from a part of it too
-    beginnings = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
-    only = signature.term.free[0]
-    if len(first) == 1 and only.neutral in (only.low, only.high) and np.isfinite(only.high - only.low):
-        # a limit changes nothing until it is reached: it is looked for over its range
-        far = only.low + only.high - only.neutral
-        beginnings = [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
-    beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
-    valley = signature.term.mechanism == "ambient_flow" and beside and len(first) > 1 and first[0] > 0
-    if valley:
-        # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
-        part = np.array([4.0, *[0.25] * (len(first) - 1)])
-        beginnings = [(1.0, first), (0.2, neutral + 0.2 * (first - neutral)), (1.0, first * part), (1.0, first / part)]
     for share, begin in beginnings:
         values = np.concatenate([base.values, begin])
         found = fitter.fit(
-            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,),
-            evaluations=8 if len(first) > 12 else 60 if valley else 20,
-        )  # fmt: skip
+            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,), evaluations=evaluations
+        )
         if best is None or found.chi2 < best.chi2:
             best = found
-        if len(beginnings) == 2 and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
+        if few and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
             break
     assert best is not None
     return best
+
+
+def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.ndarray]]]:
+    """Where the search for the numbers of a term begins: (share of the first-order amount, numbers) in turn.
+
+    Also whether a good first one is enough, and how many evaluations each has.
+    """
+    first = np.array([f.first for f in term.free])
+    neutral = np.array([f.neutral for f in term.free])
+    only = term.free[0]
+    if len(first) == 1 and only.neutral in (only.low, only.high) and np.isfinite(only.high - only.low):
+        # a limit changes nothing until it is reached: it is looked for over its range
+        far = only.low + only.high - only.neutral
+        return False, 20, [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
+    # beyond the linear range the first-order amount may be far off: begin from a part of it too
+    usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
+    beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
+    if term.mechanism == "ambient_flow" and beside and len(first) > 1 and first[0] > 0:
+        # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
+        part = np.array([4.0, *[0.25] * (len(first) - 1)])
+        return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]
+    return True, 8 if len(first) > 12 else 20, usual
 
 
 def try_candidates(

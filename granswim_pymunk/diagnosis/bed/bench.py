@@ -145,19 +145,18 @@ class Bench:
             b, k = task
             bed, predictor = self.beds[b], self.predictors[b]
             key = predictor.key("twin", hypothesis, values, k, self.members) if self.store else ""
-            pace = self.store.get(key + "-pace", (2,)) if self.store else None
-            left = self.store.get(key, (len(bed.starts), bed.size)) if self.store else None
-            if left is None or pace is None:
+            shape = (len(bed.starts), bed.size)
+            found = self.store.get(key, (shape[0] * shape[1] + 2,)) if self.store else None
+            if found is None:
                 own = self._twin(b, k)
                 left = own.seen() - own(hypothesis, values).mean(axis=1)
-                pace = own.pace()
+                found = np.concatenate([left.ravel(), own.pace()])
                 predictor.runs += own.runs
                 if self.store:
-                    self.store.put(key, left)
-                    self.store.put(key + "-pace", pace)
+                    self.store.put(key, found)
             done[0] += 1
             progress(done[0] / len(tasks))
-            return left, pace
+            return found[:-2].reshape(shape), found[-2:]
 
         found = list(POOL.map(one, tasks))
         self.noises = [

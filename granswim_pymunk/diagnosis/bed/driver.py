@@ -32,7 +32,6 @@ from .signatures import (
     coherence,
     limits,
     make_signature,
-    mean_of_twins,
     off,
     recombined,
     to_values,
@@ -916,7 +915,7 @@ def _polish(
     if hurried:
         return z, rough, trial, bench, None
     second = bench.with_twins(max(min(plan.twins - 2, 6), 3))
-    told: tuple[np.ndarray, np.ndarray | None] = np.zeros(len(z)), None
+    told: np.ndarray | None = None
     steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
     for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
         steps.append(0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
@@ -927,10 +926,8 @@ def _polish(
             told = _told_by_twins(second, full, z, np.array(steps), windows)
         for _ in range(3):
             # to both sides: a base that the columns share with the innovations would push along its own chaos
-            ends = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
-            wanted = [(full, z), *((full, end) for pair in ends for end in pair)]
-            predicted = second.predict_surely(wanted, windows)
-            spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(ends)])
+            ends, spans = _both_sides(full, z, np.array(steps))
+            predicted = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
             columns = np.column_stack(
                 [
                     second.change(predicted[2 * k + 2], predicted[2 * k + 1], windows) / span
@@ -940,7 +937,7 @@ def _polish(
             white = second.white(predicted[0], windows)
             steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
             answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
-            change = steered @ (answer - away - told[0])
+            change = steered @ (answer - away - (0.0 if told is None else told.mean(axis=0)))
             # never further than the columns were taken
             change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
             before, z = z, np.clip(z + change, low, high)
@@ -952,29 +949,37 @@ def _polish(
     rest = white - columns @ answer
     size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
     covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
-    covariance = steered @ as_twins_scatter(covariance, columns, second, windows, told[1]) @ steered.T
+    if told is None:
+        # the columns of the film in place of those of each twin
+        told = np.linalg.lstsq(columns, whole_films(second.noises, windows), rcond=1e-10)[0].T
+    covariance = steered @ as_twins_scatter(covariance, told) @ steered.T
     return z, covariance, _moved_to(trial, z[n:], covariance[n:, n:]), second, columns
+
+
+def _both_sides(full: Hypothesis, z: np.ndarray, steps: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """Each number of ``z`` a step lower and a step higher, within bounds: (2p numbers in turn), and the spans (p,)."""
+    low, high = np.array([(f.low, f.high) for f in full.free]).T
+    pairs = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
+    spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(pairs)])
+    return [end for pair in pairs for end in pair], spans
 
 
 def _told_by_twins(
     bench: Bench, full: Hypothesis, z: np.ndarray, steps: np.ndarray, windows: Windows
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Mean (p,) and scatter (N, p) of the answers of twins of ``z``, each with columns of its own starts.
+) -> np.ndarray:
+    """Answers (N, p) of twins of ``z``, each with columns of its own starts.
 
     The truth of twins is known: the mean is the bias of least squares whose columns have the errors of the starts.
     """
-    low, high = np.array([(f.low, f.high) for f in full.free]).T
-    ends = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
-    views = bench.twin_views([(full, end) for pair in ends for end in pair], windows, bench.members)
-    spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(ends)])
+    ends, spans = _both_sides(full, z, steps)
+    views = bench.twin_views([(full, end) for end in ends], windows, bench.members)
     films = whole_films(bench.noises, windows)
-    answers = np.array(
+    return np.array(
         [
             np.linalg.lstsq((shown[:, 1::2] - shown[:, ::2]) / spans, film, rcond=1e-10)[0]
             for shown, film in zip(views, films.T, strict=False)
         ]
     )
-    return answers.mean(axis=0), answers
 
 
 def _bias_follows(
@@ -1015,7 +1020,9 @@ def astray(bench: Bench) -> Strayed | None:
         number, seen = len(paces), predictor.pace()
         if number < 3 or not bed.training.any():
             continue
-        for k, who in enumerate(("swimmer", "grains")):
+        swimmer = tuple(bed.scene.bodies[int(r)].id for r in bed.rows)
+        movers = (("swimmer", swimmer, "the swimmer moves"), ("grains farther from the swimmer", (), "the grains move"))
+        for k, (region, ids, what) in enumerate(movers):
             if not (seen[k] > 0 and (paces[:, k] > 0).all()):
                 continue
             logs = np.log(paces[:, k])
@@ -1024,13 +1031,10 @@ def astray(bench: Bench) -> Strayed | None:
             p = min(2.0 * float(stats.t.sf(abs(t), number - 1)) * looks, 1.0)
             if p > 0.1 * ALARM or (worst is not None and p >= worst.place.p):
                 continue
-            ids = tuple(bed.scene.bodies[int(r)].id for r in bed.rows) if who == "swimmer" else ()
-            region = "swimmer" if who == "swimmer" else "grains farther from the swimmer"
-            move = "moves" if who == "swimmer" else "move"
             low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
             worst = Strayed(
                 Place(ids, region, None, None, None, abs(t), p),
-                f"{bed.name}: over the whole film the {who} {move} at {1e3 * seen[k]:.3g} mm/s rms, "
+                f"{bed.name}: over the whole film {what} at {1e3 * seen[k]:.3g} mm/s rms, "
                 f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
                 "with what was seen, do not show why",
             )
@@ -1129,29 +1133,15 @@ def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, wind
     return covariance * np.outer(factor, factor)
 
 
-def as_twins_scatter(
-    covariance: np.ndarray, columns: np.ndarray, bench: Bench, windows: Windows, answers: np.ndarray | None = None
-) -> np.ndarray:
-    """The covariance, no narrower than the scatter of the answers that twins give, whose truth is known.
+def as_twins_scatter(covariance: np.ndarray, answers: np.ndarray) -> np.ndarray:
+    """The covariance, no narrower than the scatter of the answers (N, p) that twins give, whose truth is known.
 
-    ``answers`` (N, p): with columns of their own, about their mean; else those with the columns of the film, the bias
-    that is taken off a twin being that of the others. Source: Efron & Tibshirani 1993, An Introduction to the
-    Bootstrap, ch. 6 (parametric bootstrap).
+    Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, ch. 6 (parametric bootstrap).
     """
-    number = min(len(noise.twins) for noise in bench.noises)
+    number = len(answers)
     if number < 3:
         return covariance
-    if answers is not None:
-        scatter = np.var(answers, axis=0, ddof=1) * (1 + 1 / len(answers))
-    else:
-        given = []
-        for k in range(number):
-            rows = []
-            for noise, chosen in zip(bench.noises, windows, strict=True):
-                bias = mean_of_twins(np.delete(noise.twins, k, axis=0))
-                rows.append(noise.whiten(noise.twins[k] - bias, chosen).ravel())
-            given.append(np.linalg.lstsq(columns, np.concatenate(rows), rcond=1e-10)[0])
-        scatter = np.mean(np.square(given), axis=0)
+    scatter = np.var(answers, axis=0, ddof=1) * (1 + 1 / number)
     student = float(stats.t.ppf(0.975, number) / stats.norm.ppf(0.975))
     factor = np.sqrt(np.maximum(student**2 * scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * np.outer(factor, factor)
