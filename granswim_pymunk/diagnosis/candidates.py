@@ -69,8 +69,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = [p for p in law.parameters if p.typical is not None]
     # a range or an exponent is looked for from several sides
     stretches = (1.0, 0.3, 3.0) if any(p.name not in law.strength for p in fitted) else (1.0,)
-    if law.name == "ambient_flow":
-        stretches = (1.0,)  # its signature finds the flow itself
+    if law.name == "ambient_flow" or law.candidate == "flexible":
+        stretches = (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
     for choice, stretch in itertools.product(combinations, stretches):
         r0 = float(radii.mean())
         free: list[Free] = []

@@ -197,7 +197,7 @@ def diagnose_bodies(
 
     progress("testing inside the training part", 0.56)
     inner_scores: dict[str, float] = {}
-    inner_scores["recalibrated"], _ = inner.score(recalibrated.hypothesis, recalibrated)
+    inner_scores["recalibrated"], _ = inner.score(recalibrated)
     alive, arms_alive = _score_inner(inner, alive, spread), _score_inner(inner, arms_alive, spread)
     for t in alive + arms_alive:
         inner_scores[t.term.label] = t.inner
@@ -333,7 +333,7 @@ def _score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[
     for t in trials:
         assert t.fit is not None
         if t.gain >= 0.5 * best and t.gain > 0:
-            score, _ = inner.score(t.fit.hypothesis, t.fit)
+            score, _ = inner.score(t.fit)
             t = replace(t, inner=score)
         result.append(t)
     return result
@@ -410,8 +410,8 @@ def _prune(
         own_spread = spread_of(with_law, mine)
         gain = (base_fit.chi2 - with_law.chi2) / own_spread
         split = InnerSplit.make(mine, predictor, stop)
-        without, _ = split.score(base.hypothesis, base_fit)
-        with_, _ = split.score(hypothesis, with_law)
+        without, _ = split.score(base_fit)
+        with_, _ = split.score(with_law)
         if gain < 10:
             dropped[owner] = f"its own data gain only {gain:.1f} in chi2 (over their spread)"
         elif gain < 40 and not with_ < without:
@@ -430,7 +430,7 @@ def _prune(
     term, index = part
     values = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)]])
     fit = fitter.fit(base.hypothesis.with_term(term), values, chosen.fit.starts)
-    score, _ = inner.score(fit.hypothesis, fit)
+    score, _ = inner.score(fit)
     signature = replace(chosen.signature, term=term)
     return Trial(signature, fit, base.chi2 - fit.chi2, score), dropped
 
@@ -465,12 +465,12 @@ def _second(found, revised, recalibrated, fitter, terms, inner, inner_scores, rn
             return found, revised
         best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
         spread = spread_of(best_fit, training)
-        base_inner, base_by = inner.score(revised.hypothesis, revised)
+        base_inner, base_by = inner.score(revised)
         scored = []
         for t in second_trials:
             if _worth(t, spread) > 8:
                 assert t.fit is not None
-                score, by_case = inner.score(t.fit.hypothesis, t.fit)
+                score, by_case = inner.score(t.fit)
                 better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [0.0])
                 scored.append((replace(t, inner=score), float(better)))
         good = (
@@ -542,7 +542,7 @@ def _pair(
         spread = spread_of(fit, training)
         if gain / spread < 12 + 2 * len(hypothesis.free):
             continue
-        score, _ = inner.score(hypothesis, fit)
+        score, _ = inner.score(fit)
         # the first pair has to beat what there is by a margin, the next ones only that pair
         if not score < (best if winner else 0.5 * best):
             continue
@@ -594,7 +594,7 @@ def _partners(
             found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
             gain = base.chi2 - found.chi2
             if gain > best[0].gain + SAME * spread_of(found, training):
-                score, _ = inner.score(hypothesis, found)
+                score, _ = inner.score(found)
                 inner_scores[f"{keep.term.label} + {other.term.label}"] = score
                 best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
     return best

@@ -264,10 +264,6 @@ class Fitter:
                 by_start[:, -index - 1] = column[use]
         return by_value, by_start
 
-    def sensitivity(self, fit: Fit, case: Case, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """d(predicted/sigma) at a fit of what was seen in ``frames``: by its values (n, p), by the start's numbers."""
-        return self._sensitivity(case, fit.hypothesis, fit.values, fit.starts[case.name], frames, False)
-
     def _finish(self, hypothesis, x, numbers, fixed) -> Fit:
         innovations, jacobian = {}, {}
         p = len(hypothesis.free)

@@ -10,7 +10,7 @@ import numpy as np
 from .candidates import APPARATUS
 from .data import Case
 from .fit import Fit, Fitter
-from .hypothesis import Failed, Hypothesis, Predictor, Term
+from .hypothesis import Predictor, Term
 from .innovations import inflation
 from .signatures import Bank, Signature
 
@@ -68,65 +68,53 @@ class InnerSplit:
         used = [c for c in cases if c.name in first]
         return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
 
-    def score(self, hypothesis: Hypothesis, start: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
-        """How badly the rest is predicted, over all, and the mean squared innovation by recording.
+    def score(self, whole: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
+        """How badly a law predicts the rest, -2 ln p(rest | first part) per number, and the chi2 there by recording.
 
-        Over all: (r' S^-1 r + ln det S)/n, S = 1 + J C J' the covariance of the prediction in units of the noise (J its
-        derivatives by values and starts, C their covariance after the first part; Gaussian log density, Gneiting &
-        Raftery 2007, JASA 102, 359, eq. 24). About 1 for a right law, however little the first part says of its
-        numbers; a law whose numbers leave the rest open pays for that by ln det S. Infinite where a run failed.
-
-        ``start``: where the search begins, so that all candidates begin equally well.
+        ln p is the difference of two Laplace approximations, of all and of the first part:
+        -2 ln p = chi2 - chi2_1 + ln det J'J - ln det J_1'J_1, J the derivatives by values and starts. About 1 for a
+        right law, however little the first part says of its numbers; what they leave open is paid for by the
+        determinants. ``whole``: the fit to both parts; the search on the first begins there.
+        Source: MacKay 1992, Neural Computation 4, 415, eq. 2.4; Dawid 1984, J. R. Stat. Soc. A 147, 278.
         """
-        fit = self.fitter.fit(hypothesis, start.values, start.starts, evaluations=evaluations)
-        by_case, innovations, blocks = {}, [], []
+        first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=evaluations)
+        by_case, total, count = {}, 0.0, 0
         for case in self.cases:
-            if not self.rest[case.name].any():
-                continue
-            try:
-                predicted = self.fitter.predict(fit, case, self.rest[case.name])
-            except Failed:
-                return float("inf"), {}
-            r = ((case.values - predicted) / case.sigma)[self.rest[case.name]]
-            r = r[np.isfinite(r)]
-            by_case[case.name] = float(np.mean(r**2)) if len(r) else float("nan")
-            innovations.append(r)
-            both = self.fitter.frames[case.name] | self.rest[case.name]
-            later = self.rest[case.name][both][np.nonzero(np.isfinite(case.values[both]))[0]]
-            blocks.append((case.name, *self.fitter.sensitivity(fit, case, both), later))
-        if not innovations:
+            both = whole.innovations[case.name]
+            before = both[self.fitter.frames[case.name]]
+            n = int(np.isfinite(both[self.rest[case.name]]).sum())
+            left = float(np.nansum(both**2))
+            left -= min(float(np.nansum(first.innovations[case.name] ** 2)), float(np.nansum(before**2)))
+            if n:
+                by_case[case.name] = left / n
+            total, count = total + left, count + n
+        if not count:
             return float("inf"), by_case
-        return _surprise(fit, innovations, blocks, spread_of(fit, self.fitter.cases)), by_case
+        value = (total + _open(whole, first)) / count
+        return (value if np.isfinite(value) else float("inf")), by_case
 
 
-def _surprise(
-    fit: Fit,
-    innovations: Sequence[np.ndarray],
-    blocks: Sequence[tuple[str, np.ndarray, np.ndarray, np.ndarray]],
-    spread: float,
-) -> float:
-    """(r' S^-1 r + ln det S)/n of the later numbers of every recording: (name, by value, by start, which are later)."""
-    sizes = [by_start.shape[1] for _, _, by_start, _ in blocks]
-    p, offsets = len(fit.values), np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-    rows = []
-    for k, (_, by_value, by_start, _) in enumerate(blocks):
-        row = np.zeros((len(by_value), p + offsets[-1]))
-        row[:, :p] = by_value
-        row[:, p + offsets[k] : p + offsets[k + 1]] = by_start
-        rows.append(row)
-    whole, later = np.concatenate(rows), np.concatenate([b[3] for b in blocks])
-    r = np.concatenate(innovations)
-    size = np.linalg.norm(whole, axis=0)
-    whole = whole[:, size > 0] / size[size > 0]
-    first, rest = whole[~later], whole[later]
+def _open(whole: Fit, first: Fit) -> float:
+    """ln det J'J of all data less that of the first part; what all do not tell either counts in neither."""
+    names = list(first.starts)
+    sizes = [len(first.starts[name]) for name in names]
+    p, offsets = len(first.values), np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    told = []
+    for fit in (whole, first):
+        rows = []
+        for k, name in enumerate(names):
+            by_value, by_start = fit.jacobian[name]
+            row = np.zeros((len(by_value), p + offsets[-1]))
+            row[:, :p] = by_value
+            row[:, p + offsets[k] : p + offsets[k + 1]] = by_start
+            rows.append(row)
+        told.append(np.concatenate(rows))
+    size = np.linalg.norm(told[0], axis=0)
+    scale = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 0.0)
     # what the first part leaves open is bounded by a thousand times what all would tell
-    known = first.T @ first / spread + 1e-6 * np.eye(whole.shape[1])
-    told = known + rest.T @ rest
-    pull = rest.T @ r
-    square = float(r @ r) - float(pull @ np.linalg.solve(told, pull))
-    width = float(np.linalg.slogdet(told)[1] - np.linalg.slogdet(known)[1])
-    value = (square + width) / max(len(r), 1)
-    return value if np.isfinite(value) else float("inf")
+    least = 1e-6 * np.eye(len(size))
+    more, less = (np.linalg.slogdet(scale * (j.T @ j) * scale[:, None] + least)[1] for j in told)
+    return float(more - less)
 
 
 def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:

@@ -1040,7 +1040,7 @@ def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figu
     best = curve(fit.values)
     figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
     axis = figure.add_subplot()
-    # the curve is linear in its numbers: its covariance follows from theirs
+    # to first order its covariance follows from that of its numbers
     base = len(fit.values) - count
     slopes = []
     for k in range(base, len(fit.values)):

@@ -581,7 +581,7 @@ def captions(diagnosis: Diagnosis) -> dict[str, tuple[str, str]]:
     )
     same = any(alike for _, alike in diagnosis.rivals)
     after = whiteness_text(diagnosis.white_revised, _known(diagnosis))
-    curve = diagnosis.flexible is not None and diagnosis.flexible.mechanism == "flexible_speed"
+    curve = diagnosis.flexible is not None and diagnosis.flexible.mechanism in ("flexible_speed", "flexible_power")
     return {
         "overlay": (
             "Seen track with the naive and the revised simulation over it",
