@@ -67,6 +67,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
         ]
     terms = []
     fitted = [p for p in law.parameters if p.typical is not None]
+    given = constants(law, cases)
     # a range or an exponent is looked for from several sides
     stretches = (1.0, 0.3, 3.0) if any(p.name not in law.strength for p in fitted) else (1.0,)
     if law.name == "ambient_flow" or law.candidate == "flexible":
@@ -93,10 +94,11 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 mechanism=law.mechanism,
                 label=label + (" (each body)" if each else ""),
                 free=tuple(free),
-                apply=_LawAdder(law, fitted, dict(choice), owners, r0, constants(law, cases)),
+                apply=_LawAdder(law, fitted, dict(choice), owners, r0, given),
                 bodies=tuple(bodies),
                 expression=law.expression,
                 choices=dict(choice),
+                fixed={name: (value, law.parameter(name).unit) for name, value in given.items()},
                 groups=tuple(groups),
             )
         )
@@ -104,26 +106,28 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
 
 def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
-    """Values of parameters that are not fitted but belong to the recording: sizes of flexible arms."""
+    """Values of parameters that are not fitted but belong to the recording's training part: sizes of flexible arms."""
+    if law.candidate != "flexible":
+        return {}
     names = {p.name for p in law.parameters}
     result: dict[str, Any] = {}
     cases = [case for case in cases if not case.held_out]
     if "top" in names:
         fastest = 1e-12
         for case in cases:
-            dt = np.diff(case.t)
+            dt, values = np.diff(case.t[case.training]), case.values[case.training]
             for k, channel in enumerate(case.channels):
                 if channel.kind != "angle":
-                    step = np.abs(np.diff(case.values[:, k])) / dt
+                    step = np.abs(np.diff(values[:, k])) / dt
                     step = step[np.isfinite(step)]
                     fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
                 else:
                     pin = next(i for i in case.recording.scene.laws_named("pin"))
-                    step = np.abs(np.diff(case.values[:, k])) / dt * pin.values["length"]
+                    step = np.abs(np.diff(values[:, k])) / dt * pin.values["length"]
                     fastest = max(fastest, float(np.nanquantile(step, 0.98)))
         result["top"] = 1.2 * fastest
     if "centre" in names:
-        places = [c.recording.xy.reshape(-1, 2) for c in cases]
+        places = [c.recording.xy[c.training].reshape(-1, 2) for c in cases]
         every = np.concatenate(places)
         every = every[np.isfinite(every).all(axis=1)]
         if len(every):

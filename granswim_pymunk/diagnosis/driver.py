@@ -307,7 +307,7 @@ def diagnose_bodies(
     return Diagnosis(
         cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
         rivals=rivals, trials=alive + [t for t in trials if t.fit is None],
-        flexible=arms_alive[0] if arms_alive else None,
+        flexible=flexible or min(arms_alive, key=lambda t: t.inner, default=None),
         null=null, white_naive=white_naive, white_recalibrated=white_recalibrated, white_revised=white_revised,
         windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=inner_scores,
         proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=predictor.runs, seed=seed,

@@ -49,6 +49,7 @@ class Term:
     expression: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
     groups: tuple[tuple[str, tuple[int, ...]], ...] = ()  # verdict parameter -> numbers that make it up
+    fixed: Mapping[str, tuple[Any, str]] = field(default_factory=dict)  # value and unit of what the recording gives
 
 
 @dataclass(frozen=True)

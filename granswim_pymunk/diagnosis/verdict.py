@@ -49,8 +49,8 @@ def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dic
             if not any(r >= 0 for r in mine):
                 continue
             parameters[name] = _parameter(diagnosis, fit, offset, term, mine)
-        for name, choice in term.choices.items():
-            parameters[name] = {"value": choice, "low": None, "high": None, "unit": "1"}
+        for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
+            parameters[name] = {"value": value, "low": None, "high": None, "unit": unit}
         entries.append(
             {
                 "name": trial.mechanism,

@@ -1035,7 +1035,8 @@ def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figu
         scene, _ = fit.hypothesis.scene(case, numbers.tolist())
         item = scene.laws[-1]
         mass = next(b.mass for b in scene.bodies if b.mobile)
-        return np.array([-_call(item.law, item.values, vx=s, mass=mass)[0] for s in v])
+        # of a body of the mean radius
+        return np.array([-_call(item.law, item.values, vx=s, mass=mass, radius=1.0, r0=1.0)[0] for s in v])
 
     best = curve(fit.values)
     figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")

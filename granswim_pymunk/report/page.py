@@ -320,7 +320,7 @@ def _law_box(diagnosis: Diagnosis) -> str:
     for term in added(diagnosis):
         mine = [f for f in numbers if f.law == term.mechanism]
         lines = [f'<p class="equation">{equation(term.expression)}</p>']
-        if flexible:
+        if flexible and len(mine) > 3:
             lines.append(
                 f'<p class="values">{counted(len(mine), "number")} fitted; <a href="#flexible">what they '
                 "give</a></p>"
@@ -365,6 +365,8 @@ def _values(term: Term, mine: Sequence[Fitted], diagnosis: Diagnosis) -> str:
                 + (f" <span class='ci'>[95 %: {between}]</span>" if between else "")
             )
     parts += [f"{equation(k)} = {v:g}" for k, v in term.choices.items()]
+    scalars = [(k, v, unit) for k, (v, unit) in term.fixed.items() if np.ndim(v) == 0]
+    parts += [f"{equation(k)} = {number(v)} {unit_text(unit)}" for k, v, unit in scalars]
     if any(v for k, v in term.choices.items() if k == "p") or (
         "r_0" in term.expression and term.choices.get("p")
     ):
