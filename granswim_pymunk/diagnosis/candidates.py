@@ -21,6 +21,7 @@ from .data import Case
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 
+TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
 FEW = 6  # bodies that a push on a single one is looked for among
 APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 
@@ -68,8 +69,9 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     terms = []
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
-    # a range or an exponent is looked for from several sides
-    stretches = (1.0, 0.3, 3.0) if any(p.name not in law.strength for p in fitted) else (1.0,)
+    # a range or an exponent is looked for from several sides; ranges are declared for bodies of a millimetre
+    shapes = [p for p in fitted if p.name not in law.strength]
+    stretches = (1.0,) if not shapes else (1.0, 0.1, 3.0) if any(p.unit == "m" for p in shapes) else (1.0, 0.3, 3.0)
     if law.name == "ambient_flow" or law.candidate == "flexible":
         stretches = (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
     for choice, stretch in itertools.product(combinations, stretches):
@@ -82,7 +84,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
             for p in fitted:
                 start = len(free)
                 inner = p.name not in law.strength
-                typical = float(p.typical or 0.0) * stretch if inner else 0.0
+                grown = r0 / TYPICAL_RADIUS if p.unit == "m" else 1.0
+                typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = 0.1 * abs(typical) if inner else 1.0
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
@@ -126,6 +129,10 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
                     step = np.abs(np.diff(values[:, k])) / dt * pin.values["length"]
                     fastest = max(fastest, float(np.nanquantile(step, 0.98)))
         result["top"] = 1.2 * fastest
+    if "begin" in names:
+        begin = min(float(c.t[c.training][0]) for c in cases)
+        end = max(float(c.t[c.training][-1]) for c in cases)
+        result["begin"], result["span"] = begin, max(end - begin, 1e-9)
     if "centre" in names:
         places = [c.recording.xy[c.training].reshape(-1, 2) for c in cases]
         every = np.concatenate(places)

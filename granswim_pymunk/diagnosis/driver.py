@@ -341,7 +341,7 @@ def _score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[
 
 def _worth(trial: Trial, spread: float) -> float:
     """Gain in chi2 over the inflation, less what as many free numbers gain by chance (AIC)."""
-    return trial.gain / spread - 2 * trial.numbers
+    return trial.gain / spread - 2 * trial.used
 
 
 def _excess(trial: Trial) -> float:
@@ -366,16 +366,16 @@ def _choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | No
         same = [t for t in trials if _worth(best, spread) - _worth(t, spread) < SAME]
         # the best of several richer laws gains by chance more than one of them would
         for t in trials:
-            extra = best.numbers - t.numbers
-            if extra > 0 and (best.gain - t.gain) / spread < stats.chi2.isf(SIMPLER, extra):
+            extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
+            if extra > 0 and best.holds(t, SAME * spread) and ahead < stats.chi2.isf(SIMPLER, extra):
                 same.append(t)
     else:
         near = [t for t in trials if _worth(t, spread) > 0.5 * max(_worth(u, spread) for u in trials)]
         best = min(near, key=lambda t: t.inner)
         same = [t for t in near if t.inner < 1.02 * best.inner]
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
-    same += [t for t in trials if t.numbers < best.numbers and _excess(t) < 2 * _excess(best)]
-    return min(same, key=lambda t: (t.numbers, not is_apparatus(t), -t.gain))
+    same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
+    return min(same, key=lambda t: (t.used, not is_apparatus(t), -t.gain))
 
 
 def _prune(
@@ -632,14 +632,14 @@ def _verdict(
     named_inner = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else base
     named_gain = recalibrated.chi2 - revised.chi2
     if arm is not None and arm.fit is not None:
-        ahead = (arm.gain - named_gain) / spread - 2 * arm.numbers
+        more = arm.numbers - sum(t.numbers for t in found)
+        ahead = (arm.gain - named_gain) / spread - 2 * more
         # a margin in prediction and in fit, so that a spline of the same law does not win by chance
-        if (
-            ahead > 25
-            and arm.inner < base
-            and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
-            and arm.inner < 0.9 * named_inner
-        ):
+        clear = ahead > (25 if more > 0 else 12) and arm.inner < 0.9 * named_inner
+        clear = clear and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
+        # two laws that one force of no more numbers replaces were put together to imitate it
+        instead = len(found) > 1 and more <= 0 and ahead > SAME and arm.inner <= named_inner
+        if arm.inner < base and (clear or instead):
             return "unmodelled", arm
     if found:
         # a law that is the best of a poor lot is not an explanation

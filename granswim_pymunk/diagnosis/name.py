@@ -12,7 +12,7 @@ from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
 from .innovations import inflation
-from .signatures import Bank, Signature
+from .signatures import FAR, Bank, Signature
 
 SPECIAL_CASES = {"ambient_flow": "linear_drag"}  # law: the law it becomes when all but its first number are zero
 INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
@@ -43,6 +43,27 @@ class Trial:
     @property
     def numbers(self) -> int:
         return len(self.signature.term.free)
+
+    @property
+    def used(self) -> int:
+        """How many numbers were used: a strength that ended at its bound, where its law is absent, was not."""
+        if self.fit is None:
+            return self.numbers
+        values = self.fit.values[len(self.fit.values) - self.numbers :]
+        idle = sum(
+            f.neutral in (f.low, f.high) and abs(v - f.neutral) < 1e-6 * f.scale and not f.inner
+            for v, f in zip(values, self.term.free, strict=True)
+        )
+        return max(self.numbers - idle, 1)
+
+    def holds(self, other: Trial, within: float) -> bool:
+        """Whether what the other law explains, but for ``within`` in chi2, could be this one's doing: as where the
+        other is a special case."""
+        mine, its = self.signature.directions, other.signature.directions
+        if not its.shape[1]:
+            return True
+        rest = its - mine @ (mine.T @ its)
+        return float(np.sum(rest**2)) / its.shape[1] * other.signature.gain < within
 
 
 @dataclass(frozen=True)
@@ -154,6 +175,10 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
         # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
         part = np.array([4.0, *[0.25] * (len(first) - 1)])
         return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]
+    shaped = np.array([f.inner for f in term.free])
+    if shaped.any() and base.chi2 > FAR**2 * base.count:
+        # strength and shape lie along a bent valley, and what first order says of the strength is far off
+        return False, 20, [*usual, *((1.0, np.where(shaped, first, factor * first)) for factor in (20.0, 400.0))]
     return True, 8 if len(first) > 12 else 20, usual
 
 

@@ -12,6 +12,7 @@ from .fit import Fit, Fitter, basis
 from .hypothesis import Term
 
 SAME_COLUMN = 1e-4  # of its length: a column that others imitate to this says nothing of its own
+FAR = 2.0  # standard deviations of the innovations, beyond which first order means little
 
 @dataclass(frozen=True)
 class Signature:
@@ -167,6 +168,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     starts, nuisance = _stack_nuisance(fitter, fit)
     r = np.concatenate([fit.used(c.name) for c in fitter.cases])
     left = r - nuisance @ (nuisance.T @ r)
+    misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []
     for term in terms:
         if term.mechanism == "ambient_flow" and len(term.free) == 3:
@@ -188,6 +190,9 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         directions, surviving, gain, amount = _held_against(columns, scales, starts, nuisance, left)
         firsts = [f.first for f in term.free]
         sizes = [f.scale for f in term.free]
+        if misfit > FAR and len(linear) == 1 and term.free[linear[0]].low == firsts[linear[0]] and amount[0] < 0:
+            # so far away first order means little: a force that can only go one way is tried as large as the misfit
+            amount = np.array([misfit * scales[0]])
         for k, number in enumerate(linear):
             firsts[number] += float(amount[k])
             # what hardly shows to first order (a limit that is just reached) has a scale beyond its bounds

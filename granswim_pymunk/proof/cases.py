@@ -162,7 +162,7 @@ def rivals(setup: Setup, scene: Scene, effects: list[Effect], start: np.ndarray,
         own = 0.0
     found = {}
     # whatever a diagnosis may name instead, whether or not it is concealed in this apparatus
-    everywhere = () if setup.scene.laws_named("drive") else DRAGS
+    everywhere = () if setup.scene.laws_named("drive") else (*DRAGS, "added_mass")
     for name in dict.fromkeys((*setup.suspects, *setup.cameras, *everywhere)):
         if name in (truth.name, WIDER.get(truth.name), *OUTSIDE):
             continue

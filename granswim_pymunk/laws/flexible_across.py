@@ -1,0 +1,15 @@
+"""The flexible arm across the motion: a force that turns a path and does no work, as on a spinning ball."""
+
+from .base import Parameter, law
+
+
+@law(
+    kind="body",
+    expression="F_i = s (-v_y, v_x)",
+    reference="Magnus 1853, Ann. Phys. 164, 1 (lift of spinning bodies); doi:10.1002/andp.18531640102",
+    parameters=[Parameter("s", "kg/s", "force to the left of the motion over speed", default=0.0, typical=1.0)],
+    strength=("s",),
+    candidate="flexible",
+)
+def flexible_across(vx, vy, s):
+    return -s * vy, s * vx
