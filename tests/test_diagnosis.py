@@ -9,10 +9,11 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
-from granswim_pymunk.diagnosis.fit import Fit
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Term
+from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.fit import Fit, Fitter
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.diagnosis.innovations import standard_deviations
-from granswim_pymunk.diagnosis.name import Trial, unstuck
+from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import Recording, see, write_recording
@@ -245,6 +246,67 @@ def test_force_outside_the_library_is_not_given_a_confident_name():
     assert verdict["verdict"] == "unmodelled"
     assert [e["name"] for e in verdict["mechanisms"]] in ([], ["unknown"])
     assert verdict["mismatch"]
+
+
+OUTSIDE = {
+    "flexible_power": lambda t, xy, v: -0.08 * np.sum(v**2, axis=1, keepdims=True) * v,
+    "flexible_across": lambda t, xy, v: 0.004 * np.column_stack([-v[:, 1], v[:, 0]]),
+    "flexible_time": lambda t, xy, v: np.outer([0.02, 0.04, 0.06], [0.25 * math.sin(12.0 * t), 0.1]),
+}
+
+
+@pytest.mark.parametrize(
+    "arm", [arm if arm == "flexible_power" else pytest.param(arm, marks=pytest.mark.long) for arm in OUTSIDE]
+)
+def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
+    """A drag with the third power, a force across the motion, a table that is shaken: no law in the list is that."""
+    rng = np.random.default_rng(21)
+    record = filmed(table(seed=3), table(seed=3), SHORT, rng)
+    xy = Reference(table(seed=3), dt=1e-4, extra=OUTSIDE[arm]).sample(SHORT) + rng.normal(size=(80, 3, 2)) * NOISE
+    found = diagnose_bodies([replace(record, xy=xy)])
+    assert found.verdict == "unmodelled" and found.found[0].mechanism == arm
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert entry["name"] == "unknown"
+    if arm == "flexible_power":
+        n = entry["parameters"]["n"]
+        assert 2.2 < n["low"] < 3.0 < n["high"] < 3.8
+        assert entry["parameters"]["top"]["unit"] == "m/s"
+
+
+@pytest.mark.long
+def test_a_lubrication_of_wide_range_is_found_where_it_is_far_from_small():
+    """Its range and strength lie along a bent valley, far beyond what first order tells."""
+    bodies = (
+        Body("a", "free", 0.015, 0.02, initial=(0.0, 0.0, 0.2, 0.0)),
+        Body("b", "free", 0.017, 0.03, initial=(0.09, 0.015, -0.1, 0.0)),
+    )
+    naive = Scene(bodies, (use("contact_linear", stiffness=150.0, damping=5.0),))
+    truth = naive.with_laws(use("pair_lubrication", c=1.1, range=4e-3))
+    found = diagnose_bodies([filmed(truth, naive, np.arange(0.0, 0.7, 0.008), np.random.default_rng(22))])
+    entry = verdict_dict(found)["mechanisms"][0]
+    assert entry["name"] == "pair_lubrication"
+    width = entry["parameters"]["range"]
+    assert 3e-3 < width["low"] < 4e-3 < width["high"] < 5e-3
+
+
+def test_the_inner_test_is_the_density_of_what_follows():
+    """Straight motion is linear in its start, so the exact density of the later part is known."""
+    body = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.2, 0.1))
+    scene = Scene((body,), ())
+    case = prepare(filmed(scene, scene, SHORT, np.random.default_rng(23)), held_out=False, split=False)
+    predictor = Predictor({"r": 1e-3})
+    whole = Fitter([case], predictor).fit(Hypothesis())
+    inner = InnerSplit.make([case], predictor, lambda: False)
+    first, rest = inner.fitter.frames["r"], inner.rest["r"]
+    design = np.column_stack([np.ones_like(SHORT), SHORT])
+    known = np.linalg.inv(design[first].T @ design[first])
+    spread = np.eye(rest.sum()) + design[rest] @ known @ design[rest].T
+    exact = 0.0
+    for axis in range(2):
+        seen = case.values[:, axis] / NOISE
+        left = seen[rest] - design[rest] @ known @ design[first].T @ seen[first]
+        exact += left @ np.linalg.solve(spread, left) + np.linalg.slogdet(spread)[1]
+    assert inner.score(whole)[0] == pytest.approx(exact / (2 * rest.sum()), rel=1e-3)
 
 
 def test_held_out_recordings_are_not_looked_at_before_the_verdict():
