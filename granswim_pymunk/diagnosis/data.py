@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy import stats
 
 from ..errors import InputError
 from ..recording import Recording
@@ -58,23 +60,27 @@ class Case:
 
 
 def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
-    """Standard deviation of white noise on a smooth curve: residuals of local quadratics over 7 points.
+    """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points.
 
-    t, values : (T,) without NaN. The dof of each local fit are taken off; the median keeps collisions out.
+    t, values : (T,) without NaN. Quadratics, or the least higher degree (to 5) after which the next takes no more than
+    a tenth away: over few frames of an oscillation, what a quadratic leaves is no noise. The dof of each local fit are
+    taken off; the median keeps collisions out.
     """
-    width = 7
+    width = 9
     if len(t) < width + 2:
         return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0
-    sums = []
-    for k in range(len(t) - width + 1):
-        s = t[k : k + width] - t[k + width // 2]
-        design = np.vander(s / max(np.ptp(s), 1e-300), 3)
-        q, _ = np.linalg.qr(design)
-        v = values[k : k + width]
-        r = v - q @ (q.T @ v)
-        sums.append(float(r @ r) / (width - 3))
-    # the median of chi2_4/4 is 0.839
-    return float(np.sqrt(np.median(sums) / 0.839))
+    found = []
+    for degree in (2, 3, 4, 5, 6):
+        dof = width - degree - 1
+        sums = []
+        for k in range(len(t) - width + 1):
+            s = t[k : k + width] - t[k + width // 2]
+            q, _ = np.linalg.qr(np.vander(s / max(np.ptp(s), 1e-300), degree + 1))
+            v = values[k : k + width]
+            r = v - q @ (q.T @ v)
+            sums.append(float(r @ r))
+        found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(dof))))
+    return next((now for now, then in pairwise(found) if then > 0.9 * now), found[-2])
 
 
 def prepare(recording: Recording, *, held_out: bool, split: bool) -> Case:

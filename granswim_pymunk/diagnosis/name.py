@@ -156,6 +156,12 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     return best
 
 
+def _is_limit(term: Term) -> bool:
+    """Whether a term is a single limit, which changes nothing until it is reached."""
+    only = term.free[0]
+    return len(term.free) == 1 and only.neutral in (only.low, only.high) and bool(np.isfinite(only.high - only.low))
+
+
 def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.ndarray]]]:
     """Where the search for the numbers of a term begins: (share of the first-order amount, numbers) in turn.
 
@@ -163,9 +169,9 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     """
     first = np.array([f.first for f in term.free])
     neutral = np.array([f.neutral for f in term.free])
-    only = term.free[0]
-    if len(first) == 1 and only.neutral in (only.low, only.high) and np.isfinite(only.high - only.low):
-        # a limit changes nothing until it is reached: it is looked for over its range
+    if _is_limit(term):
+        # it is looked for over its range
+        only = term.free[0]
         far = only.low + only.high - only.neutral
         return False, 20, [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
@@ -195,7 +201,7 @@ def try_candidates(
     order = sorted(bank.signatures, key=lambda s: -s.gain)
     for k, signature in enumerate(order):
         progress(signature.term.label, k, len(order))
-        if signature.surviving <= 1e-3:
+        if signature.surviving <= 1e-3 and not (_is_limit(signature.term) and not signature.directions.shape[1]):
             trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
         elif k > 0 and late():
             # candidates come in the order of their first-order gain
