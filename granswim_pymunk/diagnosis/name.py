@@ -96,7 +96,7 @@ class InnerSplit:
         -2 ln p = chi2 - chi2_1 + ln det J'J - ln det J_1'J_1, J the derivatives by values and starts. About 1 for a
         right law, however little the first part says of its numbers; what they leave open is paid for by the
         determinants. ``whole``: the fit to both parts; the search on the first begins there.
-        Source: MacKay 1992, Neural Computation 4, 415, eq. 2.4; Dawid 1984, J. R. Stat. Soc. A 147, 278.
+        Source: MacKay 1992, Neural Computation 4, 415; Dawid 1984, J. R. Stat. Soc. A 147, 278.
         """
         first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=evaluations)
         by_case, total, count = {}, 0.0, 0

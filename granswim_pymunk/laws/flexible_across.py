@@ -6,7 +6,7 @@ from .base import Parameter, law
 @law(
     kind="body",
     expression="F_i = s (-v_y, v_x)",
-    reference="Magnus 1853, Ann. Phys. 164, 1 (lift of spinning bodies); doi:10.1002/andp.18531640102",
+    reference="Magnus 1853, Ann. Phys. 164, 1 (lift of spinning bodies)",
     parameters=[Parameter("s", "kg/s", "force to the left of the motion over speed", default=0.0, typical=1.0)],
     strength=("s",),
     candidate="flexible",

@@ -102,7 +102,9 @@ def score_case(result: Mapping[str, Any]) -> Row:
         right = in_class = kind == "unmodelled"
     else:
         right = in_class = kind in ("no_mismatch", "recalibrate")
-    covered, errors = _numbers(effects, mechanisms) if right and len(effects) == 1 else ((), {})
+    # a force without a name has numbers of its own, which no truth speaks of
+    comparable = right and len(effects) == 1 and category != "outside"
+    covered, errors = _numbers(effects, mechanisms) if comparable else ((), {})
     fit = (verdict.get("fit") or {}).get("heldout") or {}
     null = verdict.get("null")
     return Row(

@@ -288,12 +288,22 @@ def flexible_terms(case: Case, places: np.ndarray, speeds: np.ndarray) -> list[T
         cycle = {"frequency": float(item.values["frequency"]), "phase": float(item.values["phase"])}
         names = ["c0", "a1", "b1", "a2", "b2"]
         arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / SPEED))
-    terms = []
-    for name, label, fixed, numbers, scale in arms:
-        law = laws[name]
-        free = tuple(
-            Free(f"{name}.{n}", law.parameter(n).unit, -math.inf, math.inf, 0.0, scale, None, 0.0) for n in numbers
-        )
-        groups = tuple((n, (k,)) for k, n in enumerate(numbers))
-        terms.append(Term("unknown", label, free, LawAdder(law, fixed, groups, ""), mobile, law.expression, {}, groups))
-    return terms
+    return [_nameless(laws[name], label, fixed, numbers, scale, mobile) for name, label, fixed, numbers, scale in arms]
+
+
+def _nameless(
+    law: Law, label: str, fixed: dict[str, Any], numbers: Sequence[str], scale: float, mobile: tuple[str, ...]
+) -> Term:
+    free = tuple(
+        Free(f"{law.name}.{n}", law.parameter(n).unit, -math.inf, math.inf, 0.0, scale, None, 0.0) for n in numbers
+    )
+    groups = tuple((n, (k,)) for k, n in enumerate(numbers))
+    return Term("unknown", label, free, LawAdder(law, fixed, groups, ""), mobile, law.expression, {}, groups)
+
+
+def across_term(case: Case) -> Term:
+    """A force across the motion: nothing with a name imitates it, so the search has to hold it from the beginning."""
+    scene = case.recording.scene
+    scale = mean_grain_mass(scene) * ACCELERATION / SPEED
+    mobile = tuple(b.id for b in scene.bodies if b.mobile)
+    return _nameless(all_laws()["flexible_across"], "a force across the motion", {}, ["s"], scale, mobile)

@@ -23,7 +23,7 @@ from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, check_runs
-from .candidates import PictureScale, bed_terms, check_bed, flexible_terms, picture_scale, siblings
+from .candidates import PictureScale, across_term, bed_terms, check_bed, flexible_terms, picture_scale, siblings
 from .cut import REACH
 from .experiment import Proposal, propose
 from .places import Place, locate
@@ -48,7 +48,9 @@ CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simula
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
 LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-RESPONSE = (0.12, 2.0)  # rms of a signature in standard deviations: above what chaos leaves, still near linear
+# rms of a signature in standard deviations: well above the 0.2 to 0.4 that chaos adds whatever the amount (columns of a
+# force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), still near linear
+RESPONSE = (0.8, 2.5)
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
 ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
 DOUBTFUL = 150.0  # chi2 below which the leaders' gains are held against what twins give them
@@ -411,7 +413,7 @@ def diagnose_windows(
     if found is not None:
         rows = after.predict([(revised, revised_values)], used)[0]
         unexplained = still(rows, after)
-        more = unexplained > UNEXPLAINED and wrong is None
+        more = unexplained > UNEXPLAINED and wrong is None and found.mechanism != "unknown"
         if more and columns is not None and rows is not None and not clock.late(0.8):
             progress("a second law", 0.80)
             search = Search(after, revised, revised_values, rows, columns, used, few, at, plan, clock, progress)
@@ -561,7 +563,8 @@ def _any(bench: Bench) -> list[np.ndarray]:
 
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:
-    terms = bed_terms([b.case for b in beds if b.training.any()])
+    learnt = [b.case for b in beds if b.training.any()]
+    terms = bed_terms(learnt) + [across_term(case) for case in learnt[:1]]
     taken = {f.name for f in hypothesis.free}
     terms = [t for t in terms if not any(f.name in taken for f in t.free)]
     return terms if candidates is None else [t for t in terms if t.mechanism in candidates]
@@ -1072,7 +1075,7 @@ def _second_law(
     others: list[BedSignature] = []
     order: list[tuple[float, BedSignature]] = []
     for s in signatures:
-        if s.term.label == found.term.label:
+        if s.term.label == found.term.label or s.term.mechanism == "unknown":
             continue
         other = make_signature(s.term, s.tried, s.columns, beside)
         null = np.maximum(null, other.best(drawn)[1])
@@ -1251,7 +1254,7 @@ def _rivals(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[Be
         return []
     score = max((t.worth for t in trials if t.mechanism == found.mechanism and t.gain is not None), default=found.worth)
     seen = {(found.mechanism, *sorted(map(str, found.term.choices.items())))}
-    names = {found.mechanism} if "joint" not in found.term.choices else set()
+    names = {found.mechanism, "unknown"} if "joint" not in found.term.choices else {"unknown"}
     rivals = []
     for t in trials:
         key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
