@@ -141,7 +141,7 @@ def _open(whole: Fit, first: Fit) -> float:
 def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:
     """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
     hypothesis = base.hypothesis.with_term(signature.term)
-    few, evaluations, beginnings = _beginnings(base, signature.term)
+    first_will_do, evaluations, beginnings = _beginnings(base, signature.term)
     best: Fit | None = None
     for share, begin in beginnings:
         values = np.concatenate([base.values, begin])
@@ -150,7 +150,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         )
         if best is None or found.chi2 < best.chi2:
             best = found
-        if few and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
+        if first_will_do and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
             break
     assert best is not None
     return best

@@ -22,21 +22,11 @@ _KNOTS = [
     candidate="flexible",
 )
 def flexible_time(t, mass, begin, span, a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7):
-    s = min(max(7.0 * (t - begin) / span, 0.0), 6.999999)
-    k = int(s)
-    w = s - k
-    if k == 0:
-        x, y = a0 + w * (a1 - a0), b0 + w * (b1 - b0)
-    elif k == 1:
-        x, y = a1 + w * (a2 - a1), b1 + w * (b2 - b1)
-    elif k == 2:
-        x, y = a2 + w * (a3 - a2), b2 + w * (b3 - b2)
-    elif k == 3:
-        x, y = a3 + w * (a4 - a3), b3 + w * (b4 - b3)
-    elif k == 4:
-        x, y = a4 + w * (a5 - a4), b4 + w * (b5 - b4)
-    elif k == 5:
-        x, y = a5 + w * (a6 - a5), b5 + w * (b6 - b5)
-    else:
-        x, y = a6 + w * (a7 - a6), b6 + w * (b7 - b6)
+    s = min(max(7.0 * (t - begin) / span, 0.0), 7.0)
+    x = 0.0
+    y = 0.0
+    for k, knot in enumerate(((a0, b0), (a1, b1), (a2, b2), (a3, b3), (a4, b4), (a5, b5), (a6, b6), (a7, b7))):
+        hat = max(1.0 - abs(s - k), 0.0)
+        x += hat * knot[0]
+        y += hat * knot[1]
     return mass * x, mass * y
