@@ -9,6 +9,7 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
@@ -271,6 +272,16 @@ def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
         n = entry["parameters"]["n"]
         assert 2.2 < n["low"] < 3.0 < n["high"] < 3.8
         assert entry["parameters"]["top"]["unit"] == "m/s"
+
+
+def test_bodies_that_are_all_driven_have_no_push():
+    command = (tuple(SHORT), tuple(0.02 * np.sin(9 * SHORT)))
+    bodies = tuple(Body(k, "free", 0.01, 0.1, initial=(0.0, y, 0.0, 0.0)) for k, y in (("a", 0.0), ("b", 0.1)))
+    laws = [law for k in "ab" for law in (use("rail", direction=(1.0, 0.0), bodies=[k]), use("drive", bodies=[k]))]
+    scene = Scene(bodies, tuple(laws), inputs={"a": command, "b": command})
+    xy = Simulation(replace(scene, time=replace(scene.time, dt=5e-4))).sample(SHORT)
+    case = prepare(Recording("r", scene, SHORT, ("a", "b"), xy, position_noise=NOISE), held_out=False, split=False)
+    assert not [t for t in named_terms([case]) if t.mechanism == "uniform_force"]
 
 
 @pytest.mark.long

@@ -69,12 +69,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     terms = []
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
-    # a range or an exponent is looked for from several sides; ranges are declared for bodies of a millimetre
-    shapes = [p for p in fitted if p.name not in law.strength]
-    stretches = (1.0,) if not shapes else (1.0, 0.1, 3.0) if any(p.unit == "m" for p in shapes) else (1.0, 0.3, 3.0)
-    if law.name == "ambient_flow" or law.candidate == "flexible":
-        stretches = (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
-    for choice, stretch in itertools.product(combinations, stretches):
+    for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
         groups: list[tuple[str, tuple[int, ...]]] = []
@@ -108,6 +103,16 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     return terms
 
 
+def _stretches(law: Law) -> tuple[float, ...]:
+    """From how many times its typical size a range or an exponent is looked for."""
+    if law.name == "ambient_flow" or law.candidate == "flexible":
+        return (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
+    shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
+    if not shapes:
+        return (1.0,)
+    return (1.0, 0.1, 3.0) if any(p.unit == "m" for p in shapes) else (1.0, 0.3, 3.0)
+
+
 def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
     """Values of parameters that are not fitted but belong to the recording's training part: sizes of flexible arms."""
     if law.candidate != "flexible":
@@ -120,14 +125,10 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
         for case in cases:
             dt, values = np.diff(case.t[case.training]), case.values[case.training]
             for k, channel in enumerate(case.channels):
-                if channel.kind != "angle":
-                    step = np.abs(np.diff(values[:, k])) / dt
-                    step = step[np.isfinite(step)]
-                    fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
-                else:
-                    pin = next(i for i in case.recording.scene.laws_named("pin"))
-                    step = np.abs(np.diff(values[:, k])) / dt * pin.values["length"]
-                    fastest = max(fastest, float(np.nanquantile(step, 0.98)))
+                arm = case.recording.scene.laws_named("pin")[0].values["length"] if channel.kind == "angle" else 1.0
+                step = np.abs(np.diff(values[:, k])) / dt * arm
+                step = step[np.isfinite(step)]
+                fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
         result["top"] = 1.2 * fastest
     if "begin" in names:
         begin = min(float(c.t[c.training][0]) for c in cases)
@@ -270,10 +271,12 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
 
 def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
     """A push on a single body, for each of a few."""
-    (together,) = law_terms(law, cases, each=True)
-    names = owners(together)
-    alone = [(name, for_bodies(together, [name])) for name in names if 1 < len(names) <= FEW]
-    return [replace(found[0], label=f"{law.name} on {name}") for name, found in alone if found is not None]
+    terms = []
+    for together in law_terms(law, cases, each=True):
+        names = owners(together)
+        alone = [(name, for_bodies(together, [name])) for name in names if 1 < len(names) <= FEW]
+        terms += [replace(found[0], label=f"{law.name} on {name}") for name, found in alone if found is not None]
+    return terms
 
 
 def applies(law: Law, cases: Sequence[Case]) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from ..errors import InputError
@@ -69,17 +70,17 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     width = 9
     if len(t) < width + 2:
         return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0
+    s = sliding_window_view(t, width)
+    s = (s - s[:, [width // 2]]) / np.maximum(np.ptp(s, axis=1, keepdims=True), 1e-300)
+    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(7)))
+    v = sliding_window_view(values, width)
     found = []
     for degree in (2, 3, 4, 5, 6):
-        dof = width - degree - 1
-        sums = []
-        for k in range(len(t) - width + 1):
-            s = t[k : k + width] - t[k + width // 2]
-            q, _ = np.linalg.qr(np.vander(s / max(np.ptp(s), 1e-300), degree + 1))
-            v = values[k : k + width]
-            r = v - q @ (q.T @ v)
-            sums.append(float(r @ r))
-        found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(dof))))
+        # the first columns span the polynomials of each degree
+        span = q[..., : degree + 1]
+        left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)
+        sums = np.sum(left**2, axis=1)
+        found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
     return next((now for now, then in pairwise(found) if then > 0.9 * now), found[-2])
 
 

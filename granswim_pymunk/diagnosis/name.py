@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from .candidates import APPARATUS
 from .data import Case
@@ -117,19 +118,10 @@ class InnerSplit:
 
 def _open(whole: Fit, first: Fit) -> float:
     """ln det J'J of all data less that of the first part; what all do not tell either counts in neither."""
-    names = list(first.starts)
-    sizes = [len(first.starts[name]) for name in names]
-    p, offsets = len(first.values), np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     told = []
     for fit in (whole, first):
-        rows = []
-        for k, name in enumerate(names):
-            by_value, by_start = fit.jacobian[name]
-            row = np.zeros((len(by_value), p + offsets[-1]))
-            row[:, :p] = by_value
-            row[:, p + offsets[k] : p + offsets[k + 1]] = by_start
-            rows.append(row)
-        told.append(np.concatenate(rows))
+        by_value, by_start = zip(*(fit.jacobian[name] for name in first.starts), strict=True)
+        told.append(np.hstack([np.concatenate(by_value), block_diag(*by_start)]))
     size = np.linalg.norm(told[0], axis=0)
     scale = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 0.0)
     # what the first part leaves open is bounded by a thousand times what all would tell

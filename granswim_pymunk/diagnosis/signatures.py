@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from .candidates import rescaled, with_numbers
 from .fit import Fit, Fitter, basis
@@ -47,14 +48,7 @@ class Bank:
 
 def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal bases of the starts alone and of starts and free numbers together."""
-    sizes = [len(fit.used(c.name)) for c in fitter.cases]
-    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-    blocks = [basis(fit.jacobian[c.name][1]) for c in fitter.cases]
-    starts = np.zeros((offsets[-1], sum(b.shape[1] for b in blocks)))
-    at = 0
-    for k, block in enumerate(blocks):
-        starts[offsets[k] : offsets[k + 1], at : at + block.shape[1]] = block
-        at += block.shape[1]
+    starts = block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases))
     free = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
     left = free - starts @ (starts.T @ free)
     return starts, np.hstack([starts, basis(left)])

@@ -972,10 +972,10 @@ def p_text(null: Null) -> str:
 
 @styled
 def flexible(diagnosis: Diagnosis) -> Figure:
-    """The force that no named law gives, over the speeds or places that the recordings visit.
+    """The force that no named law gives, over the speeds, times or places that the recordings visit.
 
-    A curve of force over speed with its central 95 % where the arm sees velocities only; arrows along the
-    tracks where it sees places. Raises ValueError where no flexible arm was fitted.
+    A curve with its central 95 % where the arm sees velocities only (force over speed) or times only (acceleration);
+    arrows along the tracks where it sees places. Raises ValueError where no flexible arm was fitted.
     """
     trial = diagnosis.flexible
     if trial is None or trial.fit is None:
@@ -983,10 +983,18 @@ def flexible(diagnosis: Diagnosis) -> Figure:
     case = next(c for c in diagnosis.cases if c.name in trial.fit.innovations)
     scene, _ = trial.fit.hypothesis.scene(case, trial.fit.values.tolist())
     item = scene.laws[-1]
-    reads = set(item.law.arguments)
-    if {"vx", "vy"} & reads and not {"x", "y"} & reads:
-        return _speed_curve(diagnosis, trial.fit, case, len(trial.term.free))
+    draw = {"speed": _speed_curve, "time": _time_curve}.get(drawn_over(item.law))
+    if draw is not None:
+        return draw(diagnosis, trial.fit, case, len(trial.term.free))
     return _force_field(diagnosis, item.law, dict(item.values))
+
+
+def drawn_over(law: Law) -> str:
+    """What a force without a name is drawn over: "place", "speed" or "time"."""
+    reads = set(law.arguments)
+    if {"x", "y"} & reads:
+        return "place"
+    return "speed" if {"vx", "vy"} & reads else "time"
 
 
 def _call(law: Law, values: Mapping[str, Any], **state: float) -> tuple[float, float]:
@@ -998,7 +1006,7 @@ def _call(law: Law, values: Mapping[str, Any], **state: float) -> tuple[float, f
         given |= dict(zip(parameter.arguments, parts, strict=True))
     for name in law.arguments:
         if name not in given:
-            given[name] = state.get(name, 0.0)
+            given[name] = state.get(name, 1.0 if name in ("radius", "r0") else 0.0)
     fx, fy = law(**given)
     return float(fx), float(fy)
 
@@ -1026,21 +1034,19 @@ def _seen_speeds(diagnosis: Diagnosis) -> np.ndarray:
     return every[np.isfinite(every)]
 
 
-def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figure:
-    seen = _seen_speeds(diagnosis)
-    top = float(np.quantile(seen, 0.98)) if len(seen) else 1.0
-    v = np.linspace(0.0, top, 121)
+def _forces(
+    diagnosis: Diagnosis, fit: Fit, case: Case, count: int, states: Sequence[Mapping[str, float]]
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Force of a fit's last law, which has ``count`` numbers, on a body of the mean radius in each state: (k, 2) [N],
+    half of its central 95 % (k, 2), and the mass [kg] of the body."""
+    mass = next(b.mass for b in case.recording.scene.bodies if b.mobile)
 
-    def curve(numbers: np.ndarray) -> np.ndarray:
+    def forces(numbers: np.ndarray) -> np.ndarray:
         scene, _ = fit.hypothesis.scene(case, numbers.tolist())
         item = scene.laws[-1]
-        mass = next(b.mass for b in scene.bodies if b.mobile)
-        # of a body of the mean radius
-        return np.array([-_call(item.law, item.values, vx=s, mass=mass, radius=1.0, r0=1.0)[0] for s in v])
+        return np.array([_call(item.law, item.values, mass=mass, **state) for state in states])
 
-    best = curve(fit.values)
-    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
-    axis = figure.add_subplot()
+    best = forces(fit.values)
     # to first order its covariance follows from that of its numbers
     base = len(fit.values) - count
     slopes = []
@@ -1048,10 +1054,40 @@ def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figu
         step = 0.01 * max(abs(fit.values[k]), float(np.sqrt(fit.covariance[k, k])), 1e-12)
         moved = fit.values.copy()
         moved[k] += step
-        slopes.append((curve(moved) - best) / step)
+        slopes.append((forces(moved) - best) / step)
     design = np.array(slopes)
-    variance = np.einsum("kv,kl,lv->v", design, fit.covariance[base:, base:], design) * diagnosis.spread
-    half = 1.96 * np.sqrt(np.maximum(variance, 0.0))
+    variance = np.einsum("kva,kl,lva->va", design, fit.covariance[base:, base:], design) * diagnosis.spread
+    return best, 1.96 * np.sqrt(np.maximum(variance, 0.0)), mass
+
+
+def _time_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figure:
+    seen = case.t[case.training]
+    t = np.linspace(seen[0], seen[-1], 141)
+    best, half, mass = _forces(diagnosis, fit, case, count, [{"t": float(s)} for s in t])
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    axis = figure.add_subplot()
+    for k, (name, colour) in enumerate((("along x", REVISED), ("along y", SEEN))):
+        middle, wide = best[:, k] / mass, half[:, k] / mass
+        axis.fill_between(t, middle - wide, middle + wide, color=colour, alpha=0.18, linewidth=0)
+        axis.plot(t, middle, color=colour, linewidth=2, label=name)
+    axis.axhline(0, color="#bbbbbb", linewidth=0.7, zorder=0)
+    axis.set_xlim(t[0], t[-1])
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("acceleration [m/s²]")
+    legend_above(figure, axis.get_legend_handles_labels()[0])
+    return figure
+
+
+def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figure:
+    seen = _seen_speeds(diagnosis)
+    top = float(np.quantile(seen, 0.98)) if len(seen) else 1.0
+    v = np.linspace(0.0, top, 121)
+    both, spread, _ = _forces(diagnosis, fit, case, count, [{"vx": float(s)} for s in v])
+    # of bodies that go along x
+    across = not both[:, 0].any()
+    best, half = (both[:, 1], spread[:, 1]) if across else (-both[:, 0], spread[:, 0])
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    axis = figure.add_subplot()
     factor, unit = prefixed("N", float(np.quantile(np.abs(best), 0.9)))
     speed, speed_unit = prefixed("m/s", top)
     axis.fill_between(
@@ -1070,7 +1106,7 @@ def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figu
                   transform=axis.get_xaxis_transform(), clip_on=False)  # fmt: skip
     axis.set_xlim(0, top * speed)
     axis.set_xlabel(f"speed [{speed_unit}]; ticks: speeds that were seen")
-    axis.set_ylabel(f"force against the motion [{unit}]")
+    axis.set_ylabel(f"force {'to the left of' if across else 'against'} the motion [{unit}]")
     return figure
 
 

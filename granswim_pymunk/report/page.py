@@ -23,7 +23,7 @@ from ..diagnosis.hypothesis import Term
 from ..diagnosis.innovations import Whiteness
 from ..errors import InputError
 from ..laws import all_laws
-from .figures import figures, p_text
+from .figures import drawn_over, figures, p_text
 from .sheet import STYLE_SHEET
 from .words import (
     NARROW,
@@ -583,7 +583,7 @@ def captions(diagnosis: Diagnosis) -> dict[str, tuple[str, str]]:
     )
     same = any(alike for _, alike in diagnosis.rivals)
     after = whiteness_text(diagnosis.white_revised, _known(diagnosis))
-    curve = diagnosis.flexible is not None and diagnosis.flexible.mechanism in ("flexible_speed", "flexible_power")
+    curve = diagnosis.flexible is not None and drawn_over(all_laws()[diagnosis.flexible.mechanism]) != "place"
     return {
         "overlay": (
             "Seen track with the naive and the revised simulation over it",

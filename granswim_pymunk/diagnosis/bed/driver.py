@@ -564,7 +564,7 @@ def _any(bench: Bench) -> list[np.ndarray]:
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:
     learnt = [b.case for b in beds if b.training.any()]
-    terms = bed_terms(learnt) + [across_term(case) for case in learnt[:1]]
+    terms = [*bed_terms(learnt), across_term(learnt[0])]
     taken = {f.name for f in hypothesis.free}
     terms = [t for t in terms if not any(f.name in taken for f in t.free)]
     return terms if candidates is None else [t for t in terms if t.mechanism in candidates]
@@ -919,17 +919,19 @@ def _polish(
         return z, rough, trial, bench, None
     second = bench.with_twins(max(min(plan.twins - 2, 6), 3))
     told: np.ndarray | None = None
-    steps = [0.1 * (f.high - f.low) for f in free[:adjusted]]
-    for v, f in zip(z[adjusted:], free[adjusted:], strict=True):
-        steps.append(0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale)
+    steps = np.array([0.1 * (f.high - f.low) for f in free[:adjusted]] + [
+        0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale
+        for v, f in zip(z[adjusted:], free[adjusted:], strict=True)
+    ])  # fmt: skip
     low, high = np.array([(f.low, f.high) for f in free]).T
     try:
         second.make_twins(full, z)
         if not late:
-            told = _told_by_twins(second, full, z, np.array(steps), windows)
+            told = _told_by_twins(second, full, z, steps, windows)
+        bias = 0.0 if told is None else told.mean(axis=0)
         for _ in range(3):
             # to both sides: a base that the columns share with the innovations would push along its own chaos
-            ends, spans = _both_sides(full, z, np.array(steps))
+            ends, spans = _both_sides(full, z, steps)
             predicted = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
             columns = np.column_stack(
                 [
@@ -940,7 +942,7 @@ def _polish(
             white = second.white(predicted[0], windows)
             steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
             answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
-            change = steered @ (answer - away - (0.0 if told is None else told.mean(axis=0)))
+            change = steered @ (answer - away - bias)
             # never further than the columns were taken
             change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
             before, z = z, np.clip(z + change, low, high)
