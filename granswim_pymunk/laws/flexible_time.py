@@ -11,7 +11,7 @@ _KNOTS = [
 
 @law(
     kind="body",
-    expression="F_i = m_i a(t), a piecewise linear through eight knots",
+    expression="F_i = m_i a(t), a piecewise linear through eight knots, none before the first and after the last",
     reference="Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, ch. 5 (linear splines)",
     parameters=[
         Parameter("begin", "s", "time of the first knot", default=0.0),
@@ -22,9 +22,12 @@ _KNOTS = [
     candidate="flexible",
 )
 def flexible_time(t, mass, begin, span, a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7):
-    s = min(max(7.0 * (t - begin) / span, 0.0), 7.0)
+    s = 7.0 * (t - begin) / span
     x = 0.0
     y = 0.0
+    # what nobody saw is not drawn out
+    if s < 0.0 or s > 7.0:
+        return x, y
     for k, knot in enumerate(((a0, b0), (a1, b1), (a2, b2), (a3, b3), (a4, b4), (a5, b5), (a6, b6), (a7, b7))):
         hat = max(1.0 - abs(s - k), 0.0)
         x += hat * knot[0]
