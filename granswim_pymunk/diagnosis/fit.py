@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -190,17 +191,23 @@ class Fitter:
             if self.stop():
                 raise KeyboardInterrupt
             values, starts = unpack(z)
-            return np.concatenate(
-                [self._innovations(c, hypothesis, values, starts[c.name], parts[c.name])[use[c.name]] for c in cases]
-            )
+            rows = _POOL.map(lambda c: self._innovations(c, hypothesis, values, starts[c.name], parts[c.name]), cases)
+            found = dict(zip(parts, rows, strict=True))
+            # the solver asks for the Jacobian where it last looked
+            last.update(z=np.array(z), found=found)
+            return np.concatenate([rows[use[name]] for name, rows in found.items()])
 
+        last: dict[str, Any] = {}
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
         def jacobian(z):
             values, starts = unpack(z)
             result = np.zeros((rows[-1], len(z)))
+            known = last["found"] if last and np.array_equal(last["z"], z) else {}
             for k, c in enumerate(cases):
-                columns, block = self._jacobian(c, hypothesis, values, starts[c.name], parts[c.name], fixed)
+                columns, block = self._jacobian(
+                    c, hypothesis, values, starts[c.name], parts[c.name], fixed, known.get(c.name)
+                )
                 span = slice(rows[k], rows[k + 1])
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
@@ -223,13 +230,15 @@ class Fitter:
         values, starts = unpack(solution.x)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
 
-    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed=False):
+    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed=False, here=None):
         """d(predicted/sigma) by the numbers that bear on this recording: (indices, list of (T, c)).
 
-        Indices below zero are numbers of the start: -1 the first.
+        Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand, if known.
         """
         columns: list[int] = []
-        changes: list[tuple[np.ndarray, np.ndarray, float]] = [(np.asarray(values, dtype=float), numbers, 1.0)]
+        changes: list[tuple[np.ndarray, np.ndarray, float]] = []
+        if here is None:
+            changes.append((np.asarray(values, dtype=float), numbers, 1.0))
         if not fixed:
             for k, f in enumerate(hypothesis.free):
                 if f.cases is not None and case.name not in f.cases:
@@ -246,15 +255,17 @@ class Fitter:
             moved = numbers.copy()
             moved[k] += 0.1 * scale
             columns.append(-k - 1)
-            changes.append((changes[0][0], moved, 0.1 * scale))
+            changes.append((np.asarray(values, dtype=float), moved, 0.1 * scale))
         # the compiled loops release the GIL; threads change no bit of the result
         found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
-        return columns, [(found[0] - other) / c[2] for other, c in zip(found[1:], changes[1:], strict=True)]
+        if here is None:
+            here, found, changes = found[0], found[1:], changes[1:]
+        return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
-    def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed) -> tuple[np.ndarray, np.ndarray]:
+    def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed, here) -> tuple[np.ndarray, np.ndarray]:
         """d(predicted/sigma) of what was seen in ``frames``, by all values (n, p) and by the numbers of the start."""
         use = np.isfinite(case.values[frames])
-        columns, block = self._jacobian(case, hypothesis, values, numbers, frames, fixed)
+        columns, block = self._jacobian(case, hypothesis, values, numbers, frames, fixed, here)
         by_value = np.zeros((int(use.sum()), len(hypothesis.free)))
         by_start = np.zeros((int(use.sum()), len(numbers)))
         for index, column in zip(columns, block, strict=True):
@@ -274,7 +285,7 @@ class Fitter:
             full = np.full(c.values.shape, np.nan)
             full[frames] = self._innovations(c, hypothesis, x, numbers[c.name], frames)
             innovations[c.name] = full
-            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed)
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed, full[frames])
             jacobian[c.name] = (by_value, by_start)
             projected = by_value - project(by_start, by_value)
             information += projected.T @ projected
