@@ -18,7 +18,15 @@ from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import BedTrial, Plan, as_in_twins, astray, diagnose_windows, make_plan
+from granswim_pymunk.diagnosis.bed.driver import (
+    BedTrial,
+    Plan,
+    as_in_twins,
+    astray,
+    diagnose_windows,
+    make_plan,
+    signature_of,
+)
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
@@ -319,6 +327,33 @@ def test_candidates_come_from_the_registry_and_run():
         # the law with nothing in it predicts the same at first (later, rounding has grown)
         assert np.abs(nothing - absent).max() < 2e-4, term.label
         assert len(term.free) == len({f.name for f in term.free})
+
+
+class Bent:
+    """In place of a bench: predictions that go with an amount and with its square, and a bound."""
+
+    members = 1
+
+    def __init__(self, linear: np.ndarray, even: np.ndarray) -> None:
+        self.linear, self.even = linear, even
+
+    def predict(self, wanted, windows, members, first):
+        return [v[0] * self.linear + v[0] ** 2 * self.even for _, v in wanted]
+
+    def change(self, after, before, windows):
+        return after - before
+
+
+@pytest.mark.parametrize(("low", "bend"), [(-np.inf, 0.0), (0.0, 1.0), (-0.1, 1.0)])
+def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
+    linear, even = np.random.default_rng(5).normal(size=(2, 400))
+    bench, term = Bent(0.1 * linear, 0.02 * even), one_number(low=low, scale=1.0)
+    found = signature_of(bench, Hypothesis(), np.zeros(0), np.zeros(400), np.zeros((400, 0)), term, [], 1)
+    (amount,) = found.tried
+    assert 0.8 < np.sqrt(np.mean((found.columns[:, 0] * (amount - found.other[0])) ** 2)) < 2.5
+    assert found.other[0] == (0.0 if bend else -amount)
+    # to one side, where there is no room at the other, it bends with the prediction
+    assert found.columns[:, 0] == pytest.approx(0.1 * linear + bend * amount * 0.02 * even, abs=1e-9)
 
 
 def test_a_flow_is_reported_as_a_velocity(packed):

@@ -48,8 +48,9 @@ CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simula
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
 LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-# rms of a signature in standard deviations: well above the 0.2 to 0.4 that chaos adds whatever the amount (columns of a
-# force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), still near linear
+# rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
+# whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
+# near linear (taken to one side, and three times as far as need be, they had a tenth, too)
 RESPONSE = (0.8, 2.5)
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
 ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
@@ -202,7 +203,8 @@ def make_plan(
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)
         runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
-        runs += terms * used * plan.screening * 1.3 + 2 * plan.leaders * 3 * used * plan.screening
+        runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
+        runs += plan.twins * used * plan.screening * 2.5 * LEANING
         runs += (
             (plan.leaders - 2) * 4 * used * plan.members
             + 3 * every * plan.members
@@ -332,7 +334,7 @@ def diagnose_windows(
         if clock.late(0.72):
             untried.append(term.label)
             continue
-        signature = _signature(bench, hypothesis, values, apart, few_nuisance, term, few, plan.screening)
+        signature = signature_of(bench, hypothesis, values, apart, few_nuisance, term, few, plan.screening)
         if signature is None:
             notes.append(f"{term.label} could not be simulated")
         else:
@@ -600,7 +602,7 @@ def _recalibrate(
         raise InputError("the scene cannot be run with other values of its adjustables") from None
 
 
-def _signature(
+def signature_of(
     bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
     windows: Windows, members: int,
 ) -> BedSignature | None:  # fmt: skip
@@ -610,36 +612,42 @@ def _signature(
     """
     extended = hypothesis.with_term(term)
     low, high = limits(term)
-    tried, columns = [], []
+
+    def shown(amounts: Sequence[float], k: int) -> list[Prediction | None]:
+        """With these amounts of number k; the scene without the term where that is none."""
+        numbers = [to_values(term, amount * np.eye(len(term.free))[k]) for amount in amounts if amount]
+        wanted = [(extended, np.concatenate([values, n])) for n in numbers]
+        found = bench.predict(wanted, windows, members, bench.members)
+        return found if all(amounts) else [*found, base]
+
+    tried, other, columns = [], [], []
     for k in range(len(term.free)):
         sign = 1.0 if high[k] > 1e-9 else -1.0
         if term.mechanism == "weak_joint":
             sign = -1.0
-        amount = min(1.0, 0.8 * (high[k] if sign > 0 else -low[k]))
-        kept: tuple[float, np.ndarray] | None = None
+        most = 0.8 * (high[k] if sign > 0 else -low[k])
+        amount = min(1.0, most)
+        kept: tuple[float, float, np.ndarray] | None = None
         smallest_failed = math.inf
         for _ in range(3):
-            amounts = np.zeros(len(term.free))
-            amounts[k] = sign * amount
-            values_k = to_values(term, amounts)
-            amount = abs(float(values_k[k] - term.free[k].neutral) / term.free[k].scale)
-            found = bench.predict(
-                [(extended, np.concatenate([values, values_k]))], windows, members, bench.members
-            )[0]
-            if found is None:
+            there = sign * amount
+            # to both sides where there is room: what is even in the amount falls out, and half of the chaos
+            back = float(np.clip(-there, low[k], high[k]))
+            back = back if abs(back) > 0.5 * amount else 0.0
+            after, before = shown([there, back], k)
+            if after is None or before is None:
                 smallest_failed = amount
                 amount *= 0.15
                 continue
-            change = bench.change(found, base, windows)
+            change = bench.change(after, before, windows)
+            kept = there, back, change / (there - back)
             size = float(np.sqrt(np.mean(change**2)))
-            kept = sign * amount, change / (sign * amount)
             if size < RESPONSE[0]:
                 factor = 8.0 if size < 0.3 * RESPONSE[0] else 3.0
             elif size > RESPONSE[1]:
                 factor = 0.25 if size > 3 * RESPONSE[1] else 0.5
             else:
                 break
-            most = 0.8 * (high[k] if sign > 0 else -low[k])
             wider = min(amount * factor, most, 0.9 * smallest_failed)
             if abs(wider / amount - 1) < 0.1:
                 break
@@ -647,8 +655,9 @@ def _signature(
         if kept is None:
             return None
         tried.append(kept[0])
-        columns.append(kept[1])
-    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance)
+        other.append(kept[1])
+        columns.append(kept[2])
+    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
 
 
 def _apart(
@@ -682,25 +691,30 @@ def as_in_twins(
     hypothesis, values = bench.twin_scene
     leading = list(trials[:LEANING])
     wanted = [(hypothesis, values)]
+    ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
     for t in leading:
-        for k, amount in enumerate(t.signature.tried):
-            amounts = np.zeros(len(t.signature.tried))
-            amounts[k] = amount
-            wanted.append((hypothesis.with_term(t.term), np.concatenate([values, to_values(t.term, amounts)])))
+        mine = []
+        for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
+            at = []
+            for amount in pair:
+                at.append(len(wanted) if amount else 0)
+                if amount:
+                    numbers = to_values(t.term, amount * np.eye(len(t.amounts))[k])
+                    wanted.append((hypothesis.with_term(t.term), np.concatenate([values, numbers])))
+            mine.append((at[0], at[1]))
+        ends.append(mine)
     views = bench.twin_views(wanted, windows, members, bench.members)
     films = off(nuisance, whole_films(bench.noises, windows))
     number = min(films.shape[1], len(views))
     done, own, cross = [], 0.0, 0.0
-    at = 1
-    for t in leading:
-        size = len(t.signature.tried)
+    for t, mine in zip(leading, ends, strict=True):
         answers, shapes = [], []
+        after, before = np.array(mine).T
         for k in range(number):
-            columns = (views[k][:, at : at + size] - views[k][:, :1]) / t.signature.tried
+            columns = (views[k][:, after] - views[k][:, before]) / (t.signature.tried - t.signature.other)
             clear = off(nuisance, columns)
             answers.append(np.linalg.lstsq(clear, films[:, k], rcond=1e-8)[0])
             shapes.append(clear)
-        at += size
         bias = np.mean(answers, axis=0)
         amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
         done.append(_trial(t.signature, amounts[:, 0], float(gain[0]), None))
@@ -1079,7 +1093,7 @@ def _second_law(
     for s in signatures:
         if s.term.label == found.term.label or s.term.mechanism == "unknown":
             continue
-        other = make_signature(s.term, s.tried, s.columns, beside)
+        other = make_signature(s.term, s.tried, s.columns, beside, s.other)
         null = np.maximum(null, other.best(drawn)[1])
         others.append(other)
         order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
@@ -1095,7 +1109,7 @@ def _second_law(
         if gain < 0.5 * threshold or search.clock.late(0.82):
             break
         search.progress(f"beside it: {s.term.label}", 0.80)
-        signature = _signature(
+        signature = signature_of(
             bench, search.hypothesis, search.values, apart, beside, s.term, few, search.plan.screening
         )
         if signature is not None:
@@ -1197,7 +1211,7 @@ def _flexible(
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
         if arms and clock.late(0.9):
             break
-        signature = _signature(bench, hypothesis, values, apart, nuisance[at], term, few, plan.screening)
+        signature = signature_of(bench, hypothesis, values, apart, nuisance[at], term, few, plan.screening)
         if signature is not None:
             amounts, gain = signature.best(white[:, None])
             arms.append(_trial(signature, amounts[:, 0], float(gain[0]), None))

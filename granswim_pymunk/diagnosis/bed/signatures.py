@@ -108,12 +108,14 @@ def limits(term: Term) -> tuple[np.ndarray, np.ndarray]:
 class BedSignature:
     """A candidate around the recalibrated scene.
 
-    columns : (n, k) whitened change of the prediction for one unit of each amount;  tried : (k,) amounts used
+    columns : (n, k) whitened change of the prediction for one unit of each amount
     clear : (n, k) what the adjustables cannot imitate;  surviving : its share of the length
+    tried : (k,) amounts used;  other : (k,) amounts at the other end of the change, 0 where that is no law
     """
 
     term: Term
     tried: np.ndarray
+    other: np.ndarray
     columns: np.ndarray
     clear: np.ndarray
     surviving: float
@@ -129,12 +131,15 @@ class BedSignature:
         return amounts, np.maximum(np.sum(2 * white * explained - explained**2, axis=0), 0.0)
 
 
-def make_signature(term: Term, tried: np.ndarray, columns: np.ndarray, nuisance: np.ndarray) -> BedSignature:
+def make_signature(
+    term: Term, tried: np.ndarray, columns: np.ndarray, nuisance: np.ndarray, other: np.ndarray | None = None
+) -> BedSignature:
     """``nuisance`` (n, p): whitened changes of the prediction for the adjustables."""
     q = basis(nuisance)
     clear = columns - q @ (q.T @ columns)
     before = float(np.linalg.norm(columns))
-    return BedSignature(term, tried, columns, clear, float(np.linalg.norm(clear)) / before if before > 0 else 0.0)
+    surviving = float(np.linalg.norm(clear)) / before if before > 0 else 0.0
+    return BedSignature(term, tried, np.zeros(len(tried)) if other is None else other, columns, clear, surviving)
 
 
 def off(nuisance: np.ndarray, white: np.ndarray) -> np.ndarray:
