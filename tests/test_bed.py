@@ -16,7 +16,7 @@ import pytest
 
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
-from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale
+from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import (
     BedTrial,
@@ -25,6 +25,8 @@ from granswim_pymunk.diagnosis.bed.driver import (
     astray,
     diagnose_windows,
     make_plan,
+    no_narrower,
+    plainer_first,
     signature_of,
 )
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
@@ -354,6 +356,36 @@ def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
     assert found.other[0] == (0.0 if bend else -amount)
     # to one side, where there is no room at the other, it bends with the prediction
     assert found.columns[:, 0] == pytest.approx(0.1 * linear + bend * amount * 0.02 * even, abs=1e-9)
+
+
+def test_a_law_is_tried_on_the_swimmer_and_on_the_grains_alone(packed):
+    (drag,) = [t for t in bed_terms([bed_case(small("small_nothing")).case]) if t.mechanism == "linear_drag"]
+    scene = bed_case(small("small_nothing")).case.recording.scene
+    swimmer = {scene.bodies[k].id for k in scene.swimmer}
+    mobile = {b.id for b in scene.bodies if b.mobile}
+    narrow = {frozenset(t.bodies): t for t in siblings(drag, scene) if set(t.bodies) < mobile}
+    assert set(narrow) == {frozenset(swimmer), frozenset(mobile - swimmer)}
+    for bodies, term in narrow.items():
+        changed, _ = term.apply(scene, {}, [1e-5])
+        (item,) = changed.laws_named("linear_drag")
+        assert {changed.bodies[k].id for k in changed.rows(item)} == bodies
+
+
+def test_a_narrower_or_richer_law_has_to_gain_more(packed):
+    def trial(law: str, gain: float, numbers: int, bodies: tuple[str, ...] = ("0", "g")) -> BedTrial:
+        term = replace(one_number(), mechanism=law, label=f"{law} on {bodies}", bodies=bodies)
+        term = replace(term, free=term.free * numbers)
+        signature = make_signature(term, np.ones(numbers), np.eye(4)[:, :numbers], np.zeros((4, 0)))
+        return BedTrial(signature, np.ones(numbers), np.ones(numbers), np.eye(numbers), gain, gain)
+
+    drag, flow = trial("linear_drag", 100.0, 1), trial("ambient_flow", 120.0, 3)
+    assert plainer_first([flow, drag])[0] is drag
+    strong = trial("ambient_flow", 160.0, 3)
+    assert plainer_first([strong, drag])[0] is strong
+    grains = trial("linear_drag", 103.0, 1, ("g",))
+    assert no_narrower([grains, drag, flow]) == [drag, flow]
+    sure = trial("linear_drag", 110.0, 1, ("g",))
+    assert no_narrower([sure, drag]) == [sure, drag]
 
 
 def test_a_flow_is_reported_as_a_velocity(packed):

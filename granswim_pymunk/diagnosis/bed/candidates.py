@@ -123,12 +123,18 @@ def _far(law: Law) -> bool:
 
 
 def siblings(term: Term, scene: Scene) -> list[Term]:
-    """The same law with its other exponents of the radius, or ranges."""
+    """The same law with its other exponents of the radius, or ranges, or on the swimmer or the grains alone."""
     law = all_laws().get(term.mechanism)
     if law is None or law.kind not in KINDS:
         return []
     drift = term.apply.drift if isinstance(term.apply, LawAdder) else (0.0, 0.0)
-    return [t for t in law_terms(law, scene, drift) if t.label != term.label]
+    others = [t for t in law_terms(law, scene, drift) if t.label != term.label]
+    if law.kind == "body":
+        swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
+        grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer)
+        for label, bodies in (("the swimmer", swimmer), ("the grains", grains)):
+            others += [replace(t, label=f"{t.label} on {label}") for t in law_terms(law, scene, drift, bodies)[:1]]
+    return others
 
 
 def _sized(term: Term, sizes: Sequence[float]) -> Term:
@@ -153,11 +159,14 @@ def size_of(law: Law, name: str, unit: str, scene: Scene) -> float:
     return by_unit.get(unit, abs(parameter.typical or 1.0))
 
 
-def law_terms(law: Law, scene: Scene, drift: tuple[float, float] = (0.0, 0.0)) -> list[Term]:
+def law_terms(
+    law: Law, scene: Scene, drift: tuple[float, float] = (0.0, 0.0), bodies: tuple[str, ...] | None = None
+) -> list[Term]:
     """Terms that add a law of bodies or pairs, one for each choice of its exponents; the usual choice first.
 
-    Ranges stay as typical. A flow that drags has its force on bodies that go at ``drift`` [m/s] as numbers, so that a
-    first-order change is linear in them, and a drag alone does not stop a bed that is carried along.
+    On all mobile bodies, or on ``bodies``. Ranges stay as typical. A flow that drags has its force on bodies that go
+    at ``drift`` [m/s] as numbers, so that a first-order change is linear in them, and a drag alone does not stop a bed
+    that is carried along.
     """
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
     radii = {b.radius for b in scene.bodies if b.mobile}
@@ -196,8 +205,8 @@ def law_terms(law: Law, scene: Scene, drift: tuple[float, float] = (0.0, 0.0)) -
         label = law.name + "".join(f" {k} = {v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
-                law.mechanism, label, tuple(free), LawAdder(law, fixed, tuple(groups), pushed, drift), mobile,
-                law.expression, {**choice}, tuple(groups),
+                law.mechanism, label, tuple(free), LawAdder(law, fixed, tuple(groups), pushed, drift, bodies),
+                bodies or mobile, law.expression, {**choice}, tuple(groups),
             )
         )  # fmt: skip
     return terms
@@ -207,9 +216,11 @@ class LawAdder:
     """Adds a law with its strengths; a force of a flow on bodies that go at ``drift`` becomes the flow's velocity."""
 
     def __init__(
-        self, law: Law, fixed: Mapping[str, Any], groups, pushed: str, drift: tuple[float, float] = (0.0, 0.0)
-    ) -> None:
+        self, law: Law, fixed: Mapping[str, Any], groups, pushed: str, drift: tuple[float, float] = (0.0, 0.0),
+        bodies: tuple[str, ...] | None = None,
+    ) -> None:  # fmt: skip
         self.law, self.fixed, self.groups, self.pushed, self.drift = law, dict(fixed), groups, pushed, drift
+        self.bodies = bodies
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         given = dict(self.fixed)
@@ -222,7 +233,7 @@ class LawAdder:
             elif self.pushed and name == self.law.strength[0]:
                 continue
             given[name] = numbers[0] if len(numbers) == 1 else tuple(numbers)
-        return scene.with_laws(use(self.law, **given)), camera
+        return scene.with_laws(use(self.law, bodies=self.bodies, **given)), camera
 
     def flow(self, values: np.ndarray, covariance: np.ndarray | None):
         """(drag, flow) with their covariance, to first order, where the law has a flow; else None."""

@@ -22,6 +22,7 @@ from ..data import choose_held_out
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
+from ..name import SPECIAL_CASES
 from .bench import Bench, Prediction, Windows, check_runs
 from .candidates import PictureScale, across_term, bed_terms, check_bed, flexible_terms, picture_scale, siblings
 from .cut import REACH
@@ -370,7 +371,7 @@ def diagnose_windows(
     if p <= 0.1:
         search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
         trials = search.leaders(trials, beds[0])
-    trials = _clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth)))
+    trials = plainer_first(_clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
     found = trials[0] if trials and trials[0].gain is not None else None
     # the lowest of several simulations flatters: what first order does not show either is not named
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
@@ -774,7 +775,7 @@ class Search:
             rough.append(self.refit(t, self.few, self.nuisance[self.at], self.plan.screening, ROUGH))
         rough.sort(key=lambda t: -t.worth)
         best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
-        # other exponents of a law that leads
+        # other exponents of a law that leads, and fewer bodies
         for t in list(best[:2]):
             for term in siblings(t.term, bed.scene):
                 if not self.clock.late(0.8):
@@ -782,13 +783,14 @@ class Search:
                                        self.nuisance[self.at], self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
                     rough.append(other)
                     best.append(other)
-        best = sorted(best, key=lambda t: -t.worth)[: max(self.plan.leaders - 2, 2)]
+        best = _two_forms(sorted(best, key=lambda t: -t.worth))[: max(self.plan.leaders - 2, 2)]
         best = _with_clock(best, rough)
         done = []
         for k, t in enumerate(best):
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
             if k < 1 or not self.clock.late(0.84):
                 done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE))
+        done = no_narrower(done)
         # the best form of each is kept; gains in few windows are not comparable
         known = {t.term.label for t in done}
         rest: list[BedTrial] = []
@@ -868,6 +870,26 @@ class Search:
         signature = replace(trial.signature, columns=columns, clear=clear)
         moved = replace(trial, amounts=amounts, signature=signature)
         return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
+
+
+def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
+    """No more than the first two forms of a law, so that others are refitted, too; joints are laws of their own."""
+    kept: list[BedTrial] = []
+    for t in trials:
+        joint = t.term.choices.get("joint")
+        if sum(o.mechanism == t.mechanism and o.term.choices.get("joint") == joint for o in kept) < 2:
+            kept.append(t)
+    return kept
+
+
+def no_narrower(trials: Sequence[BedTrial]) -> list[BedTrial]:
+    """Without laws on some bodies that gain no more than the same law does on all."""
+
+    def needed(t: BedTrial) -> bool:
+        alike = [o for o in trials if o.mechanism == t.mechanism]
+        return all(t.worth > o.worth + SAME for o in alike if set(o.term.bodies or ()) > set(t.term.bodies or ()))
+
+    return [t for t in trials if needed(t)]
 
 
 def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
@@ -1302,6 +1324,20 @@ def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial
             low, high = limits(t.term)
             beside.append(replace(t, amounts=np.clip(np.array([amount]), low, high)))
     return [*chosen[:at], *beside, *chosen[at:]]
+
+
+def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
+    """A law that becomes another one when some of its numbers are none has to gain more than that by more than chaos.
+
+    Drag in still air is a flow of no speed.
+    """
+    if not trials or trials[0].gain is None:
+        return trials
+    name = SPECIAL_CASES.get(trials[0].mechanism)
+    plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
+    if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
+        return trials
+    return [plain, *(t for t in trials if t is not plain)]
 
 
 def _clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
