@@ -18,21 +18,15 @@ from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import (
-    BedTrial,
-    Plan,
-    as_in_twins,
-    astray,
-    diagnose_windows,
-    make_plan,
-    no_narrower,
-    plainer_first,
-    signature_of,
-)
+from granswim_pymunk.diagnosis.bed.driver import diagnose_windows
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
+from granswim_pymunk.diagnosis.bed.judge import astray
 from granswim_pymunk.diagnosis.bed.places import maps
+from granswim_pymunk.diagnosis.bed.plan import Plan, make_plan
+from granswim_pymunk.diagnosis.bed.search import as_in_twins, no_narrower, plainer_first, signature_of
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
+from granswim_pymunk.diagnosis.bed.trial import BedTrial
 from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.diagnosis.kept import load_array, store_array

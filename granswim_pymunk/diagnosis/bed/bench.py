@@ -51,6 +51,10 @@ class Bench:
         return [np.flatnonzero(~b.training) for b in self.beds]
 
     @property
+    def every(self) -> list[np.ndarray]:
+        return [np.arange(len(b.starts)) for b in self.beds]
+
+    @property
     def runs(self) -> int:
         return sum(p.runs for p in self.predictors)
 

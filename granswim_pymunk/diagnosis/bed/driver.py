@@ -9,107 +9,45 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
-from scipy import stats
 
 from ...errors import InputError
 from ...recording import Recording
-from ..candidates import APPARATUS
 from ..data import choose_held_out
-from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
-from ..name import SPECIAL_CASES
 from .bench import Bench, Prediction, Windows, check_runs
-from .candidates import PictureScale, across_term, bed_terms, check_bed, flexible_terms, picture_scale, siblings
+from .candidates import PictureScale, across_term, bed_terms, check_bed, picture_scale
 from .cut import REACH
 from .experiment import Proposal, propose
+from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
 from .places import Place, locate
-from .signatures import (
-    BedSignature,
-    coherence,
-    limits,
-    make_signature,
-    off,
-    recombined,
-    to_values,
-    whole_films,
-)  # fmt: skip
+from .plan import LEADERS, LEANING, TWINS, Clock, Plan, make_plan
+from .polish import polish, readjusted, widened
+from .search import (
+    REPLICATES,
+    Progress,
+    Search,
+    as_in_twins,
+    clock_before_motor,
+    flexible_arm,
+    plainer_first,
+    positions,
+    second_law,
+    thinned,
+    unsure,
+)
+from .signatures import BedSignature, coherence, make_signature, off, recombined, whole_films
+from .trial import ALARM, SURE, BedTrial, beyond_nothing, moved_to, trial_of
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
-ALARM = 0.01
-REPLICATES = 499
-TWINS = 8
-FEWEST_TWINS = 4
-SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
-CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
-UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
-LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
-SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-# rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
-# whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
-# near linear (taken to one side, and three times as far as need be, they had a tenth, too)
-RESPONSE = (0.8, 2.5)
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
-ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
 DOUBTFUL = 150.0  # chi2 below which the leaders' gains are held against what twins give them
-LEANING = 4  # leaders of which that is asked
-LEADERS = 7
-SECONDS = 6  # laws that are tried beside the one that was found
 LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
 GAUGE = 4  # members that are timed
-MINUTES = 10.0  # where no budget is given
-LATE = ("actuator_lag", "actuator_delay")
-
-Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class BedTrial:
-    """A candidate, and what became of it.
-
-    amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
-    linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
-    """
-
-    signature: BedSignature
-    amounts: np.ndarray
-    values: np.ndarray
-    covariance: np.ndarray
-    linear: float
-    gain: float | None
-
-    @property
-    def term(self) -> Term:
-        return self.signature.term
-
-    @property
-    def mechanism(self) -> str:
-        return self.signature.term.mechanism
-
-    @property
-    def worth(self) -> float:
-        """Gain less what as many numbers gain by chance."""
-        return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Root mean square of seen less predicted positions of the disks [m], the estimator's bias taken off."""
-
-    rms: float | None
-    chi2: float | None  # over the count of numbers
-
-
-@dataclass(frozen=True)
-class Strayed:
-    """Where a film as a whole is unlike its twins, and in words."""
-
-    place: Place
-    text: str
 
 
 @dataclass
@@ -154,66 +92,62 @@ class BedDiagnosis:
         return [t for t in (self.found, self.partner) if t is not None]
 
 
-class Clock:
-    """The budget: how much of it is spent."""
+@dataclass
+class Beginning:
+    """What is known before anything is fitted: the scene as believed, and what can be afforded."""
 
-    def __init__(self, minutes: float | None) -> None:
-        self.began = time.monotonic()
-        self.seconds = 60.0 * (minutes or MINUTES)
+    bench: Bench
+    plan: Plan
+    clock: Clock
+    store: Store
+    naive: Hypothesis
+    naive_values: np.ndarray
+    hypothesis: Hypothesis  # the naive scene, filmed with the scale that the swimmer itself shows where that is wrong
+    wrong: PictureScale | None
+    terms: list[Term]
+
+
+@dataclass
+class Answer:
+    """The scene as it is understood: adjustables, then the laws that were found; ``judge`` has twins of it.
+
+    covariance : of all its values, or of the adjustables where nothing was found
+    unexplained : standard deviations of the nulls' chi2 that it leaves;  rows : its prediction, where it was made
+    columns : whitened, of all its values, where there are any;  alone : the same with the first law only
+    """
+
+    hypothesis: Hypothesis
+    values: np.ndarray
+    covariance: np.ndarray
+    judge: Bench
+    unexplained: float
+    found: BedTrial | None = None
+    partner: BedTrial | None = None
+    rows: Prediction | None = None
+    columns: np.ndarray | None = None
+    alone: Answer | None = None
 
     @property
-    def spent(self) -> float:
-        return time.monotonic() - self.began
-
-    def late(self, share: float) -> bool:
-        return self.spent > share * self.seconds
+    def laws(self) -> list[BedTrial]:
+        return [t for t in (self.found, self.partner) if t is not None]
 
 
-@dataclass(frozen=True)
-class Plan:
-    """How much is simulated: members of a window, of a signature; twins; windows of a recording; leaders."""
+@dataclass
+class Seen:
+    """All windows, held-out ones among them, under the naive scene, the recalibrated and the revised one."""
 
-    members: int
-    screening: int
-    twins: int
-    windows: int
-    leaders: int
+    predicted: dict[str, Prediction]
+    train: dict[str, Errors]
+    held: dict[str, Errors]
+    gain: float | None  # half the fall in chi2 of the held-out windows that the laws bring
 
-
-def make_plan(
-    cost: float, windows: int, training: int, terms: int, seconds: float, twins: int, whole: float = 1.0
-) -> Plan:
-    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window, all threads busy.
-
-    Every step is counted, though few recordings ask for all of them.
-
-    ``whole``: how many times the bodies of a window the whole bed has, of which twins are simulated.
-
-    What is given up first: the fourth and third member, then windows, then twins, then leaders.
-    """
-    plans = [
-        Plan(m, s, n, w, k)
-        for m, s, n, w, k in (
-            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, twins, 26, LEADERS), (MEMBERS, 2, 6, 26, LEADERS),
-            (2, 2, 6, 26, LEADERS), (2, 1, 6, 26, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
-            (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
+    @classmethod
+    def of(cls, bench: Bench, predicted: dict[str, Prediction], gain: float | None = None) -> Seen:
+        train, held = (
+            {label: errors(bench, rows, windows) for label, rows in predicted.items()}
+            for windows in (bench.training, bench.held)
         )
-        if n <= twins
-    ] or [Plan(2, 1, twins, 26, 5)]  # fmt: skip
-    for plan in plans:
-        part = min(1.0, plan.windows / max(windows, 1))
-        every, used = windows * part, max(training * part, 1.0)
-        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
-        runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
-        runs += plan.twins * used * plan.screening * 2.5 * LEANING
-        runs += (
-            (plan.leaders - 2) * 4 * used * plan.members
-            + 3 * every * plan.members
-            + 0.6 * plan.twins * every * (plan.members + 1.4 * whole)
-        )
-        if runs * cost < seconds:
-            return plan
-    return plans[-1]
+        return cls(predicted, train, held, gain)
 
 
 def diagnose_windows(
@@ -237,10 +171,80 @@ def diagnose_windows(
     diagnosis that was interrupted goes on from there.
     Raises InputError for recordings that cannot be used.
     """
-    clock = Clock(minutes)
     rng = np.random.default_rng(seed)
     notes: list[str] = []
     progress("cutting windows", 0.01)
+    start = _begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, notes)
+    bench, clock = start.bench, start.clock
+
+    search, naive_base, noise = _recalibrated(start, rng, progress)
+    signatures = _signatures(search, start.terms, notes)
+    trials, null, score = _screened(search, signatures, rng, notes)
+    p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+    trials, found = _leading(search, trials, null, score, p)
+
+    progress("refining what was found", 0.78)
+    plain = _without_law(search, noise)
+    answer = _refined(search, plain, found, signatures, noise, start.wrong is None, rng, notes)
+    if answer.unexplained > UNEXPLAINED and p <= ALARM:
+        arm = _beyond_names(search, answer, trials, notes)
+        if arm is not None:
+            trials = [arm, *trials]
+            answer = _by_arm(search, arm, answer.unexplained)
+
+    # held-out windows are looked at only now
+    progress("held-out windows", 0.88)
+    answer, seen = _held_out(search, start, plain, answer, notes)
+    floor = (noise_floor(bench, search.used), noise_floor(bench, bench.held))
+    partner = answer.partner
+    rivals = [r for r in rivals_of(answer.found, trials) if partner is None or r[0].mechanism != partner.mechanism]
+    found = answer.found
+    if start.wrong is not None:
+        scale, seen = _without_scale(search, start, seen, notes)
+        # what was told beside a wrong scale is the second law; without the scale nothing is right
+        answer = replace(answer, found=scale, partner=answer.found)
+        trials = [scale, *trials]
+        score = max(score, float(scale.gain or 0.0))
+        p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+
+    laws = answer.laws
+    verdict = verdict_among(
+        laws, answer.unexplained, bench, naive_base, search.base, search.values, start.naive_values,
+        answer.covariance, search.used,
+    )  # fmt: skip
+    strayed = astray(bench) if not laws else None
+    if strayed is not None:
+        verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
+        notes.append(strayed.text)
+    shown = "naive" if verdict == "recalibrate" else "recalibrated"
+    places: list[Place] = []
+    if verdict != "no_mismatch" and shown in seen.predicted:
+        places = locate(bench, seen.predicted[shown], bench.every)
+        if strayed is not None:
+            places.insert(0, strayed.place)
+    proposal = None
+    if found is not None and rivals and start.wrong is None and not clock.late(0.93):
+        progress("the next experiment", 0.93)
+        proposal = propose(bench, search.hypothesis, search.values, found, rivals[0][0], search.used)
+    progress("done", 1.0)
+    start.store.forget()
+    adjusted = len(search.values)
+    return BedDiagnosis(
+        bench, verdict, start.naive.terms, start.naive_values, search.values, answer.values[:adjusted],
+        answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null, score, p,
+        seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
+        _excess(search, start, answer, seen, noise), notes, clock.spent, bench.runs, seed, strayed,
+    )  # fmt: skip
+
+
+# ---- steps -----------------------------------------------------------------------------------
+
+
+def _begin(
+    recordings: Sequence[Recording], hold_out: Sequence[Recording], minutes: float | None, seed: int, twins: int,
+    candidates: Sequence[str] | None, plan: Plan | None, cut: bool, notes: list[str],
+) -> Beginning:  # fmt: skip
+    """Windows, candidates, and as much of a plan as the budget allows."""
     beds = windows_of(recordings, hold_out, seed, MOST_WINDOWS)
     for bed in beds:
         if any(bed.repaired):
@@ -251,7 +255,7 @@ def diagnose_windows(
         t for t in adjustable_terms([b.case for b in beds]) if any(f.cases is None or f.cases & learnt for f in t.free)
     )
     naive = Hypothesis(adjustables)
-    values = naive_values = np.array([f.first for f in naive.free])
+    values = np.array([f.first for f in naive.free])
     picture = picture_scale([b.case for b in beds])
     # a wrong scale is plain in the swimmer itself, and until it is put right windows cannot even be started
     wrong = picture if picture is not None and picture.wrong else None
@@ -262,7 +266,7 @@ def diagnose_windows(
 
     # what a member of a window costs decides how many there are
     bench = Bench(beds, 1, 1, cut=cut)
-    gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in _any(bench)]
+    gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in bench.every]
     check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
     gc.freeze()  # what imports and the compiler left is not walked through again and again
     # the first run compiled the laws, once for all times: that is not counted
@@ -290,7 +294,7 @@ def diagnose_windows(
         beds = windows_of(recordings, hold_out, seed, plan.windows)
     if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS) and (
         plan != Plan(MEMBERS, 2, twins, 26, LEADERS) or windows > 26
-    ):
+    ):  # fmt: skip
         notes.append(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
@@ -303,75 +307,111 @@ def diagnose_windows(
                 f"swimmer (within {1e3 * REACH:g} mm) were simulated in windows, {len(predictor.cut.wall)} around "
                 "them carried along as seen"
             )
-    used = bench.training
+    return Beginning(bench, plan, clock, store, naive, values, hypothesis, wrong, terms)
 
-    # recalibration first
+
+@dataclass
+class NoiseChi2:
+    """Mean and standard deviation of the chi2 that windows without a mismatch leave."""
+
+    mean: float
+    spread: float
+
+    def above(self, rest: np.ndarray) -> float:
+        """Standard deviations by which the chi2 of whitened innovations is above that."""
+        return (float(rest @ rest) - self.mean) / self.spread
+
+
+def _recalibrated(
+    start: Beginning, rng: np.random.Generator, progress: Progress
+) -> tuple[Search, Prediction, NoiseChi2]:
+    """Adjustables first, with twins of the recalibrated scene; also the naive scene's prediction, and null chi2."""
+    bench, hypothesis, values = start.bench, start.hypothesis, start.naive_values
+    used = bench.training
     progress("recalibrating", 0.04)
-    base = check_runs(bench.predict([(hypothesis, values)], used)[0], f"recording {beds[0].name}")
+    base = check_runs(bench.predict([(hypothesis, values)], used)[0], f"recording {bench.beds[0].name}")
     bench.first_noise(base, used)
-    for _ in range(2 if adjustables else 0):
+    steps = 2 if len(values) else 0
+    for _ in range(steps):
         values, base, _ = _recalibrate(bench, hypothesis, values, base, used)
     # twins of the recalibrated scene: bias, covariance, nulls
     bench.make_twins(hypothesis, values, lambda share: progress("twins", 0.08 + 0.24 * share))
-    for _ in range(2 if adjustables else 1):
+    for _ in range(max(steps, 1)):
         values, base, nuisance = _recalibrate(bench, hypothesis, values, base, used)
-    white = bench.white(base, used)
-    left = off(nuisance, white)
-    naive_base: Prediction | None = base
-    if adjustables and wrong is None:
-        naive_base = bench.predict_surely([(naive, naive_values)], used)[0]
+    left = off(nuisance, bench.white(base, used))
+    naive_base = base
+    if len(values) and start.wrong is None:
+        naive_base = bench.predict_surely([(start.naive, start.naive_values)], used)[0]
 
-    # signatures; where very much is left, fewer windows tell the candidates apart
-    null_chi2 = np.sum(off(nuisance, recombined(bench.noises, used, REPLICATES, rng)) ** 2, axis=0)
-    surplus = float(left @ left - null_chi2.mean())
+    # where very much is left, fewer windows tell the candidates apart
+    chi2 = np.sum(off(nuisance, recombined(bench.noises, used, REPLICATES, rng)) ** 2, axis=0)
+    noise = NoiseChi2(float(chi2.mean()), float(chi2.std()))
+    surplus = float(left @ left) - noise.mean
     few = thinned(used, CLEAR_GAIN / surplus if surplus > CLEAR_GAIN else 1.0)
     at = positions(bench, used, few)
-    few_nuisance, few_left = nuisance[at], off(nuisance[at], white[at])
-    apart = _apart(bench, hypothesis, values, few, plan.screening)
+    search = Search(bench, hypothesis, values, base, nuisance, used, few, at, start.plan, start.clock, progress)
+    return search, naive_base, noise
+
+
+def _signatures(search: Search, terms: Sequence[Term], notes: list[str]) -> list[BedSignature]:
+    """Of all terms that there is time for, in a part of the windows."""
+    apart = search.apart()
     signatures: list[BedSignature] = []
     untried: list[str] = []
     for k, term in enumerate(terms):
-        progress(f"signatures: {term.label}", 0.34 + 0.30 * k / max(len(terms), 1))
-        if clock.late(0.72):
+        search.progress(f"signatures: {term.label}", 0.34 + 0.30 * k / max(len(terms), 1))
+        if search.clock.late(0.72):
             untried.append(term.label)
             continue
-        signature = signature_of(bench, hypothesis, values, apart, few_nuisance, term, few, plan.screening)
+        signature = search.signature(term, apart)
         if signature is None:
             notes.append(f"{term.label} could not be simulated")
         else:
             signatures.append(signature)
     if untried:
         notes.append(f"not tried, the time was up: {', '.join(untried)}")
+    return signatures
 
+
+def _screened(
+    search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator, notes: list[str]
+) -> tuple[list[BedTrial], np.ndarray, float]:
+    """All candidates to first order, best first; what the same search gains in nulls (REPLICATES,), and here."""
+    bench, few, nuisance = search.bench, search.few, search.nuisance[search.at]
     # nulls: the same search in windows of twins
     null = np.zeros(REPLICATES)
-    drawn = off(few_nuisance, recombined(bench.noises, few, REPLICATES, rng))
+    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, rng))
     for s in signatures:
         null = np.maximum(null, s.best(drawn)[1])
-    null *= coherence(signatures, off(few_nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
+    null *= coherence(signatures, off(nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
 
-    # naming: leaders refitted by simulation
+    left = off(nuisance, search.white[search.at])
     trials = []
     for s in signatures:
-        amounts, gain = s.best(few_left[:, None])
-        trials.append(_trial(s, amounts[:, 0], float(gain[0]), None))
+        amounts, gain = s.best(left[:, None])
+        trials.append(trial_of(s, amounts[:, 0], float(gain[0]), None))
     trials.sort(key=lambda t: -t.linear)
     score = trials[0].linear if trials else 0.0
-    if 0.0 < score < DOUBTFUL and not clock.late(0.6):
-        progress("leaders in twins", 0.64)
+    if 0.0 < score < DOUBTFUL and not search.clock.late(0.6):
+        search.progress("leaders in twins", 0.64)
         try:
-            trials, wider = as_in_twins(bench, trials, few, few_nuisance, few_left, plan.screening)
+            trials, wider = as_in_twins(bench, trials, few, nuisance, left, search.plan.screening)
         except Failed:
             notes.append("twins could not be run with the laws that lead: their gains are not corrected")
         else:
             null *= wider
             score = max(t.linear for t in trials[:LEANING])
             trials.sort(key=lambda t: -t.linear)
-    p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+    return trials, null, score
+
+
+def _leading(
+    search: Search, trials: list[BedTrial], null: np.ndarray, score: float, p: float
+) -> tuple[list[BedTrial], BedTrial | None]:
+    """Leaders refitted by simulation, best first; the best where it is beyond the nulls."""
     if p <= 0.1:
-        search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
-        trials = search.leaders(trials, beds[0])
-    trials = plainer_first(_clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
+        trials = search.leaders(trials, search.bench.beds[0])
+    trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
     found = trials[0] if trials and trials[0].gain is not None else None
     # the lowest of several simulations flatters: what first order does not show either is not named
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
@@ -380,169 +420,163 @@ def diagnose_windows(
     if found is not None and found.linear < threshold:
         sound = [t for t in trials if t.gain is not None and t.linear >= threshold and t.gain >= SURE]
         found = max(sound, key=lambda t: t.worth, default=None)
+    return trials, found
 
-    # adjustables and law together, with the noise of twins that have the law
-    progress("refining what was found", 0.78)
-    size = max(float(left @ left) / max(len(left) - len(values), 1), 1.0)
-    covariance = widened(np.linalg.pinv(nuisance.T @ nuisance) * size, nuisance, white, sum(len(w) for w in used))
-    plain_covariance = covariance
-    revised = hypothesis
-    revised_values, after = values, bench
 
-    def beyond_nulls(rest: np.ndarray) -> float:
-        """Standard deviations by which the chi2 of whitened innovations is above the nulls'."""
-        return float((rest @ rest - null_chi2.mean()) / null_chi2.std())
+def _without_law(search: Search, noise: NoiseChi2) -> Answer:
+    """The recalibrated scene, and how well its adjustables are known."""
+    white, nuisance = search.white, search.nuisance
+    left = off(nuisance, white)
+    size = max(float(left @ left) / max(len(left) - len(search.values), 1), 1.0)
+    windows = sum(len(w) for w in search.used)
+    covariance = widened(np.linalg.pinv(nuisance.T @ nuisance) * size, nuisance, white, windows)
+    return Answer(search.hypothesis, search.values, covariance, search.bench, noise.above(left))
 
-    unexplained = beyond_nulls(left)
-    partner: BedTrial | None = None
-    single: tuple[Hypothesis, np.ndarray] | None = None  # the first law alone, where there are two
 
-    def still(rows: Prediction | None, judge: Bench) -> float:
-        """Standard deviations of the nulls' chi2 that are left."""
-        if rows is None:
-            return unexplained
-        return beyond_nulls(off(nuisance, judge.white(rows, used)))
+def _refined(
+    search: Search, plain: Answer, found: BedTrial | None, signatures: Sequence[BedSignature], noise: NoiseChi2,
+    alone: bool, rng: np.random.Generator, notes: list[str],
+) -> Answer:  # fmt: skip
+    """Adjustables and law together, with the noise of twins that have the law, and a second law where it is needed.
 
-    if found is not None:
-        revised = hypothesis.with_term(found.term)
-        readjusted = _readjusted(bench, hypothesis, values, nuisance, found, used)
-        revised_values, covariance, found, after, columns = _polish(
-            bench, hypothesis, readjusted, found, used, clock.late(0.85), clock.late(0.7), plan, len(values)
-        )
-        if not beyond_nothing(found):
-            notes.append(f"{found.mechanism}: in the last fit its numbers are within three standard errors of none")
-            found, covariance = None, plain_covariance
-            revised, revised_values, after = hypothesis, values, bench
-    if found is not None:
-        rows = after.predict([(revised, revised_values)], used)[0]
-        unexplained = still(rows, after)
-        more = unexplained > UNEXPLAINED and wrong is None and found.mechanism != "unknown"
-        if more and columns is not None and rows is not None and not clock.late(0.8):
-            progress("a second law", 0.80)
-            search = Search(after, revised, revised_values, rows, columns, used, few, at, plan, clock, progress)
-            partner = _second_law(search, found, signatures, rng)
-        if partner is not None:
-            single, alone = (revised, revised_values), (covariance, found, after, unexplained)
-            revised_values, covariance, partner, after, _ = _polish(
-                bench, revised, revised_values, partner, used, clock.late(0.87), clock.late(0.7), plan, len(values)
-            )
-            revised = revised.with_term(partner.term)
-            part = slice(len(values), len(values) + len(found.values))
-            found = _moved_to(found, revised_values[part], covariance[part, part])
-            unexplained = still(after.predict([(revised, revised_values)], used)[0], after)
-
-    # the flexible arms, where something is left that no law with a name explains
-    arm: BedTrial | None = None
-    if unexplained > UNEXPLAINED and p <= ALARM:
-        if clock.late(0.86):
-            notes.append("flexible arms were not tried: the time was up")
-        else:
-            progress("flexible arms", 0.84)
-            arm = _flexible(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
-            best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
-            best_named += partner.worth if partner is not None else 0.0
-            if found is not None and rows is not None:
-                polished = off(nuisance, bench.white(rows, used))
-                best_named = max(best_named, float(left @ left - polished @ polished))
-            if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
-                notes.append(
-                    f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
-                )
-                arm = None
-            if arm is not None:
-                found, partner, single, revised = arm, None, None, hypothesis.with_term(arm.term)
-                revised_values, after = np.concatenate([values, arm.values]), bench
-                covariance = np.full((len(revised_values),) * 2, np.nan)
-                trials = [arm, *trials]
-
-    # held-out windows are looked at only now
-    progress("held-out windows", 0.88)
-    every = [np.arange(len(b.starts)) for b in beds]
-    wanted = [(naive, naive_values), (hypothesis, values), (revised, revised_values)]
+    ``plain``: the answer without a law.  ``alone``: False where the camera's scale is already one of two.
+    """
     if found is None:
-        wanted = wanted[:2]
-    if single is not None:
-        wanted.append(single)
-    simulated = bench.predict(wanted, every)
-    if partner is not None and single is not None and found is not None:
+        return plain
+    bench, clock, used = search.bench, search.clock, search.used
+    adjusted = len(search.values)
+
+    def polished(beside: Answer, values: np.ndarray, trial: BedTrial, share: float) -> Answer:
+        z, covariance, moved, judge, columns = polish(
+            bench, beside.hypothesis, values, trial, used, clock.late(share), clock.late(0.7), search.plan, adjusted
+        )
+        hypothesis = beside.hypothesis.with_term(trial.term)
+        return Answer(hypothesis, z, covariance, judge, beside.unexplained, moved, columns=columns)
+
+    def left(answer: Answer) -> Answer:
+        """With what it leaves unexplained."""
+        rows = answer.judge.predict([(answer.hypothesis, answer.values)], used)[0]
+        if rows is None:
+            return answer
+        rest = off(search.nuisance, answer.judge.white(rows, used))
+        return replace(answer, rows=rows, unexplained=noise.above(rest))
+
+    values = readjusted(bench, search.hypothesis, search.values, search.nuisance, found, used)
+    first = polished(plain, values, found, 0.85)
+    named = first.found
+    assert named is not None
+    if not beyond_nothing(named):
+        notes.append(f"{found.mechanism}: in the last fit its numbers are within three standard errors of none")
+        return plain
+    first = left(first)
+    more = first.unexplained > UNEXPLAINED and alone and found.mechanism != "unknown"
+    if not more or first.columns is None or first.rows is None or clock.late(0.8):
+        return first
+    search.progress("a second law", 0.80)
+    beside = replace(
+        search, bench=first.judge, hypothesis=first.hypothesis, values=first.values, base=first.rows,
+        nuisance=first.columns,
+    )  # fmt: skip
+    partner = second_law(beside, named, signatures, rng)
+    if partner is None:
+        return first
+    both = polished(first, first.values, partner, 0.87)
+    part = slice(adjusted, adjusted + len(named.values))
+    moved = moved_to(named, both.values[part], both.covariance[part, part])
+    return left(replace(both, found=moved, partner=both.found, alone=first))
+
+
+def _beyond_names(
+    search: Search, answer: Answer, trials: Sequence[BedTrial], notes: list[str]
+) -> BedTrial | None:
+    """The arm without a name that explains what no law with a name does, or None."""
+    if search.clock.late(0.86):
+        notes.append("flexible arms were not tried: the time was up")
+        return None
+    search.progress("flexible arms", 0.84)
+    arm = flexible_arm(search)
+    best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
+    best_named += answer.partner.worth if answer.partner is not None else 0.0
+    first = answer.alone or answer
+    if first.found is not None and first.rows is not None:
+        left = off(search.nuisance, search.white)
+        rest = off(search.nuisance, search.bench.white(first.rows, search.used))
+        best_named = max(best_named, float(left @ left - rest @ rest))
+    if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
+        notes.append(
+            f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
+        )
+        return None
+    return arm
+
+
+def _by_arm(search: Search, arm: BedTrial, unexplained: float) -> Answer:
+    """The recalibrated scene with an arm."""
+    values = np.concatenate([search.values, arm.values])
+    unknown = np.full((len(values),) * 2, np.nan)
+    return Answer(search.hypothesis.with_term(arm.term), values, unknown, search.bench, unexplained, arm)
+
+
+def _held_out(
+    search: Search, start: Beginning, plain: Answer, answer: Answer, notes: list[str]
+) -> tuple[Answer, Seen]:
+    """All windows under each scene; what does not predict the held-out ones better is not named."""
+    bench = search.bench
+    any_held = any(len(w) for w in bench.held)
+    wanted = [(start.naive, start.naive_values), (search.hypothesis, search.values)]
+    if answer.found is not None:
+        wanted.append((answer.hypothesis, answer.values))
+    if answer.alone is not None:
+        wanted.append((answer.alone.hypothesis, answer.alone.values))
+    simulated = bench.predict(wanted, bench.every)
+    if answer.partner is not None and answer.alone is not None and answer.found is not None:
         # the second law has to earn its place on windows that it never saw
         with_both, with_one = simulated[2], simulated[3]
         earned = -math.inf if with_both is None or with_one is None else held_gain(bench, with_one, with_both)
-        if earned <= LEAST_HELD and any(len(w) for w in bench.held):
-            notes.append(f"{partner.mechanism} beside {found.mechanism} does not predict held-out windows better")
-            (revised, revised_values), (covariance, found, after, unexplained) = single, alone
-            partner = None
+        if earned <= LEAST_HELD and any_held:
+            notes.append(
+                f"{answer.partner.mechanism} beside {answer.found.mechanism} does not predict held-out windows better"
+            )
+            answer = answer.alone
             simulated[2] = with_one
-    predicted: dict[str, Prediction] = {}
-    for label, rows in zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True):
-        if rows is not None:
-            predicted[label] = rows
-    train = {label: errors(bench, rows, used) for label, rows in predicted.items()}
-    held = {label: errors(bench, rows, bench.held) for label, rows in predicted.items()}
-    gain_held = None
-    if found is not None and {"recalibrated", "revised"} <= set(predicted) and any(len(w) for w in bench.held):
-        gain_held = held_gain(bench, predicted["recalibrated"], predicted["revised"])
-        if gain_held <= LEAST_HELD:
-            notes.append(f"{found.mechanism} does not predict the held-out windows better: it is not named")
-            found, partner, covariance = None, None, plain_covariance
-            predicted["revised"] = predicted["recalibrated"]
-            train["revised"], held["revised"] = train["recalibrated"], held["recalibrated"]
-            gain_held = None
-    floor = (noise_floor(bench, used), noise_floor(bench, bench.held))
-    rivals = [r for r in _rivals(found, trials) if partner is None or r[0].mechanism != partner.mechanism]
-    if wrong is not None:
-        # what was told beside a wrong scale is the second law; without the scale nothing is right
-        predicted.setdefault("revised", predicted["recalibrated"])
-        plain = bench.predict([(naive, values)], every)[0]
-        if plain is None:
-            predicted.pop("recalibrated")
-            notes.append("with the picture as it is the scene cannot be run")
-        else:
-            predicted["recalibrated"] = plain
-            gain_held = held_gain(bench, plain, predicted["revised"]) if any(len(w) for w in bench.held) else None
-        trial = _scale_trial(bench, wrong, nuisance, plain, base, used)
-        found, partner = trial, found
-        trials = [trial, *trials]
-        score = max(score, float(trial.gain or 0.0))
-        p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
-        train = {label: errors(bench, rows, used) for label, rows in predicted.items()}
-        held = {label: errors(bench, rows, bench.held) for label, rows in predicted.items()}
-        hypothesis = naive
+    named = zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True)
+    seen = Seen.of(bench, {label: rows for label, rows in named if rows is not None})
+    if answer.found is not None and {"recalibrated", "revised"} <= set(seen.predicted) and any_held:
+        seen.gain = held_gain(bench, seen.predicted["recalibrated"], seen.predicted["revised"])
+        if seen.gain <= LEAST_HELD:
+            notes.append(f"{answer.found.mechanism} does not predict the held-out windows better: it is not named")
+            answer = plain
+            seen = Seen.of(bench, {**seen.predicted, "revised": seen.predicted["recalibrated"]})
+    return answer, seen
 
-    # verdict
+
+def _without_scale(search: Search, start: Beginning, seen: Seen, notes: list[str]) -> tuple[BedTrial, Seen]:
+    """The wrong scale of the picture as what was found, beside the scene with the picture as it is."""
+    bench, predicted = search.bench, dict(seen.predicted)
+    assert start.wrong is not None
+    predicted.setdefault("revised", predicted["recalibrated"])
+    plain = bench.predict([(start.naive, search.values)], bench.every)[0]
+    gain = seen.gain
+    if plain is None:
+        predicted.pop("recalibrated")
+        notes.append("with the picture as it is the scene cannot be run")
+    else:
+        predicted["recalibrated"] = plain
+        gain = held_gain(bench, plain, predicted["revised"]) if any(len(w) for w in bench.held) else None
+    scale = _scale_trial(bench, start.wrong, search.nuisance, plain, search.base, search.used)
+    return scale, Seen.of(bench, predicted, gain)
+
+
+def _excess(search: Search, start: Beginning, answer: Answer, seen: Seen, noise: NoiseChi2) -> dict[str, float]:
+    """Standard deviations of the nulls' chi2 that each scene leaves in the training windows."""
     excess = {}
-    for label, rows in predicted.items():
+    for label, rows in seen.predicted.items():
         # with a law found, the estimator's bias is that of twins that have the law
-        judge = after if label == "revised" and found is not None else bench
-        raw = label == "naive" or (wrong is not None and label == "recalibrated")
-        rest = bench.white(rows, used) if raw else off(nuisance, judge.white(rows, used))
-        excess[label] = beyond_nulls(rest)
-    laws = [t for t in (found, partner) if t is not None]
-    verdict = _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used)
-    strayed = astray(bench) if not laws else None
-    if strayed is not None:
-        verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
-        notes.append(strayed.text)
-    shown = "naive" if verdict == "recalibrate" else "recalibrated"
-    places: list[Place] = []
-    if verdict != "no_mismatch" and shown in predicted:
-        places = locate(bench, predicted[shown], every)
-        if strayed is not None:
-            places.insert(0, strayed.place)
-    proposal = None
-    if found is not None and rivals and wrong is None and not clock.late(0.93):
-        progress("the next experiment", 0.93)
-        proposal = propose(bench, hypothesis, values, found, rivals[0][0], used)
-    progress("done", 1.0)
-    store.forget()
-    return BedDiagnosis(
-        bench, verdict, adjustables, naive_values, values, revised_values[: len(values)],
-        covariance[: len(values), : len(values)], found, partner, rivals, trials, null, score, p, train, held,
-        floor, gain_held, places, proposal, predicted, excess, notes, clock.spent, bench.runs, seed, strayed,
-    )  # fmt: skip
-
-
-# ---- steps -----------------------------------------------------------------------------------
+        judge = answer.judge if label == "revised" and answer.found is not None else search.bench
+        raw = label == "naive" or (start.wrong is not None and label == "recalibrated")
+        white = judge.white(rows, search.used)
+        excess[label] = noise.above(white if raw else off(search.nuisance, white))
+    return excess
 
 
 def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], seed: int, most: int) -> list[BedCase]:
@@ -559,10 +593,6 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
         raise InputError("every recording is held out: nothing is left to learn from")
     beds = [bed_case(r, split=not held, seed=seed, most=most) for r in training]
     return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
-
-
-def _any(bench: Bench) -> list[np.ndarray]:
-    return [np.arange(len(b.starts)) for b in bench.beds]
 
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:
@@ -603,657 +633,6 @@ def _recalibrate(
         raise InputError("the scene cannot be run with other values of its adjustables") from None
 
 
-def signature_of(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
-    windows: Windows, members: int,
-) -> BedSignature | None:  # fmt: skip
-    """Columns of a term, each from an amount that changes the prediction by about a standard deviation.
-
-    ``base``: see ``_apart``.
-    """
-    extended = hypothesis.with_term(term)
-    low, high = limits(term)
-
-    def shown(amounts: Sequence[float], k: int) -> list[Prediction | None]:
-        """With these amounts of number k; the scene without the term where that is none."""
-        numbers = [to_values(term, amount * np.eye(len(term.free))[k]) for amount in amounts if amount]
-        wanted = [(extended, np.concatenate([values, n])) for n in numbers]
-        found = bench.predict(wanted, windows, members, bench.members)
-        return found if all(amounts) else [*found, base]
-
-    tried, other, columns = [], [], []
-    for k in range(len(term.free)):
-        sign = 1.0 if high[k] > 1e-9 else -1.0
-        if term.mechanism == "weak_joint":
-            sign = -1.0
-        most = 0.8 * (high[k] if sign > 0 else -low[k])
-        amount = min(1.0, most)
-        kept: tuple[float, float, np.ndarray] | None = None
-        smallest_failed = math.inf
-        for _ in range(3):
-            there = sign * amount
-            # to both sides where there is room: what is even in the amount falls out, and half of the chaos
-            back = float(np.clip(-there, low[k], high[k]))
-            back = back if abs(back) > 0.5 * amount else 0.0
-            after, before = shown([there, back], k)
-            if after is None or before is None:
-                smallest_failed = amount
-                amount *= 0.15
-                continue
-            change = bench.change(after, before, windows)
-            kept = there, back, change / (there - back)
-            size = float(np.sqrt(np.mean(change**2)))
-            if size < RESPONSE[0]:
-                factor = 8.0 if size < 0.3 * RESPONSE[0] else 3.0
-            elif size > RESPONSE[1]:
-                factor = 0.25 if size > 3 * RESPONSE[1] else 0.5
-            else:
-                break
-            wider = min(amount * factor, most, 0.9 * smallest_failed)
-            if abs(wider / amount - 1) < 0.1:
-                break
-            amount = wider
-        if kept is None:
-            return None
-        tried.append(kept[0])
-        other.append(kept[1])
-        columns.append(kept[2])
-    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
-
-
-def _apart(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, windows: Windows, members: int
-) -> Prediction:
-    """The prediction that signatures are changes of, by members of their own.
-
-    With the members of the innovations, the chaos of these would be in both and look like every candidate.
-    """
-    return bench.predict_surely([(hypothesis, values)], windows, members, bench.members)[0]
-
-
-def _trial(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:
-    term = signature.term
-    scales = np.array([f.scale for f in term.free])
-    covariance = np.linalg.pinv(signature.clear.T @ signature.clear) * np.outer(scales, scales)
-    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain)
-
-
-def as_in_twins(
-    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int
-) -> tuple[list[BedTrial], float]:
-    """The first trials with what the same columns, made of each twin's own starts, give in twins taken off.
-
-    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
-    nothing, the mean amount is that bias. Returns the trials in their order, and by how much the gains of twins are
-    wider so than with the columns of the film (1 at least). Raises Failed.
-    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
-    """
-    assert bench.twin_scene is not None
-    hypothesis, values = bench.twin_scene
-    leading = list(trials[:LEANING])
-    wanted = [(hypothesis, values)]
-    ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
-    for t in leading:
-        mine = []
-        for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
-            at = []
-            for amount in pair:
-                at.append(len(wanted) if amount else 0)
-                if amount:
-                    numbers = to_values(t.term, amount * np.eye(len(t.amounts))[k])
-                    wanted.append((hypothesis.with_term(t.term), np.concatenate([values, numbers])))
-            mine.append((at[0], at[1]))
-        ends.append(mine)
-    views = bench.twin_views(wanted, windows, members, bench.members)
-    films = off(nuisance, whole_films(bench.noises, windows))
-    number = min(films.shape[1], len(views))
-    done, own, cross = [], 0.0, 0.0
-    for t, mine in zip(leading, ends, strict=True):
-        answers, shapes = [], []
-        after, before = np.array(mine).T
-        for k in range(number):
-            columns = (views[k][:, after] - views[k][:, before]) / (t.signature.tried - t.signature.other)
-            clear = off(nuisance, columns)
-            answers.append(np.linalg.lstsq(clear, films[:, k], rcond=1e-8)[0])
-            shapes.append(clear)
-        bias = np.mean(answers, axis=0)
-        amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
-        done.append(_trial(t.signature, amounts[:, 0], float(gain[0]), None))
-        scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
-        # of a mean of so many, and of the film's own answer beside it
-        own += float(np.mean(scatter)) * (number + 1) / (number - 1)
-        q = basis(t.signature.clear)
-        cross += float(np.mean(np.sum((q.T @ films) ** 2, axis=0)))
-    return [*done, *trials[LEANING:]], max(own / cross, 1.0) if cross > 0 else 1.0
-
-
-def thinned(windows: Windows, share: float) -> list[np.ndarray]:
-    """About that share of the windows of each recording, spread evenly, four at least."""
-    result = []
-    for w in windows:
-        count = min(len(w), max(math.ceil(share * len(w)), 4))
-        result.append(w[np.unique(np.round(np.linspace(0, len(w) - 1, count)).astype(int))] if len(w) else w)
-    return result
-
-
-def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
-    """Rows that ``chosen`` windows have in stacked numbers of all ``windows``."""
-    rows, start = [], 0
-    for bed, every, some in zip(bench.beds, windows, chosen, strict=True):
-        index = start + np.arange(len(every) * bed.size).reshape(len(every), bed.size)
-        rows.append(index[np.isin(every, some)].ravel())
-        start += len(every) * bed.size
-    return np.concatenate(rows)
-
-
-@dataclass
-class Search:
-    """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well."""
-
-    bench: Bench
-    hypothesis: Hypothesis
-    values: np.ndarray
-    base: Prediction
-    nuisance: np.ndarray
-    used: Windows
-    few: Windows
-    at: np.ndarray
-    plan: Plan
-    clock: Clock
-    progress: Progress
-
-    def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
-        """Trials with the gains of those that were refitted, in all training windows."""
-        most = trials[0].linear
-        chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
-        chosen = _with_clock(chosen[: 2 * self.plan.leaders], trials)
-        rough = []
-        for k, t in enumerate(chosen):
-            self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
-            if k >= 2 and self.clock.late(0.78):
-                break
-            rough.append(self.refit(t, self.few, self.nuisance[self.at], self.plan.screening, ROUGH))
-        rough.sort(key=lambda t: -t.worth)
-        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
-        # other exponents of a law that leads, and fewer bodies
-        for t in list(best[:2]):
-            for term in siblings(t.term, bed.scene):
-                if not self.clock.late(0.8):
-                    other = self.refit(replace(t, signature=replace(t.signature, term=term)), self.few,
-                                       self.nuisance[self.at], self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
-                    rough.append(other)
-                    best.append(other)
-        best = _two_forms(sorted(best, key=lambda t: -t.worth))[: max(self.plan.leaders - 2, 2)]
-        best = _with_clock(best, rough)
-        done = []
-        for k, t in enumerate(best):
-            self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
-            if k < 1 or not self.clock.late(0.84):
-                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE))
-        done = no_narrower(done)
-        # the best form of each is kept; gains in few windows are not comparable
-        known = {t.term.label for t in done}
-        rest: list[BedTrial] = []
-        for t in (*best, *rough, *trials):
-            if t.term.label not in known:
-                known.add(t.term.label)
-                rest.append(replace(t, gain=None))
-        return done + rest
-
-    def chi2(self, predicted: Prediction, windows: Windows, nuisance: np.ndarray, members: int) -> float:
-        rest = off(nuisance, self.bench.white(predicted, windows, members))
-        return float(rest @ rest)
-
-    def refit(
-        self, trial: BedTrial, windows: Windows, nuisance: np.ndarray, members: int, shares: Sequence[float]
-    ) -> BedTrial:
-        """Simulate along the direction of the amounts and take the best of a parabola through chi2."""
-        extended = self.hypothesis.with_term(trial.term)
-        low, high = limits(trial.term)
-        start = trial.amounts if np.any(trial.amounts) else trial.signature.tried
-        chi2 = {0.0: self.chi2(self.base, windows, nuisance, members)}
-
-        def measure(more: Sequence[float]) -> None:
-            more = [s for s in dict.fromkeys(more) if s not in chi2]
-            amounts = [np.clip(start * s, low, high) for s in more]
-            rows = self.bench.predict(
-                [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in amounts],
-                windows,
-                members,
-            )
-            for share, predicted in zip(more, rows, strict=True):
-                if predicted is not None:
-                    chi2[share] = self.chi2(predicted, windows, nuisance, members)
-
-        measure(shares)
-        for _ in range(2):
-            best = min(chi2, key=lambda s: chi2[s])
-            if best == 0.0:
-                measure([0.4 * min(s for s in (*chi2, *shares) if s > 0)])
-            elif best == max(chi2):
-                measure([1.7 * best])
-            else:
-                break
-        if len(chi2) < 2:
-            return replace(trial, gain=0.0)
-        share, lowest = smooth_minimum(chi2)
-        amounts = np.clip(start * (share or 1e-3), low, high)
-        return _trial(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
-
-
-    def turned(self, trial: BedTrial) -> BedTrial | None:
-        """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
-        extended, neutral = self.hypothesis.with_term(trial.term), np.zeros(len(trial.amounts))
-        low, high = limits(trial.term)
-        ends = []
-        for k, h in enumerate(np.abs(trial.signature.tried)):
-            step = neutral.copy()
-            step[k] = h
-            ends += [np.clip(trial.amounts - step, low, high), np.clip(trial.amounts + step, low, high)]
-        predicted = self.bench.predict(
-            [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in (trial.amounts, *ends)],
-            self.used,
-        )
-        here, pairs = predicted[0], list(zip(predicted[1::2], predicted[2::2], strict=True))
-        if here is None or any(a is None or b is None for a, b in pairs):
-            return None
-        columns = np.column_stack(
-            [
-                self.bench.change(after, before, self.used) / (ends[2 * k + 1][k] - ends[2 * k][k])
-                for k, (before, after) in enumerate(pairs)
-                if before is not None and after is not None
-            ]
-        )
-        clear = off(self.nuisance, columns)
-        change = np.linalg.lstsq(clear, off(self.nuisance, self.bench.white(here, self.used)), rcond=1e-8)[0]
-        amounts = np.clip(trial.amounts + change, low, high)
-        signature = replace(trial.signature, columns=columns, clear=clear)
-        moved = replace(trial, amounts=amounts, signature=signature)
-        return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
-
-
-def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
-    """No more than the first two forms of a law, so that others are refitted, too; joints are laws of their own."""
-    kept: list[BedTrial] = []
-    for t in trials:
-        joint = t.term.choices.get("joint")
-        if sum(o.mechanism == t.mechanism and o.term.choices.get("joint") == joint for o in kept) < 2:
-            kept.append(t)
-    return kept
-
-
-def no_narrower(trials: Sequence[BedTrial]) -> list[BedTrial]:
-    """Without laws on some bodies that gain no more than the same law does on all."""
-
-    def needed(t: BedTrial) -> bool:
-        alike = [o for o in trials if o.mechanism == t.mechanism]
-        return all(t.worth > o.worth + SAME for o in alike if set(o.term.bodies or ()) > set(t.term.bodies or ()))
-
-    return [t for t in trials if needed(t)]
-
-
-def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
-    """Where a parabola through the points about the lowest has its minimum, and how low that is.
-
-    Each chi2 carries the bed's chaos: the lowest of several would flatter. Without a minimum: the lowest point.
-    """
-    best = min(chi2, key=lambda s: chi2[s])
-    near = sorted((s for s in chi2 if best == 0.0 or 0.35 * best <= s <= 2.2 * best), key=lambda s: abs(s - best))
-    if len(near) < 3:
-        near = sorted(chi2, key=lambda s: abs(s - best))[:3]
-    if len(near) >= 3:
-        x, y = np.array(near[:6]), np.array([chi2[s] for s in near[:6]])
-        fitted = np.polyfit(x, y, 2)
-        if fitted[0] > 0:
-            share = float(np.clip(-fitted[1] / (2 * fitted[0]), x.min(), x.max()))
-            lowest = float(np.polyval(fitted, share))
-            # a parabola that undercuts all points by much fits badly
-            return share, max(lowest, float(y.min()) - 0.1 * abs(chi2.get(0.0, y.max()) - float(y.min())))
-    return best, chi2[best]
-
-
-def _readjusted(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, nuisance: np.ndarray, trial: BedTrial, windows: Windows
-) -> np.ndarray:
-    """Adjustables moved, to first order, to where they belong once the law is there."""
-    if not len(values):
-        return values
-    full = hypothesis.with_term(trial.term)
-    predicted = bench.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
-    if predicted is None:
-        return values
-    low, high = np.array([(f.low, f.high) for f in hypothesis.free]).T
-    change = np.linalg.lstsq(nuisance, bench.white(predicted, windows), rcond=1e-10)[0]
-    reach = 0.15 * (high - low)
-    return np.clip(values + np.clip(change, -reach, reach), low, high)
-
-
-def _polish(
-    bench: Bench,
-    hypothesis: Hypothesis,
-    values: np.ndarray,
-    trial: BedTrial,
-    windows: Windows,
-    hurried: bool,
-    late: bool,
-    plan: Plan,
-    adjusted: int,
-) -> tuple[np.ndarray, np.ndarray, BedTrial, Bench, np.ndarray | None]:
-    """Adjustables and laws together, with the bias of twins that have the laws.
-
-    The estimator's bias depends on the physics, and the first-order step from a scene without the law falls short.
-    ``hypothesis``, ``values``: what is there beside the law of ``trial``; the first ``adjusted`` are adjustables.
-    Returns values of all, their covariance, the trial, the bench of those twins, and its whitened columns.
-    """
-    full = hypothesis.with_term(trial.term)
-    z = np.concatenate([values, trial.values])
-    n = len(values)
-    free = full.free
-    rough = np.full((len(z), len(z)), np.nan)
-    rough[n:, n:] = trial.covariance
-    if hurried:
-        return z, rough, trial, bench, None
-    second = bench.with_twins(max(min(plan.twins - 2, 6), 3))
-    told: np.ndarray | None = None
-    steps = np.array([0.1 * (f.high - f.low) for f in free[:adjusted]] + [
-        0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale
-        for v, f in zip(z[adjusted:], free[adjusted:], strict=True)
-    ])  # fmt: skip
-    low, high = np.array([(f.low, f.high) for f in free]).T
-    try:
-        second.make_twins(full, z)
-        if not late:
-            told = _told_by_twins(second, full, z, steps, windows)
-        bias = 0.0 if told is None else told.mean(axis=0)
-        for _ in range(3):
-            # to both sides: a base that the columns share with the innovations would push along its own chaos
-            ends, spans = _both_sides(full, z, steps)
-            predicted = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
-            columns = np.column_stack(
-                [
-                    second.change(predicted[2 * k + 2], predicted[2 * k + 1], windows) / span
-                    for k, span in enumerate(spans)
-                ]
-            )
-            white = second.white(predicted[0], windows)
-            steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
-            answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
-            change = steered @ (answer - away - bias)
-            # never further than the columns were taken
-            change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
-            before, z = z, np.clip(z + change, low, high)
-            if np.all(np.abs(z - before) < 0.15 * spans):
-                break
-    except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
-        return np.concatenate([values, trial.values]), rough, trial, bench, None
-    # the twins' covariance is measured, not known, and columns carry the bed's chaos
-    rest = white - columns @ answer
-    size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
-    covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
-    if told is None:
-        # the columns of the film in place of those of each twin
-        told = np.linalg.lstsq(columns, whole_films(second.noises, windows), rcond=1e-10)[0].T
-    covariance = steered @ as_twins_scatter(covariance, told) @ steered.T
-    return z, covariance, _moved_to(trial, z[n:], covariance[n:, n:]), second, columns
-
-
-def _both_sides(full: Hypothesis, z: np.ndarray, steps: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Each number of ``z`` a step lower and a step higher, within bounds: (2p numbers in turn), and the spans (p,)."""
-    low, high = np.array([(f.low, f.high) for f in full.free]).T
-    pairs = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
-    spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(pairs)])
-    return [end for pair in pairs for end in pair], spans
-
-
-def _told_by_twins(
-    bench: Bench, full: Hypothesis, z: np.ndarray, steps: np.ndarray, windows: Windows
-) -> np.ndarray:
-    """Answers (N, p) of twins of ``z``, each with columns of its own starts.
-
-    The truth of twins is known: the mean is the bias of least squares whose columns have the errors of the starts.
-    """
-    ends, spans = _both_sides(full, z, steps)
-    views = bench.twin_views([(full, end) for end in ends], windows, bench.members)
-    films = whole_films(bench.noises, windows)
-    return np.array(
-        [
-            np.linalg.lstsq((shown[:, 1::2] - shown[:, ::2]) / spans, film, rcond=1e-10)[0]
-            for shown, film in zip(views, films.T, strict=False)
-        ]
-    )
-
-
-def _bias_follows(
-    bench: Bench, second: Bench, columns: np.ndarray, windows: Windows, trial: BedTrial, n: int, z: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """How the estimator's bias, which grows with the law, changes a step: change = M (least squares - away).
-
-    The twins of ``second`` have the law as strong as in ``trial``, those of ``bench`` have none; between and beyond
-    the bias b is linear in the first number of the law: b = b_1 + (b_1 - b_0) (z - z_1)/(z_1 - neutral). (Grains that
-    roll, say: no film shows their spin, so each window begins without.)
-    """
-    parts = []
-    for after, before, seen, chosen in zip(second.noises, bench.noises, bench.seen, windows, strict=True):
-        hidden = np.where(np.isfinite(seen), 0.0, np.nan)
-        parts.append(after.whiten(after.bias - before.bias + hidden, chosen).ravel())
-    size = len(z)
-    strength = float(trial.values[0] - trial.term.free[0].neutral)
-    if strength == 0.0:
-        return np.eye(size), np.zeros(size)
-    slope = np.linalg.lstsq(columns, np.concatenate(parts), rcond=1e-10)[0] / strength
-    # what would more than triple a step is not believed
-    if 1.0 + slope[n] < 1.0 / 3.0:
-        slope = slope * (-2.0 / 3.0 / slope[n])
-    along = np.zeros((size, size))
-    along[:, n] = slope
-    return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])
-
-
-def astray(bench: Bench) -> Strayed | None:
-    """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
-
-    Windows start from what was seen: a swimmer that is stuck stays stuck in them. Student's t of the logarithm of the
-    rms speed among those of twins, corrected for the number of looks; None where all is as it should be.
-    """
-    worst: Strayed | None = None
-    looks = 2 * len(bench.beds)
-    for bed, predictor, paces in zip(bench.beds, bench.predictors, bench.paces, strict=True):
-        number, seen = len(paces), predictor.pace()
-        if number < 3 or not bed.training.any():
-            continue
-        swimmer = tuple(bed.scene.bodies[int(r)].id for r in bed.rows)
-        movers = (("swimmer", swimmer, "the swimmer moves"), ("grains farther from the swimmer", (), "the grains move"))
-        for k, (region, ids, what) in enumerate(movers):
-            if not (seen[k] > 0 and (paces[:, k] > 0).all()):
-                continue
-            logs = np.log(paces[:, k])
-            away = math.log(seen[k]) - float(logs.mean())
-            t = away / (max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number))
-            p = min(2.0 * float(stats.t.sf(abs(t), number - 1)) * looks, 1.0)
-            if p > 0.1 * ALARM or (worst is not None and p >= worst.place.p):
-                continue
-            low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
-            worst = Strayed(
-                Place(ids, region, None, None, None, abs(t), p),
-                f"{bed.name}: over the whole film {what} at {1e3 * seen[k]:.3g} mm/s rms, "
-                f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
-                "with what was seen, do not show why",
-            )
-    return worst
-
-
-def beyond_nothing(trial: BedTrial) -> bool:
-    """Whether the numbers of a law are three standard errors from those with which it is absent."""
-    away = trial.values - np.array([f.neutral for f in trial.term.free])
-    if not np.isfinite(trial.covariance).all():
-        return True
-    chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
-    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(3.0), len(away)))
-
-
-def _moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:
-    """The trial with other numbers."""
-    scales = np.array([f.scale for f in trial.term.free])
-    neutral = np.array([f.neutral for f in trial.term.free])
-    return replace(trial, values=values, amounts=(values - neutral) / scales, covariance=covariance)
-
-
-def _second_law(
-    search: Search, found: BedTrial, signatures: Sequence[BedSignature], rng: np.random.Generator
-) -> BedTrial | None:
-    """What gains most beside the law that was found, beyond what the same search gives in nulls; or None.
-
-    ``search``: about the scene with that law; its ``nuisance`` has the columns of adjustables and law.
-    """
-    bench, few = search.bench, search.few
-    beside = search.nuisance[search.at]
-    left = off(beside, bench.white(search.base, few))
-    drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
-    null = np.zeros(REPLICATES)
-    others: list[BedSignature] = []
-    order: list[tuple[float, BedSignature]] = []
-    for s in signatures:
-        if s.term.label == found.term.label or s.term.mechanism == "unknown":
-            continue
-        other = make_signature(s.term, s.tried, s.columns, beside, s.other)
-        null = np.maximum(null, other.best(drawn)[1])
-        others.append(other)
-        order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
-    null *= coherence(others, off(beside, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
-    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
-    try:
-        apart = _apart(bench, search.hypothesis, search.values, few, search.plan.screening)
-    except Failed:
-        return None
-    order.sort(key=lambda item: -item[0])
-    trials = []
-    for gain, s in order[:SECONDS]:
-        if gain < 0.5 * threshold or search.clock.late(0.82):
-            break
-        search.progress(f"beside it: {s.term.label}", 0.80)
-        signature = signature_of(
-            bench, search.hypothesis, search.values, apart, beside, s.term, few, search.plan.screening
-        )
-        if signature is not None:
-            amounts, linear = signature.best(left[:, None])
-            trials.append(_trial(signature, amounts[:, 0], float(linear[0]), None))
-    trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
-    done = [search.refit(t, search.used, search.nuisance, bench.members, FINE) for t in trials]
-    done = [t for t in done if (t.gain or 0.0) > threshold]
-    return max(done, key=lambda t: t.worth, default=None)
-
-
-def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
-    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
-
-    nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
-    Source: Hotelling 1931, Ann. Math. Stat. 2, 360.
-    """
-    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
-    known = max(known, 3)
-    return known / rng.chisquare(known, REPLICATES)
-
-
-def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, windows: int) -> np.ndarray:
-    """The covariance, no narrower than the scatter of the answers when windows are left out in turn.
-
-    Columns carry the bed's chaos, which least squares takes for exact.
-    Source: Efron & Stein 1981, Ann. Stat. 9, 586 (jackknife variance).
-    """
-    if windows < 3 or not columns.shape[1]:
-        return covariance
-    answers = []
-    for k in range(windows):
-        kept = np.ones(len(white), dtype=bool)
-        kept[k * (len(white) // windows) : (k + 1) * (len(white) // windows)] = False
-        answers.append(np.linalg.lstsq(columns[kept], white[kept], rcond=1e-10)[0])
-    scatter = (windows - 1) * np.var(np.array(answers), axis=0)
-    # few windows know their own scatter badly: Student's t in place of the normal 95 %
-    student = float(stats.t.ppf(0.975, windows - 1) / stats.norm.ppf(0.975))
-    factor = student * np.sqrt(np.maximum(scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return covariance * np.outer(factor, factor)
-
-
-def as_twins_scatter(covariance: np.ndarray, answers: np.ndarray) -> np.ndarray:
-    """The covariance, no narrower than the scatter of the answers (N, p) that twins give, whose truth is known.
-
-    Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, ch. 6 (parametric bootstrap).
-    """
-    number = len(answers)
-    if number < 3:
-        return covariance
-    scatter = np.var(answers, axis=0, ddof=1) * (1 + 1 / number)
-    student = float(stats.t.ppf(0.975, number) / stats.norm.ppf(0.975))
-    factor = np.sqrt(np.maximum(student**2 * scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return covariance * np.outer(factor, factor)
-
-
-def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
-    """Of the swimmer's disks after the start, in the chosen windows."""
-    parts = []
-    for bed, rows, chosen in zip(bench.beds, bench.innovations(predicted), windows, strict=True):
-        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), 2 * len(bed.rows))
-        parts.append(disks[:, 1:].ravel())
-    flat = np.concatenate(parts)
-    flat = flat[np.isfinite(flat)]
-    if not len(flat):
-        return Errors(None, None)
-    white = bench.white(predicted, windows)
-    return Errors(float(np.sqrt(np.mean(flat**2))), float(np.mean(white**2)))
-
-
-def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
-    """Half the fall in chi2 of the held-out windows."""
-    return 0.5 * float(np.sum(bench.white(before, bench.held) ** 2) - np.sum(bench.white(after, bench.held) ** 2))
-
-
-def noise_floor(bench: Bench, windows: Windows) -> float:
-    """What perfect knowledge of the physics would leave [m rms]: the twins' own errors, of the disks."""
-    parts = []
-    for bed, noise, chosen in zip(bench.beds, bench.noises, windows, strict=True):
-        rows = noise.residuals[:, chosen][:, :, : bed.swimmer_size]
-        parts.append(rows.reshape(*rows.shape[:2], len(bed.looks), 2 * len(bed.rows))[:, :, 1:].ravel())
-    flat = np.concatenate(parts)
-    flat = flat[np.isfinite(flat)]
-    return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
-
-
-def _flexible(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, used: Windows,
-    few: Windows, at: np.ndarray, plan: Plan, clock: Clock, progress: Progress,
-) -> BedTrial | None:  # fmt: skip
-    """The best of the arms that name nothing, refitted by simulation; None where none could be."""
-    bed, predictor = bench.beds[0], bench.predictors[0]
-    frames = bed.starts[used[0]]
-    seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
-    speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
-    white = off(nuisance[at], bench.white(base, few))
-    apart = _apart(bench, hypothesis, values, few, plan.screening)
-    arms: list[BedTrial] = []
-    for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
-        if arms and clock.late(0.9):
-            break
-        signature = signature_of(bench, hypothesis, values, apart, nuisance[at], term, few, plan.screening)
-        if signature is not None:
-            amounts, gain = signature.best(white[:, None])
-            arms.append(_trial(signature, amounts[:, 0], float(gain[0]), None))
-    search = Search(bench, hypothesis, values, base, nuisance, used, few, at, plan, clock, progress)
-    arms.sort(key=lambda t: -(t.linear - 2.0 * len(t.term.free)))
-    done = []
-    for t in arms[:2]:
-        refitted = search.refit(t, used, nuisance, bench.members, (0.6, 1.0, 1.6))
-        # few windows tell the direction of five numbers badly
-        for _ in range(2):
-            if clock.late(0.92):
-                break
-            turned = search.turned(refitted)
-            if turned is None or turned.worth < refitted.worth + SAME:
-                break
-            refitted = turned
-        done.append(refitted)
-    return max(done, key=lambda t: t.worth, default=None)
-
-
 def _scale_trial(
     bench: Bench, wrong: PictureScale, nuisance: np.ndarray, without: Prediction | None, base: Prediction,
     windows: Windows,
@@ -1267,84 +646,3 @@ def _scale_trial(
         gain = float(np.sum(bench.white(without, windows) ** 2) - np.sum(bench.white(base, windows) ** 2))
     signature = make_signature(wrong.term, amounts, column, nuisance)
     return BedTrial(signature, amounts, np.array([wrong.value]), np.array([[wrong.error**2]]), gain, gain)
-
-
-def _verdict(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
-    if laws:
-        if laws[0].mechanism == "unknown":
-            return "unmodelled"
-        return "measurement" if all(t.mechanism in APPARATUS for t in laws) else "missing_physics"
-    if unexplained > 2 * UNEXPLAINED:
-        return "unmodelled"
-    if len(values):
-        naive, after = bench.white(naive_base, used), bench.white(base, used)
-        improved = float(naive @ naive - after @ after)
-        spread = np.sqrt(np.diag(covariance))
-        moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
-        if improved > SURE + 2 * len(values) and moved > 4.0:
-            return "recalibrate"
-    return "no_mismatch"
-
-
-def _rivals(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:
-    """Other laws that were refitted and come near, the best form of each, and whether d' is below 2."""
-    if found is None:
-        return []
-    score = max((t.worth for t in trials if t.mechanism == found.mechanism and t.gain is not None), default=found.worth)
-    seen = {(found.mechanism, *sorted(map(str, found.term.choices.items())))}
-    names = {found.mechanism, "unknown"} if "joint" not in found.term.choices else {"unknown"}
-    rivals = []
-    for t in trials:
-        key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
-        if t.gain is None or t.mechanism in names or key in seen or t.worth < 0.2 * score:
-            continue
-        seen.add(key)
-        names.add(t.mechanism)
-        rivals.append((t, bool(score - t.worth < SAME + CHAOS)))
-    return rivals
-
-
-def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial]:
-    """Where a late motor or a shifted clock is to be refitted, what would look the same is refitted beside it.
-
-    To first order it may be far behind: a shift that is not small is no longer linear.
-    """
-    first = next((t for t in chosen if t.mechanism in (*LATE, "time_offset")), None)
-    if first is None:
-        return chosen
-    # a motor that is late by tau looks like a clock that is ahead by it
-    late = float(first.values[0]) * (-1.0 if first.mechanism == "time_offset" else 1.0)
-    if late <= 0.0:
-        return chosen
-    at = chosen.index(first) + 1
-    beside: list[BedTrial] = []
-    for t in trials:
-        if t.mechanism in (*LATE, "time_offset") and t.mechanism not in {c.mechanism for c in (*chosen, *beside)}:
-            amount = (-late if t.mechanism == "time_offset" else late) / t.term.free[0].scale
-            low, high = limits(t.term)
-            beside.append(replace(t, amounts=np.clip(np.array([amount]), low, high)))
-    return [*chosen[:at], *beside, *chosen[at:]]
-
-
-def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
-    """A law that becomes another one when some of its numbers are none has to gain more than that by more than chaos.
-
-    Drag in still air is a flow of no speed.
-    """
-    if not trials or trials[0].gain is None:
-        return trials
-    name = SPECIAL_CASES.get(trials[0].mechanism)
-    plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
-    if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
-        return trials
-    return [plain, *(t for t in trials if t is not plain)]
-
-
-def _clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
-    """A late motor that a shifted clock imitates to within chaos: apparatus comes before physics."""
-    if not trials or trials[0].gain is None or trials[0].mechanism not in LATE:
-        return trials
-    offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
-    if offset is None or trials[0].worth - offset.worth > SAME + CHAOS:
-        return trials
-    return [offset, *(t for t in trials if t is not offset)]

@@ -14,7 +14,7 @@ from .signatures import off
 from .windows import HALF, POOL
 
 if TYPE_CHECKING:
-    from .driver import BedTrial
+    from .trial import BedTrial
 
 SETTLE = 0.02  # s, a film under a new drive is not looked at before
 ENOUGH = 3.0  # d' that is asked of the next recording

@@ -18,7 +18,8 @@ from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
 from .candidates import LawAdder
-from .driver import BedDiagnosis, BedTrial, diagnose_windows
+from .driver import BedDiagnosis, diagnose_windows
+from .trial import BedTrial
 from .windows import HALF, BedPredictor, placed
 
 CONTACT_LAWS = ("contact_friction", "restitution", "cohesion", "pair_lubrication", "distance_force")

@@ -1,0 +1,133 @@
+"""What a fit is worth: errors and their floor, held-out windows, the verdict and its rivals, films gone astray."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ..candidates import APPARATUS
+from .bench import Bench, Prediction, Windows
+from .places import Place
+from .trial import ALARM, CHAOS, SAME, SURE, BedTrial
+
+UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
+LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of seen less predicted positions of the disks [m], the estimator's bias taken off."""
+
+    rms: float | None
+    chi2: float | None  # over the count of numbers
+
+
+@dataclass(frozen=True)
+class Strayed:
+    """Where a film as a whole is unlike its twins, and in words."""
+
+    place: Place
+    text: str
+
+
+def astray(bench: Bench) -> Strayed | None:
+    """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
+
+    Windows start from what was seen: a swimmer that is stuck stays stuck in them. Student's t of the logarithm of the
+    rms speed among those of twins, corrected for the number of looks; None where all is as it should be.
+    """
+    worst: Strayed | None = None
+    looks = 2 * len(bench.beds)
+    for bed, predictor, paces in zip(bench.beds, bench.predictors, bench.paces, strict=True):
+        number, seen = len(paces), predictor.pace()
+        if number < 3 or not bed.training.any():
+            continue
+        swimmer = tuple(bed.scene.bodies[int(r)].id for r in bed.rows)
+        movers = (("swimmer", swimmer, "the swimmer moves"), ("grains farther from the swimmer", (), "the grains move"))
+        for k, (region, ids, what) in enumerate(movers):
+            if not (seen[k] > 0 and (paces[:, k] > 0).all()):
+                continue
+            logs = np.log(paces[:, k])
+            away = math.log(seen[k]) - float(logs.mean())
+            t = away / (max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number))
+            p = min(2.0 * float(stats.t.sf(abs(t), number - 1)) * looks, 1.0)
+            if p > 0.1 * ALARM or (worst is not None and p >= worst.place.p):
+                continue
+            low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
+            worst = Strayed(
+                Place(ids, region, None, None, None, abs(t), p),
+                f"{bed.name}: over the whole film {what} at {1e3 * seen[k]:.3g} mm/s rms, "
+                f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
+                "with what was seen, do not show why",
+            )
+    return worst
+
+
+def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
+    """Of the swimmer's disks after the start, in the chosen windows."""
+    parts = []
+    for bed, rows, chosen in zip(bench.beds, bench.innovations(predicted), windows, strict=True):
+        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), 2 * len(bed.rows))
+        parts.append(disks[:, 1:].ravel())
+    flat = np.concatenate(parts)
+    flat = flat[np.isfinite(flat)]
+    if not len(flat):
+        return Errors(None, None)
+    white = bench.white(predicted, windows)
+    return Errors(float(np.sqrt(np.mean(flat**2))), float(np.mean(white**2)))
+
+
+def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
+    """Half the fall in chi2 of the held-out windows."""
+    return 0.5 * float(np.sum(bench.white(before, bench.held) ** 2) - np.sum(bench.white(after, bench.held) ** 2))
+
+
+def noise_floor(bench: Bench, windows: Windows) -> float:
+    """What perfect knowledge of the physics would leave [m rms]: the twins' own errors, of the disks."""
+    parts = []
+    for bed, noise, chosen in zip(bench.beds, bench.noises, windows, strict=True):
+        rows = noise.residuals[:, chosen][:, :, : bed.swimmer_size]
+        parts.append(rows.reshape(*rows.shape[:2], len(bed.looks), 2 * len(bed.rows))[:, :, 1:].ravel())
+    flat = np.concatenate(parts)
+    flat = flat[np.isfinite(flat)]
+    return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
+
+
+def verdict_among(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
+    """One of the contract's five."""
+    if laws:
+        if laws[0].mechanism == "unknown":
+            return "unmodelled"
+        return "measurement" if all(t.mechanism in APPARATUS for t in laws) else "missing_physics"
+    if unexplained > 2 * UNEXPLAINED:
+        return "unmodelled"
+    if len(values):
+        naive, after = bench.white(naive_base, used), bench.white(base, used)
+        improved = float(naive @ naive - after @ after)
+        spread = np.sqrt(np.diag(covariance))
+        moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
+        if improved > SURE + 2 * len(values) and moved > 4.0:
+            return "recalibrate"
+    return "no_mismatch"
+
+
+def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:
+    """Other laws that were refitted and come near, the best form of each, and whether d' is below 2."""
+    if found is None:
+        return []
+    score = max((t.worth for t in trials if t.mechanism == found.mechanism and t.gain is not None), default=found.worth)
+    seen = {(found.mechanism, *sorted(map(str, found.term.choices.items())))}
+    names = {found.mechanism, "unknown"} if "joint" not in found.term.choices else {"unknown"}
+    rivals = []
+    for t in trials:
+        key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
+        if t.gain is None or t.mechanism in names or key in seen or t.worth < 0.2 * score:
+            continue
+        seen.add(key)
+        names.add(t.mechanism)
+        rivals.append((t, bool(score - t.worth < SAME + CHAOS)))
+    return rivals

@@ -1,0 +1,75 @@
+"""What a diagnosis of beds may spend, and what it simulates for it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from .windows import MEMBERS, MOST_WINDOWS
+
+TWINS = 8
+LEADERS = 7
+LEANING = 4  # leaders that are held against what twins give them
+MINUTES = 10.0  # where no budget is given
+
+
+class Clock:
+    """The budget: how much of it is spent."""
+
+    def __init__(self, minutes: float | None) -> None:
+        self.began = time.monotonic()
+        self.seconds = 60.0 * (minutes or MINUTES)
+
+    @property
+    def spent(self) -> float:
+        return time.monotonic() - self.began
+
+    def late(self, share: float) -> bool:
+        return self.spent > share * self.seconds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is simulated: members of a window, of a signature; twins; windows of a recording; leaders."""
+
+    members: int
+    screening: int
+    twins: int
+    windows: int
+    leaders: int
+
+
+def make_plan(
+    cost: float, windows: int, training: int, terms: int, seconds: float, twins: int, whole: float = 1.0
+) -> Plan:
+    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window, all threads busy.
+
+    Every step is counted, though few recordings ask for all of them.
+
+    ``whole``: how many times the bodies of a window the whole bed has, of which twins are simulated.
+
+    What is given up first: the fourth and third member, then windows, then twins, then leaders.
+    """
+    plans = [
+        Plan(m, s, n, w, k)
+        for m, s, n, w, k in (
+            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, twins, 26, LEADERS), (MEMBERS, 2, 6, 26, LEADERS),
+            (2, 2, 6, 26, LEADERS), (2, 1, 6, 26, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
+            (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
+        )
+        if n <= twins
+    ] or [Plan(2, 1, twins, 26, 5)]  # fmt: skip
+    for plan in plans:
+        part = min(1.0, plan.windows / max(windows, 1))
+        every, used = windows * part, max(training * part, 1.0)
+        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
+        runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
+        runs += plan.twins * used * plan.screening * 2.5 * LEANING
+        runs += (
+            (plan.leaders - 2) * 4 * used * plan.members
+            + 3 * every * plan.members
+            + 0.6 * plan.twins * every * (plan.members + 1.4 * whole)
+        )
+        if runs * cost < seconds:
+            return plan
+    return plans[-1]

@@ -1,0 +1,455 @@
+"""The search for the law that is missing: signatures, nulls, leaders refitted by simulation, a second law, arms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fit import basis
+from ..hypothesis import Failed, Hypothesis, Term
+from ..name import SPECIAL_CASES
+from .bench import Bench, Prediction, Windows
+from .candidates import flexible_terms, siblings
+from .plan import LEANING, Clock, Plan
+from .signatures import BedSignature, coherence, limits, make_signature, off, recombined, to_values, whole_films
+from .trial import ALARM, CHAOS, SAME, SURE, BedTrial, smooth_minimum, trial_of
+from .windows import BedCase
+
+REPLICATES = 499
+# rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
+# whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
+# near linear (taken to one side, and three times as far as need be, they had a tenth, too)
+RESPONSE = (0.8, 2.5)
+ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
+SECONDS = 6  # laws that are tried beside the one that was found
+LATE = ("actuator_lag", "actuator_delay")
+
+Progress = Callable[[str, float], None]
+
+
+def signature_of(
+    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
+    windows: Windows, members: int,
+) -> BedSignature | None:  # fmt: skip
+    """Columns of a term, each from an amount that changes the prediction by about a standard deviation.
+
+    ``base``: see ``Search.apart``.
+    """
+    extended = hypothesis.with_term(term)
+    low, high = limits(term)
+
+    def shown(amounts: Sequence[float], k: int) -> list[Prediction | None]:
+        """With these amounts of number k; the scene without the term where that is none."""
+        numbers = [to_values(term, amount * np.eye(len(term.free))[k]) for amount in amounts if amount]
+        wanted = [(extended, np.concatenate([values, n])) for n in numbers]
+        found = bench.predict(wanted, windows, members, bench.members)
+        return found if all(amounts) else [*found, base]
+
+    tried, other, columns = [], [], []
+    for k in range(len(term.free)):
+        sign = 1.0 if high[k] > 1e-9 else -1.0
+        if term.mechanism == "weak_joint":
+            sign = -1.0
+        most = 0.8 * (high[k] if sign > 0 else -low[k])
+        amount = min(1.0, most)
+        kept: tuple[float, float, np.ndarray] | None = None
+        smallest_failed = math.inf
+        for _ in range(3):
+            there = sign * amount
+            # to both sides where there is room: what is even in the amount falls out, and half of the chaos
+            back = float(np.clip(-there, low[k], high[k]))
+            back = back if abs(back) > 0.5 * amount else 0.0
+            after, before = shown([there, back], k)
+            if after is None or before is None:
+                smallest_failed = amount
+                amount *= 0.15
+                continue
+            change = bench.change(after, before, windows)
+            kept = there, back, change / (there - back)
+            size = float(np.sqrt(np.mean(change**2)))
+            if size < RESPONSE[0]:
+                factor = 8.0 if size < 0.3 * RESPONSE[0] else 3.0
+            elif size > RESPONSE[1]:
+                factor = 0.25 if size > 3 * RESPONSE[1] else 0.5
+            else:
+                break
+            wider = min(amount * factor, most, 0.9 * smallest_failed)
+            if abs(wider / amount - 1) < 0.1:
+                break
+            amount = wider
+        if kept is None:
+            return None
+        tried.append(kept[0])
+        other.append(kept[1])
+        columns.append(kept[2])
+    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
+
+
+def as_in_twins(
+    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int
+) -> tuple[list[BedTrial], float]:
+    """The first trials with what the same columns, made of each twin's own starts, give in twins taken off.
+
+    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
+    nothing, the mean amount is that bias. Returns the trials in their order, and by how much the gains of twins are
+    wider so than with the columns of the film (1 at least). Raises Failed.
+    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
+    """
+    assert bench.twin_scene is not None
+    hypothesis, values = bench.twin_scene
+    leading = list(trials[:LEANING])
+    wanted = [(hypothesis, values)]
+    ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
+    for t in leading:
+        mine = []
+        for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
+            at = []
+            for amount in pair:
+                at.append(len(wanted) if amount else 0)
+                if amount:
+                    numbers = to_values(t.term, amount * np.eye(len(t.amounts))[k])
+                    wanted.append((hypothesis.with_term(t.term), np.concatenate([values, numbers])))
+            mine.append((at[0], at[1]))
+        ends.append(mine)
+    views = bench.twin_views(wanted, windows, members, bench.members)
+    films = off(nuisance, whole_films(bench.noises, windows))
+    number = min(films.shape[1], len(views))
+    done, own, cross = [], 0.0, 0.0
+    for t, mine in zip(leading, ends, strict=True):
+        answers, shapes = [], []
+        after, before = np.array(mine).T
+        for k in range(number):
+            columns = (views[k][:, after] - views[k][:, before]) / (t.signature.tried - t.signature.other)
+            clear = off(nuisance, columns)
+            answers.append(np.linalg.lstsq(clear, films[:, k], rcond=1e-8)[0])
+            shapes.append(clear)
+        bias = np.mean(answers, axis=0)
+        amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
+        done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None))
+        scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
+        # of a mean of so many, and of the film's own answer beside it
+        own += float(np.mean(scatter)) * (number + 1) / (number - 1)
+        q = basis(t.signature.clear)
+        cross += float(np.mean(np.sum((q.T @ films) ** 2, axis=0)))
+    return [*done, *trials[LEANING:]], max(own / cross, 1.0) if cross > 0 else 1.0
+
+
+def thinned(windows: Windows, share: float) -> list[np.ndarray]:
+    """About that share of the windows of each recording, spread evenly, four at least."""
+    result = []
+    for w in windows:
+        count = min(len(w), max(math.ceil(share * len(w)), 4))
+        result.append(w[np.unique(np.round(np.linspace(0, len(w) - 1, count)).astype(int))] if len(w) else w)
+    return result
+
+
+def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
+    """Rows that ``chosen`` windows have in stacked numbers of all ``windows``."""
+    rows, start = [], 0
+    for bed, every, some in zip(bench.beds, windows, chosen, strict=True):
+        index = start + np.arange(len(every) * bed.size).reshape(len(every), bed.size)
+        rows.append(index[np.isin(every, some)].ravel())
+        start += len(every) * bed.size
+    return np.concatenate(rows)
+
+
+def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
+    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
+
+    nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
+    Source: Hotelling 1931, Ann. Math. Stat. 2, 360.
+    """
+    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
+    known = max(known, 3)
+    return known / rng.chisquare(known, REPLICATES)
+
+
+@dataclass
+class Search:
+    """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well."""
+
+    bench: Bench
+    hypothesis: Hypothesis
+    values: np.ndarray
+    base: Prediction
+    nuisance: np.ndarray
+    used: Windows
+    few: Windows
+    at: np.ndarray
+    plan: Plan
+    clock: Clock
+    progress: Progress
+
+    @property
+    def white(self) -> np.ndarray:
+        """(n,) whitened innovations of the windows that are used."""
+        return self.bench.white(self.base, self.used)
+
+    def apart(self) -> Prediction:
+        """The prediction that signatures are changes of, by members of their own. Raises Failed.
+
+        With the members of the innovations, the chaos of these would be in both and look like every candidate.
+        """
+        wanted = [(self.hypothesis, self.values)]
+        return self.bench.predict_surely(wanted, self.few, self.plan.screening, self.bench.members)[0]
+
+    def signature(self, term: Term, apart: Prediction) -> BedSignature | None:
+        """See ``signature_of``; ``apart`` as the method of that name gives it."""
+        return signature_of(
+            self.bench, self.hypothesis, self.values, apart, self.nuisance[self.at], term, self.few,
+            self.plan.screening,
+        )  # fmt: skip
+
+    def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
+        """Trials with the gains of those that were refitted, in all training windows."""
+        most = trials[0].linear
+        chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
+        chosen = _with_clock(chosen[: 2 * self.plan.leaders], trials)
+        rough = []
+        for k, t in enumerate(chosen):
+            self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
+            if k >= 2 and self.clock.late(0.78):
+                break
+            rough.append(self.refit(t, self.few, self.nuisance[self.at], self.plan.screening, ROUGH))
+        rough.sort(key=lambda t: -t.worth)
+        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
+        # other exponents of a law that leads, and fewer bodies
+        for t in list(best[:2]):
+            for term in siblings(t.term, bed.scene):
+                if not self.clock.late(0.8):
+                    other = self.refit(replace(t, signature=replace(t.signature, term=term)), self.few,
+                                       self.nuisance[self.at], self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
+                    rough.append(other)
+                    best.append(other)
+        best = _two_forms(sorted(best, key=lambda t: -t.worth))[: max(self.plan.leaders - 2, 2)]
+        best = _with_clock(best, rough)
+        done = []
+        for k, t in enumerate(best):
+            self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
+            if k < 1 or not self.clock.late(0.84):
+                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE))
+        done = no_narrower(done)
+        # the best form of each is kept; gains in few windows are not comparable
+        known = {t.term.label for t in done}
+        rest: list[BedTrial] = []
+        for t in (*best, *rough, *trials):
+            if t.term.label not in known:
+                known.add(t.term.label)
+                rest.append(replace(t, gain=None))
+        return done + rest
+
+    def chi2(self, predicted: Prediction, windows: Windows, nuisance: np.ndarray, members: int) -> float:
+        rest = off(nuisance, self.bench.white(predicted, windows, members))
+        return float(rest @ rest)
+
+    def refit(
+        self, trial: BedTrial, windows: Windows, nuisance: np.ndarray, members: int, shares: Sequence[float]
+    ) -> BedTrial:
+        """Simulate along the direction of the amounts and take the best of a parabola through chi2."""
+        extended = self.hypothesis.with_term(trial.term)
+        low, high = limits(trial.term)
+        start = trial.amounts if np.any(trial.amounts) else trial.signature.tried
+        chi2 = {0.0: self.chi2(self.base, windows, nuisance, members)}
+
+        def measure(more: Sequence[float]) -> None:
+            more = [s for s in dict.fromkeys(more) if s not in chi2]
+            amounts = [np.clip(start * s, low, high) for s in more]
+            rows = self.bench.predict(
+                [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in amounts],
+                windows,
+                members,
+            )
+            for share, predicted in zip(more, rows, strict=True):
+                if predicted is not None:
+                    chi2[share] = self.chi2(predicted, windows, nuisance, members)
+
+        measure(shares)
+        for _ in range(2):
+            best = min(chi2, key=lambda s: chi2[s])
+            if best == 0.0:
+                measure([0.4 * min(s for s in (*chi2, *shares) if s > 0)])
+            elif best == max(chi2):
+                measure([1.7 * best])
+            else:
+                break
+        if len(chi2) < 2:
+            return replace(trial, gain=0.0)
+        share, lowest = smooth_minimum(chi2)
+        amounts = np.clip(start * (share or 1e-3), low, high)
+        return trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
+
+
+    def turned(self, trial: BedTrial) -> BedTrial | None:
+        """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
+        extended, neutral = self.hypothesis.with_term(trial.term), np.zeros(len(trial.amounts))
+        low, high = limits(trial.term)
+        ends = []
+        for k, h in enumerate(np.abs(trial.signature.tried)):
+            step = neutral.copy()
+            step[k] = h
+            ends += [np.clip(trial.amounts - step, low, high), np.clip(trial.amounts + step, low, high)]
+        predicted = self.bench.predict(
+            [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in (trial.amounts, *ends)],
+            self.used,
+        )
+        here, pairs = predicted[0], list(zip(predicted[1::2], predicted[2::2], strict=True))
+        if here is None or any(a is None or b is None for a, b in pairs):
+            return None
+        columns = np.column_stack(
+            [
+                self.bench.change(after, before, self.used) / (ends[2 * k + 1][k] - ends[2 * k][k])
+                for k, (before, after) in enumerate(pairs)
+                if before is not None and after is not None
+            ]
+        )
+        clear = off(self.nuisance, columns)
+        change = np.linalg.lstsq(clear, off(self.nuisance, self.bench.white(here, self.used)), rcond=1e-8)[0]
+        amounts = np.clip(trial.amounts + change, low, high)
+        signature = replace(trial.signature, columns=columns, clear=clear)
+        moved = replace(trial, amounts=amounts, signature=signature)
+        return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
+
+
+def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
+    """No more than the first two forms of a law, so that others are refitted, too; joints are laws of their own."""
+    kept: list[BedTrial] = []
+    for t in trials:
+        joint = t.term.choices.get("joint")
+        if sum(o.mechanism == t.mechanism and o.term.choices.get("joint") == joint for o in kept) < 2:
+            kept.append(t)
+    return kept
+
+
+def no_narrower(trials: Sequence[BedTrial]) -> list[BedTrial]:
+    """Without laws on some bodies that gain no more than the same law does on all."""
+
+    def needed(t: BedTrial) -> bool:
+        alike = [o for o in trials if o.mechanism == t.mechanism]
+        return all(t.worth > o.worth + SAME for o in alike if set(o.term.bodies or ()) > set(t.term.bodies or ()))
+
+    return [t for t in trials if needed(t)]
+
+
+def second_law(
+    search: Search, found: BedTrial, signatures: Sequence[BedSignature], rng: np.random.Generator
+) -> BedTrial | None:
+    """What gains most beside the law that was found, beyond what the same search gives in nulls; or None.
+
+    ``search``: about the scene with that law; its ``nuisance`` has the columns of adjustables and law.
+    """
+    bench, few = search.bench, search.few
+    beside = search.nuisance[search.at]
+    left = off(beside, bench.white(search.base, few))
+    drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
+    null = np.zeros(REPLICATES)
+    others: list[BedSignature] = []
+    order: list[tuple[float, BedSignature]] = []
+    for s in signatures:
+        if s.term.label == found.term.label or s.term.mechanism == "unknown":
+            continue
+        other = make_signature(s.term, s.tried, s.columns, beside, s.other)
+        null = np.maximum(null, other.best(drawn)[1])
+        others.append(other)
+        order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
+    null *= coherence(others, off(beside, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
+    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
+    try:
+        apart = search.apart()
+    except Failed:
+        return None
+    order.sort(key=lambda item: -item[0])
+    trials = []
+    for gain, s in order[:SECONDS]:
+        if gain < 0.5 * threshold or search.clock.late(0.82):
+            break
+        search.progress(f"beside it: {s.term.label}", 0.80)
+        signature = search.signature(s.term, apart)
+        if signature is not None:
+            amounts, linear = signature.best(left[:, None])
+            trials.append(trial_of(signature, amounts[:, 0], float(linear[0]), None))
+    trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
+    done = [search.refit(t, search.used, search.nuisance, bench.members, FINE) for t in trials]
+    done = [t for t in done if (t.gain or 0.0) > threshold]
+    return max(done, key=lambda t: t.worth, default=None)
+
+
+def flexible_arm(search: Search) -> BedTrial | None:
+    """The best of the arms that name nothing, refitted by simulation; None where none could be."""
+    bench, used, clock = search.bench, search.used, search.clock
+    bed, predictor = bench.beds[0], bench.predictors[0]
+    frames = bed.starts[used[0]]
+    seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
+    speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
+    white = off(search.nuisance[search.at], bench.white(search.base, search.few))
+    apart = search.apart()
+    arms: list[BedTrial] = []
+    for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
+        if arms and clock.late(0.9):
+            break
+        signature = search.signature(term, apart)
+        if signature is not None:
+            amounts, gain = signature.best(white[:, None])
+            arms.append(trial_of(signature, amounts[:, 0], float(gain[0]), None))
+    arms.sort(key=lambda t: -(t.linear - 2.0 * len(t.term.free)))
+    done = []
+    for t in arms[:2]:
+        refitted = search.refit(t, used, search.nuisance, bench.members, (0.6, 1.0, 1.6))
+        # few windows tell the direction of five numbers badly
+        for _ in range(2):
+            if clock.late(0.92):
+                break
+            turned = search.turned(refitted)
+            if turned is None or turned.worth < refitted.worth + SAME:
+                break
+            refitted = turned
+        done.append(refitted)
+    return max(done, key=lambda t: t.worth, default=None)
+
+
+def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial]:
+    """Where a late motor or a shifted clock is to be refitted, what would look the same is refitted beside it.
+
+    To first order it may be far behind: a shift that is not small is no longer linear.
+    """
+    first = next((t for t in chosen if t.mechanism in (*LATE, "time_offset")), None)
+    if first is None:
+        return chosen
+    # a motor that is late by tau looks like a clock that is ahead by it
+    late = float(first.values[0]) * (-1.0 if first.mechanism == "time_offset" else 1.0)
+    if late <= 0.0:
+        return chosen
+    at = chosen.index(first) + 1
+    beside: list[BedTrial] = []
+    for t in trials:
+        if t.mechanism in (*LATE, "time_offset") and t.mechanism not in {c.mechanism for c in (*chosen, *beside)}:
+            amount = (-late if t.mechanism == "time_offset" else late) / t.term.free[0].scale
+            low, high = limits(t.term)
+            beside.append(replace(t, amounts=np.clip(np.array([amount]), low, high)))
+    return [*chosen[:at], *beside, *chosen[at:]]
+
+
+def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
+    """A law that becomes another one when some of its numbers are none has to gain more than that by more than chaos.
+
+    Drag in still air is a flow of no speed.
+    """
+    if not trials or trials[0].gain is None:
+        return trials
+    name = SPECIAL_CASES.get(trials[0].mechanism)
+    plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
+    if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
+        return trials
+    return [plain, *(t for t in trials if t is not plain)]
+
+
+def clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
+    """A late motor that a shifted clock imitates to within chaos: apparatus comes before physics."""
+    if not trials or trials[0].gain is None or trials[0].mechanism not in LATE:
+        return trials
+    offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
+    if offset is None or trials[0].worth - offset.worth > SAME + CHAOS:
+        return trials
+    return [offset, *(t for t in trials if t is not offset)]

@@ -1,0 +1,89 @@
+"""A candidate that was fitted, and when one counts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from ..hypothesis import Term
+from .signatures import BedSignature, to_values
+
+ALARM = 0.01
+SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
+SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
+CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
+
+
+@dataclass(frozen=True)
+class BedTrial:
+    """A candidate, and what became of it.
+
+    amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
+    linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
+    """
+
+    signature: BedSignature
+    amounts: np.ndarray
+    values: np.ndarray
+    covariance: np.ndarray
+    linear: float
+    gain: float | None
+
+    @property
+    def term(self) -> Term:
+        return self.signature.term
+
+    @property
+    def mechanism(self) -> str:
+        return self.signature.term.mechanism
+
+    @property
+    def worth(self) -> float:
+        """Gain less what as many numbers gain by chance."""
+        return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
+
+
+def trial_of(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:
+    term = signature.term
+    scales = np.array([f.scale for f in term.free])
+    covariance = np.linalg.pinv(signature.clear.T @ signature.clear) * np.outer(scales, scales)
+    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain)
+
+
+def beyond_nothing(trial: BedTrial) -> bool:
+    """Whether the numbers of a law are three standard errors from those with which it is absent."""
+    away = trial.values - np.array([f.neutral for f in trial.term.free])
+    if not np.isfinite(trial.covariance).all():
+        return True
+    chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
+    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(3.0), len(away)))
+
+
+def moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:
+    """The trial with other numbers."""
+    scales = np.array([f.scale for f in trial.term.free])
+    neutral = np.array([f.neutral for f in trial.term.free])
+    return replace(trial, values=values, amounts=(values - neutral) / scales, covariance=covariance)
+
+
+def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
+    """Where a parabola through the points about the lowest has its minimum, and how low that is.
+
+    Each chi2 carries the bed's chaos: the lowest of several would flatter. Without a minimum: the lowest point.
+    """
+    best = min(chi2, key=lambda s: chi2[s])
+    near = sorted((s for s in chi2 if best == 0.0 or 0.35 * best <= s <= 2.2 * best), key=lambda s: abs(s - best))
+    if len(near) < 3:
+        near = sorted(chi2, key=lambda s: abs(s - best))[:3]
+    if len(near) >= 3:
+        x, y = np.array(near[:6]), np.array([chi2[s] for s in near[:6]])
+        fitted = np.polyfit(x, y, 2)
+        if fitted[0] > 0:
+            share = float(np.clip(-fitted[1] / (2 * fitted[0]), x.min(), x.max()))
+            lowest = float(np.polyval(fitted, share))
+            # a parabola that undercuts all points by much fits badly
+            return share, max(lowest, float(y.min()) - 0.1 * abs(chi2.get(0.0, y.max()) - float(y.min())))
+    return best, chi2[best]
