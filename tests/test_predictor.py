@@ -6,9 +6,9 @@ import numpy as np
 
 from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict
 from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.driver import time_steps
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
+from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 from granswim_pymunk.validation.reference import Reference

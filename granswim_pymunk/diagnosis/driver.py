@@ -4,33 +4,36 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
 
-from ..engine import advise_dt
 from ..recording import Recording
-from .candidates import camera_terms, flexible_terms, for_bodies, named_terms, owners
+from .candidates import flexible_terms, named_terms
+from .choose import (
+    ALARM,
+    POOR,
+    REPLICATES,
+    choose,
+    left_over,
+    pair_of,
+    prune,
+    rivals_of,
+    score_inner,
+    second_law,
+    verdict_among,
+)
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
 from .held_out import Errors, held_out_errors, learn_memory, noise_floor, training_errors
-from .hypothesis import Failed, Hypothesis, Predictor, Term, adjustable_terms
+from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
-from .name import InnerSplit, Trial, is_apparatus, pair_gains, refit, spread_of, try_candidates, unstuck
-from .nulls import Null, search_nulls
-from .signatures import make_bank
-from .start import StartBody, describe_starts, first_numbers, states
-
-ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
-SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
-SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
-POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
-REPLICATES = 299
-STEADY = 0.1  # standard deviations that a path may change when its steps are halved
-FINER = 4  # times that they are halved at most
-SINGLE = ("linear_drag", "quadratic_drag", "coulomb_substrate")  # laws of one strength, alike over a short time
+from .name import InnerSplit, Trial, spread_of, try_candidates, unstuck
+from .nulls import Null, noise_of, search_nulls
+from .signatures import Bank, make_bank
+from .steps import time_steps
 
 Progress = Callable[[str, float], None]
 
@@ -72,53 +75,45 @@ class Diagnosis:
     dt: dict[str, float] = field(default_factory=dict)
 
 
-def time_steps(cases: Sequence[Case]) -> dict[str, float]:
-    """One dt for each recording [s], that of its naive scene with the starts estimated from the tracks.
+@dataclass
+class Study:
+    """What every step needs: the recordings, how they are simulated and fitted, and how much time there is."""
 
-    It stays the same under every hypothesis, so that differences between hypotheses are physics.
+    cases: list[Case]
+    training: list[Case]
+    predictor: Predictor
+    fitter: Fitter
+    inner: InnerSplit
+    stages: tuple[float, ...]  # shares of the frames that long fits take in one after the other
+    adjustables: tuple[Term, ...]
+    rng: np.random.Generator
+    progress: Progress
+    late: Callable[[float], bool]  # whether that share of the budget is spent
+    notes: list[str] = field(default_factory=list)
+
+    def stop(self) -> bool:
+        return False
+
+
+@dataclass
+class Tried:
+    """All that was fitted alone: the scene as believed, recalibrated, and with each candidate in turn.
+
+    alive : candidates that were refitted, ``untried`` those that were not;  arms : laws without a name
+    spread : inflation of variances by what the ``best`` of all these fits leaves
+    inner : score of each on later data inside the training part, by its label
     """
-    result = {}
-    for case in cases:
-        scene = case.recording.scene
-        frames = case.start
-        described = describe_starts(case, frames)
-        placed = states(described, first_numbers(described), scene, float(case.t[0]))
-        moving = scene.with_initial(placed)
-        dt = scene.time.dt or advise_dt(moving)
-        spacing = float(np.median(np.diff(case.t))) if len(case.t) > 1 else dt
-        # a whole number of steps between frames, and never fewer than ten
-        steps = max(int(np.ceil(spacing / dt)), 10)
-        if any(item.name in ("contact_linear", "contact_hertz") for item in scene.laws):
-            steps = _fine_enough(case, described, steps, spacing)
-        result[case.name] = spacing / steps
-    return result
 
-
-def _fine_enough(case: Case, described: tuple[StartBody, ...], steps: int, spacing: float) -> int:
-    """How many steps a frame are needed for the path not to hang on them, compared with its noise.
-
-    Fifteen steps a contact are right to some 0.1 mm for disks of a centimetre, which a good camera sees. Doubled until
-    the rms change is below ``STEADY`` standard deviations, or no smaller than before: then the motion is chaotic.
-    """
-    numbers, t = first_numbers(described), case.t[case.start]
-
-    def path(steps: int) -> np.ndarray:
-        predictor = Predictor({case.name: spacing / steps})
-        return predictor(Hypothesis(), case, (), described, numbers, float(t[0]), t) / case.sigma
-
-    try:
-        last, before = path(steps), np.inf
-        for k in range(FINER):
-            now = path(steps * 2 ** (k + 1))
-            change = float(np.sqrt(np.nanmean((now - last) ** 2)))
-            if change < STEADY:
-                return steps * 2**k
-            if change > 0.8 * before:
-                return steps
-            last, before = now, change
-    except Failed:
-        return steps
-    return steps * 2**FINER
+    naive: Fit
+    recalibrated: Fit
+    terms: list[Term]
+    bank: Bank
+    alive: list[Trial]
+    untried: list[Trial]
+    arms: list[Trial]
+    best: Fit
+    spread: float
+    inner: dict[str, float]
 
 
 def diagnose_bodies(
@@ -135,555 +130,221 @@ def diagnose_bodies(
     Raises InputError for recordings that cannot be used.
     """
     began = time.monotonic()
-    rng = np.random.default_rng(seed)
-    notes: list[str] = []
 
     def late(share: float) -> bool:
         return minutes is not None and time.monotonic() - began > 60 * minutes * share
 
-    def stop() -> bool:
-        return False
+    study = _study(recordings, hold_out, np.random.default_rng(seed), progress, late)
+    cases, training, notes = study.cases, study.training, study.notes
+    tried = _tried(study, *_calibrated(study))
+    naive, recalibrated = tried.naive, tried.recalibrated
+    null, chosen = _beyond_nulls(study, tried)
+    found, revised, dropped = _explained(study, tried, chosen)
+    spread = spread_of(revised, training) if found else tried.spread
+    whites = [whiteness(fit, training, _numbers(fit)) for fit in (naive, recalibrated, revised)]
+    verdict, flexible = verdict_among(
+        found, tried.arms, tried.inner, whites[1], naive, recalibrated, revised, spread, bool(study.adjustables),
+        training, notes,
+    )  # fmt: skip
+    if verdict == "unmodelled" and flexible is not None and flexible.fit is not None:
+        if not found or flexible.inner < found[0].inner:
+            found, revised = [flexible], flexible.fit
+    rivals = rivals_of(found, tried.alive, spread, verdict)
 
+    # innovations of short windows under the recalibrated scene
+    study.progress("locating", 0.76)
+    windows, places = _located(study, verdict, naive, recalibrated, revised, found)
+
+    # looked at only now that the verdict is fixed
+    study.progress("held-out data", 0.84)
+    fits = {"naive": naive, "recalibrated": recalibrated, "revised": revised}
+    train = {name: training_errors(fit, training) for name, fit in fits.items()}
+    held = {name: _held_out(study, fit) for name, fit in fits.items()}
+    study.progress("noise floor", 0.92)
+    floor = noise_floor(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
+
+    proposal = _proposed(study, found, rivals)
+    study.progress("done", 1.0)
+    failures = study.predictor.failures
+    if len(failures) > 0.05 * study.predictor.runs:
+        notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
+    return Diagnosis(
+        cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
+        rivals=rivals, trials=tried.alive + tried.untried,
+        flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),
+        null=null, white_naive=whites[0], white_recalibrated=whites[1], white_revised=whites[2],
+        windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=tried.inner,
+        proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed,
+        dropped_bodies=dropped, dt=dict(study.predictor.dt),
+    )  # fmt: skip
+
+
+# ---- steps -----------------------------------------------------------------------------------
+
+
+def _study(
+    recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
+    late: Callable[[float], bool],
+) -> Study:  # fmt: skip
     cases = prepare_all(recordings, hold_out)
-    if len({c.unit for c in cases}) > 1:
-        notes.append("some recordings are angles only: errors are pooled in the unit of the first")
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
-    fitter = Fitter(cases, predictor, None, stop)
     stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
+    fitter = Fitter(cases, predictor)
+    inner = InnerSplit.make(training, predictor, lambda: False)
+    study = Study(cases, training, predictor, fitter, inner, stages, adjustable_terms(cases), rng, progress, late)
+    if len({c.unit for c in cases}) > 1:
+        study.notes.append("some recordings are angles only: errors are pooled in the unit of the first")
+    return study
 
-    # 4. recalibration first
-    progress("fitting the starts of the naive scene", 0.02)
-    naive = fitter.fit_widely(Hypothesis(), None, stages=stages)
-    adjustables = adjustable_terms(cases)
-    progress("recalibrating", 0.06)
-    recalibrated = fitter.fit_widely(Hypothesis(adjustables), naive, stages=stages) if adjustables else naive
 
-    def numbers(fit: Fit) -> int:
-        return len(fit.values) + sum(len(s) for s in fit.starts.values())
+def _calibrated(study: Study) -> tuple[Fit, Fit]:
+    """The scene as it is believed to be, and with its adjustables fitted: recalibration comes first."""
+    study.progress("fitting the starts of the naive scene", 0.02)
+    naive = study.fitter.fit_widely(Hypothesis(), None, stages=study.stages)
+    study.progress("recalibrating", 0.06)
+    if not study.adjustables:
+        return naive, naive
+    return naive, study.fitter.fit_widely(Hypothesis(study.adjustables), naive, stages=study.stages)
 
-    # 3. signatures, 5. candidates alone
+
+def _tried(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
+    """Each candidate alone, and the laws without a name beside them."""
+    fitter, late, progress = study.fitter, study.late, study.progress
     progress("signatures of the candidates", 0.1)
-    terms = named_terms(cases)
+    terms = named_terms(study.cases)
     bank = make_bank(fitter, recalibrated, terms)
-    inner = InnerSplit.make(training, predictor, stop)
     trials = try_candidates(
         fitter,
         recalibrated,
         bank,
-        stages,
+        study.stages,
         lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
         lambda: late(0.45),
     )
     recalibrated, trials = unstuck(fitter, recalibrated, trials)
     again = fitter.fit(naive.hypothesis, naive.values, recalibrated.starts)
     naive = again if again.chi2 < naive.chi2 else naive
-    white_naive = whiteness(naive, training, numbers(naive))
-    white_recalibrated = whiteness(recalibrated, training, numbers(recalibrated))
-    # 8. the flexible arm beside them
     progress("the flexible arm", 0.52)
     if late(0.5):
-        notes.append("the flexible arm was not tried: the time was up")
-    arms = make_bank(fitter, recalibrated, [] if late(0.5) else flexible_terms(cases))
+        study.notes.append("the flexible arm was not tried: the time was up")
+    arms = make_bank(fitter, recalibrated, [] if late(0.5) else flexible_terms(study.cases))
     flexible_trials = try_candidates(fitter, recalibrated, arms, (1.0,), lambda *a: None)
     if any(t.reason.startswith("not refitted") for t in trials):
-        notes.append("some candidates were only compared to first order: the time was up")
+        study.notes.append("some candidates were only compared to first order: the time was up")
     alive = [t for t in trials if t.fit is not None]
     arms_alive = [t for t in flexible_trials if t.fit is not None]
 
-    best_chi2 = min([t.fit.chi2 for t in alive + arms_alive if t.fit] + [recalibrated.chi2])
-    floor_fit = next((t.fit for t in alive + arms_alive if t.fit and t.fit.chi2 == best_chi2), recalibrated)
-    spread = spread_of(floor_fit, training)
+    fits = [t.fit for t in alive + arms_alive if t.fit is not None]
+    best = min([*fits, recalibrated], key=lambda fit: fit.chi2)
+    spread = spread_of(best, study.training)
 
     progress("testing inside the training part", 0.56)
-    inner_scores: dict[str, float] = {}
-    inner_scores["recalibrated"], _ = inner.score(recalibrated)
-    alive, arms_alive = _score_inner(inner, alive, spread), _score_inner(inner, arms_alive, spread)
-    for t in alive + arms_alive:
-        inner_scores[t.term.label] = t.inner
+    scores = {"recalibrated": study.inner.score(recalibrated)[0]}
+    alive, arms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, arms_alive, spread)
+    scores |= {t.term.label: t.inner for t in alive + arms_alive}
+    untried = [t for t in trials if t.fit is None]
+    return Tried(naive, recalibrated, terms, bank, alive, untried, arms_alive, best, spread, scores)
 
-    # 7. nulls
-    progress("nulls", 0.64)
-    replicates = REPLICATES if not late(0.7) else 99
-    chosen = _choose(alive, spread, inner_scores["recalibrated"])
-    null = None
+
+def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]:
+    """The same search on data without a mismatch, and the candidate to be named where it gains more than that."""
+    study.progress("nulls", 0.64)
+    replicates = REPLICATES if not study.late(0.7) else 99
+    chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"])
+    signatures = tried.bank.signatures
+    if not signatures:
+        return None, None
+    open_ = np.array([s.surviving > 1e-3 for s in signatures])
+    gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
+    noise = noise_of(tried.best, study.fitter.cases, tried.spread, _numbers(tried.best))
+    null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
+    return null, chosen if null.p <= ALARM else None
+
+
+def _explained(study: Study, tried: Tried, chosen: Trial | None) -> tuple[list[Trial], Fit, dict[str, str]]:
+    """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
+
+    Also, for each body that the law was not kept for, why.
+    """
+    fitter, inner, predictor, recalibrated = study.fitter, study.inner, study.predictor, tried.recalibrated
     found: list[Trial] = []
-    if bank.signatures:
-        open_ = np.array([s.surviving > 1e-3 for s in bank.signatures])
-        case_gain = (
-            chosen.gain
-            if chosen is not None
-            else max((s.gain for s, counts in zip(bank.signatures, open_, strict=True) if counts), default=0.0)
-        )
-        null = search_nulls(
-            bank, _noise_of(floor_fit, fitter.cases, spread, numbers(floor_fit)), open_, case_gain, replicates, rng
-        )
-    significant = chosen is not None and null is not None and null.p <= ALARM
     revised = recalibrated
     dropped: dict[str, str] = {}
-    if significant and chosen is not None and chosen.fit is not None:
-        chosen, dropped = _prune(chosen, recalibrated, fitter, inner, spread, predictor, stop, notes)
+    if chosen is not None and chosen.fit is not None:
+        chosen, dropped = prune(
+            chosen, recalibrated, fitter, inner, tried.spread, predictor, study.stop, study.notes
+        )
         if chosen is not None and chosen.fit is not None:
             found, revised = [chosen], chosen.fit
-
-    # 5. pairs: a second law beside the first, or two that help only together
-    if not late(0.6):
-        progress("pairs", 0.7)
-        found, revised = _second(found, revised, recalibrated, fitter, terms, inner, inner_scores, rng, training)
-        # a poor first law, or none although the innovations are not noise: perhaps two are needed together
-        now = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else np.inf
-        now = min(now, inner_scores["recalibrated"])
-        left = _left(revised, recalibrated, now, inner_scores["recalibrated"], training)
-        if spread_of(revised, training) > 1.0 and left > POOR and all(c.sigma_known for c in training):
-            pair = _pair(recalibrated, fitter, terms, inner, inner_scores, now, predictor, rng, training, stop)
-            if pair and pair[0].fit is not None:
-                found, revised = pair, pair[0].fit
-    else:
-        notes.append("pairs were not tried: the time was up")
-    spread = spread_of(revised, training) if found else spread
-    white_revised = whiteness(revised, training, numbers(revised))
-
-    verdict, flexible = _verdict(
-        found, arms_alive, inner_scores, white_recalibrated, naive, recalibrated, revised, spread,
-        bool(adjustables), training, notes,
-    )  # fmt: skip
-    if verdict == "unmodelled":
-        best_named = found[0] if found else None
-        if (
-            flexible is not None
-            and flexible.fit is not None
-            and (best_named is None or flexible.inner < best_named.inner)
-        ):
-            found, revised = [flexible], flexible.fit
-    rivals = _rivals(found, alive, spread, verdict)
-
-    # 2. locate: innovations of short windows under the recalibrated scene
-    progress("locating", 0.76)
-    windows: WindowMap | None = None
-    places: tuple[Place, ...] = ()
-    if verdict not in ("no_mismatch",):
-        variance = _variance_by_case(revised, training)
-        windows = window_map(fitter, recalibrated, variance)
-        places = locate(windows, training)
-        if not places and verdict != "recalibrate":
-            windows = window_map(fitter, recalibrated, variance, pieces=2)
-            places = locate(windows, training)
-        if not places and found:
-            places = _whole(found, recalibrated, revised, training)
-        if verdict == "recalibrate" and not places:
-            windows = window_map(fitter, naive, variance, pieces=2)
-            places = locate(windows, training)
-
-    # 6. held out: looked at only now that the verdict is fixed
-    progress("held-out data", 0.84)
-    train = {
-        "naive": training_errors(naive, training),
-        "recalibrated": training_errors(recalibrated, training),
-        "revised": training_errors(revised, training),
-    }
-    held = {}
-    for name, fit in (("naive", naive), ("recalibrated", recalibrated), ("revised", revised)):
-        # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
-        memory = np.inf
-        if any(c.held_out for c in cases) and spread_of(fit, training) > 1.0:
-            memory = learn_memory(fit.hypothesis, fit, cases, predictor, stop)
-        held[name] = held_out_errors(fit.hypothesis, fit, cases, predictor, stop, memory=memory)
-    progress("noise floor", 0.92)
-    floor = noise_floor(revised.hypothesis, revised, cases, predictor, stop, rng)
-
-    # 9. the experiment that decides between the rivals
-    proposal = None
-    close = [trial for trial, same in rivals if trial.fit is not None]
-    if found and close and found[0].fit is not None and not late(0.9):
-        progress("the next experiment", 0.95)
-        winner = found[0].fit
-        loser = close[0].fit
-        assert loser is not None
-        if len(found) == 1:
-            proposal = propose(winner, loser, (found[0].mechanism, close[0].mechanism), cases, predictor, stop)
-    progress("done", 1.0)
-    if len(predictor.failures) > 0.05 * predictor.runs:
-        notes.append(f"{len(predictor.failures)} runs could not be finished, the first: {predictor.failures[0]}")
-    return Diagnosis(
-        cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
-        rivals=rivals, trials=alive + [t for t in trials if t.fit is None],
-        flexible=flexible or min(arms_alive, key=lambda t: t.inner, default=None),
-        null=null, white_naive=white_naive, white_recalibrated=white_recalibrated, white_revised=white_revised,
-        windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=inner_scores,
-        proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=predictor.runs, seed=seed,
-        dropped_bodies=dropped, dt=dict(predictor.dt),
-    )  # fmt: skip
-
-
-def _noise_of(fit: Fit, cases: Sequence[Case], spread: float, numbers: int = 0) -> list[np.ndarray] | None:
-    """What the nulls are drawn from: None for known white noise, else what the best fit leaves over."""
-    if spread <= 1.0 and all(c.sigma_known for c in cases):
-        return None
-    # fitted numbers have taken some of the noise away
-    size = np.sqrt(fit.count / max(fit.count - numbers, 1))
-    return [fit.innovations[c.name] * size for c in cases]
-
-
-def _score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[Trial]:
-    """Inner scores of the trials that are near the best; the others keep an infinite one."""
-    if not trials:
-        return []
-    best = max(t.gain for t in trials)
-    result = []
-    for t in trials:
-        assert t.fit is not None
-        if t.gain >= 0.5 * best and t.gain > 0:
-            score, _ = inner.score(t.fit)
-            t = replace(t, inner=score)
-        result.append(t)
-    return result
-
-
-def _worth(trial: Trial, spread: float) -> float:
-    """Gain in chi2 over the inflation, less what as many free numbers gain by chance (AIC)."""
-    return trial.gain / spread - 2 * trial.used
-
-
-def _excess(trial: Trial) -> float:
-    """Chi2 beyond that of noise, 0 where it is within three of its standard deviations."""
-    assert trial.fit is not None
-    left = trial.fit.chi2 - trial.fit.count
-    return left if left > 3 * np.sqrt(2 * trial.fit.count) else 0.0
-
-
-def _choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
-    """The candidate to be named.
-
-    Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
-    training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
-    one with fewest numbers, apparatus before physics.
-    """
-    trials = [t for t in trials if _worth(t, spread) > 8 and t.inner < base_inner]
-    if not trials:
-        return None
-    if spread <= 1.0:
-        best = max(trials, key=lambda t: _worth(t, spread))
-        same = [t for t in trials if _worth(best, spread) - _worth(t, spread) < SAME]
-        # the best of several richer laws gains by chance more than one of them would
-        for t in trials:
-            extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
-            if extra > 0 and best.holds(t, SAME * spread) and ahead < stats.chi2.isf(SIMPLER, extra):
-                same.append(t)
-    else:
-        near = [t for t in trials if _worth(t, spread) > 0.5 * max(_worth(u, spread) for u in trials)]
-        best = min(near, key=lambda t: t.inner)
-        same = [t for t in near if t.inner < 1.02 * best.inner]
-    # where something remains, a law with more numbers must remove most of what a simpler one leaves
-    same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
-    return min(same, key=lambda t: (t.used, not is_apparatus(t), -t.gain))
-
-
-def _prune(
-    chosen: Trial,
-    base: Fit,
-    fitter: Fitter,
-    inner: InnerSplit,
-    spread: float,
-    predictor: Predictor,
-    stop: Callable[[], bool],
-    notes: list[str],
-) -> tuple[Trial | None, dict[str, str]]:
-    """Keep a law only for the bodies whose own recordings ask for it, and where no camera scale does as well."""
-    bodies = owners(chosen.term)
-    if len(bodies) < 2 or chosen.fit is None:
-        return chosen, {}
-    dropped: dict[str, str] = {}
-    kept = []
-    for owner in bodies:
-        mine = [c for c in fitter.cases if owner in c.recording.scene.ids]
-        if not mine:
-            continue
-        alone = Fitter(mine, predictor, {c.name: fitter.frames[c.name] for c in mine}, stop)
-        base_fit = alone.fit(base.hypothesis, base.values, base.starts, fixed=True)
-        own = for_bodies(chosen.term, [owner])
-        assert own is not None
-        term, index = own
-        n = len(base.hypothesis.free)
-        start = np.concatenate([base.values, chosen.fit.values[n + np.array(index)]])
-        hypothesis = Hypothesis((*base.hypothesis.terms, term))
-        with_law = alone.fit(hypothesis, start, chosen.fit.starts)
-        own_spread = spread_of(with_law, mine)
-        gain = (base_fit.chi2 - with_law.chi2) / own_spread
-        split = InnerSplit.make(mine, predictor, stop)
-        without, _ = split.score(base_fit)
-        with_, _ = split.score(with_law)
-        if gain < 10:
-            dropped[owner] = f"its own data gain only {gain:.1f} in chi2 (over their spread)"
-        elif gain < 40 and not with_ < without:
-            dropped[owner] = "its own data gain little, and are not predicted better with it"
-        elif _one_camera_will_do(chosen, owner, base, fitter, own_spread):
-            dropped[owner] = "one camera scale for all recordings explains its data as well"
-        if owner not in dropped:
-            kept.append(owner)
-    if not kept:
-        notes.append(f"{chosen.mechanism} was not kept for any single body")
-        return None, dropped
-    if len(kept) == len(bodies):
-        return chosen, dropped
-    part = for_bodies(chosen.term, kept)
-    assert part is not None
-    term, index = part
-    values = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)]])
-    fit = fitter.fit(base.hypothesis.with_term(term), values, chosen.fit.starts)
-    score, _ = inner.score(fit)
-    signature = replace(chosen.signature, term=term)
-    return Trial(signature, fit, base.chi2 - fit.chi2, score), dropped
-
-
-def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, spread: float) -> bool:
-    """Whether a scale of the one camera, with the law on all other bodies, does as well as the law on this one too."""
-    scale = next((t for t in camera_terms(fitter.cases) if t.mechanism == "camera_scale"), None)
-    others = for_bodies(chosen.term, [b for b in owners(chosen.term) if b != owner])
-    if scale is None or others is None or chosen.fit is None:
-        return False
-    term, index = others
-    start = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)], [1.0]])
-    rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
-    return (rival.chi2 - chosen.fit.chi2) / spread < SAME
-
-
-def _second(found, revised, recalibrated, fitter, terms, inner, inner_scores, rng, training) -> tuple[list[Trial], Fit]:
-    """Add a second law where it is significant and predicts better."""
-    if found:
-        first = found[0]
-        rest = [t for t in terms if t.mechanism != first.mechanism]
-        beside = make_bank(fitter, revised, rest)
-        # where something else is wrong too, a law with many numbers fits whatever that is
-        spread = spread_of(revised, training)
-        open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
-        order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
-        second_trials = []
-        for signature in order:
-            fit = refit(fitter, revised, signature, (1.0,))
-            second_trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
-        if not second_trials:
-            return found, revised
-        best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
-        spread = spread_of(best_fit, training)
-        base_inner, base_by = inner.score(revised)
-        scored = []
-        for t in second_trials:
-            if _worth(t, spread) > 8:
-                assert t.fit is not None
-                score, by_case = inner.score(t.fit)
-                better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [0.0])
-                scored.append((replace(t, inner=score), float(better)))
-        good = (
-            [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
-            if spread > 1.0
-            else [t for t, _ in scored if t.inner < base_inner]
+    if study.late(0.6):
+        study.notes.append("pairs were not tried: the time was up")
+        return found, revised, dropped
+    study.progress("pairs", 0.7)
+    scores, training = tried.inner, study.training
+    found, revised = second_law(
+        found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
+    )
+    # a poor first law, or none although the innovations are not noise: perhaps two are needed together
+    now = scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else np.inf
+    now = min(now, scores["recalibrated"])
+    left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
+    if spread_of(revised, training) > 1.0 and left > POOR and all(c.sigma_known for c in training):
+        pair = pair_of(
+            recalibrated, fitter, tried.terms, inner, scores, now, predictor, study.rng, training, study.stop
         )
-        if not good:
-            return found, revised
-        best = _choose(good, spread, base_inner)
-        if best is None or best.fit is None:
-            return found, revised
-        null = search_nulls(
-            beside, _noise_of(best.fit, fitter.cases, spread),
-            np.array([s.surviving > 0.02 for s in beside.signatures]),
-            best.gain, 99, rng,
-        )  # fmt: skip
-        if null.p > ALARM:
-            return found, revised
-        # the first may only have been stuck: refitted alone from where the two ended
-        alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
-        if alone.chi2 < revised.chi2:
-            first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
-            found, revised = [first], alone
-        gain = (alone.chi2 - best.fit.chi2) / spread
-        if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
-            return found, revised
-        inner_scores[f"{first.term.label} + {best.term.label}"] = best.inner
-        # beside the second law another drag than the one that came first alone may do better
-        both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
-        pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
-        if pair is not both and pair[0].fit is not None:
-            return pair, pair[0].fit
-        return [first, best], best.fit
-    return found, revised
+        if pair and pair[0].fit is not None:
+            found, revised = pair, pair[0].fit
+    return found, revised, dropped
 
 
-def _pair(
-    base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit, inner_scores: dict[str, float], best: float,
-    predictor: Predictor, rng: np.random.Generator, training: Sequence[Case], stop: Callable[[], bool],
-) -> list[Trial]:  # fmt: skip
-    """Two laws that help only together (a repulsion at a distance and a drag), none where there is no such pair.
+def _located(
+    study: Study, verdict: str, naive: Fit, recalibrated: Fit, revised: Fit, found: list[Trial]
+) -> tuple[WindowMap | None, tuple[Place, ...]]:
+    """Where innovations of short windows under the recalibrated scene stand out, and their map."""
+    if verdict == "no_mismatch":
+        return None, ()
+    training = study.training
+    variance = _variance_by_case(revised, training)
 
-    Signatures of the first third of each track rank the pairs, where the prediction is still linear in them;
-    the best are refitted on growing parts. ``best``: the inner score that they have to beat.
-    """
-    third = {}
-    for case in fitter.cases:
-        rows = np.flatnonzero(fitter.frames[case.name])
-        third[case.name] = np.zeros(len(case.t), dtype=bool)
-        third[case.name][rows[: max(len(rows) // 3, min(12, len(rows)))]] = True
-    short = Fitter(fitter.cases, predictor, third, stop)
-    start = short.fit(base.hypothesis, base.values)
-    bank = make_bank(short, start, [t for t in terms if len(t.free) <= 2])
-    ranked = [(extra, i, j) for extra, i, j in pair_gains(bank) if extra > 20]
-    tried: set[tuple[str, str]] = set()
-    winner: list[Trial] = []
-    for _, i, j in ranked:
-        a, b = bank.signatures[i], bank.signatures[j]
-        names = (a.term.mechanism, b.term.mechanism)
-        if names in tried:
-            continue  # the best of their variants has been tried
-        if len(tried) == 6:
-            break
-        tried.add(names)
-        hypothesis = base.hypothesis.with_term(a.term, b.term)
-        fit = fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
-        gain = base.chi2 - fit.chi2
-        spread = spread_of(fit, training)
-        if gain / spread < 12 + 2 * len(hypothesis.free):
-            continue
-        score, _ = inner.score(fit)
-        # the first pair has to beat what there is by a margin, the next ones only that pair
-        if not score < (best if winner else 0.5 * best):
-            continue
-        whole = make_bank(fitter, base, [a.term, b.term])
-        null = search_nulls(whole, _noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
-        if null.p <= ALARM:
-            best = score
-            inner_scores[f"{a.term.label} + {b.term.label}"] = score
-            winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
-    if winner and winner[0].fit is not None:
-        # strength and shape of a law lie along a valley: walk it to its end
-        fit = winner[0].fit
-        fit = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
-        winner = [replace(t, fit=fit, gain=base.chi2 - fit.chi2) for t in winner]
-        winner = _partners(winner, base, fitter, terms, inner, inner_scores, training)
-    return winner
+    def seen(fit: Fit, **how: int) -> tuple[WindowMap, tuple[Place, ...]]:
+        windows = window_map(study.fitter, fit, variance, **how)
+        return windows, locate(windows, training)
+
+    windows, places = seen(recalibrated)
+    if not places and verdict != "recalibrate":
+        windows, places = seen(recalibrated, pieces=2)
+    if not places and found:
+        places = _whole(found, recalibrated, revised, training)
+    if verdict == "recalibrate" and not places:
+        windows, places = seen(naive, pieces=2)
+    return windows, places
 
 
-def _partners(
-    pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], training: Sequence[Case],
-) -> list[Trial]:  # fmt: skip
-    """The pair with its drag (a law of one strength on single bodies) exchanged for every other, the best of them.
-
-    The signatures that found the pair were those of a short first part, where one drag looks like another.
-    Each begins at the amount that moves the bodies as the present one does.
-    """
-    best, fit = pair, pair[0].fit
-    assert fit is not None
-    offset = len(base.values)
-    for which in (0, 1):
-        term, keep = pair[which].term, pair[1 - which]
-        at = offset + (len(pair[0].term.free) if which else 0)
-        if len(term.free) != 1 or term.mechanism not in SINGLE:
-            continue
-        rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
-        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
-        others = [t for t in terms if t.mechanism in SINGLE and len(t.free) == 1 and t.label != term.label]
-        others = [t for t in others if t.mechanism != keep.mechanism]
-        for other in make_bank(fitter, fit, others).signatures:
-            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
-            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
-            power = float(column @ column)
-            if power == 0.0:
-                continue
-            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
-            hypothesis = base.hypothesis.with_term(keep.term, other.term)
-            begin = [*fit.values[:offset], *fit.values[rows], amount]
-            found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
-            gain = base.chi2 - found.chi2
-            if gain > best[0].gain + SAME * spread_of(found, training):
-                score, _ = inner.score(found)
-                inner_scores[f"{keep.term.label} + {other.term.label}"] = score
-                best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
-    return best
+def _held_out(study: Study, fit: Fit) -> Errors:
+    memory = np.inf
+    # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
+    if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
+        memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
+    return held_out_errors(fit.hypothesis, fit, study.cases, study.predictor, study.stop, memory=memory)
 
 
-def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
-    """Whether the interval of at least one strength of the last term leaves out where the law is absent."""
-    offset = len(fit.values) - trial.numbers
-    for k, free in enumerate(trial.term.free):
-        _, low, high = fit.interval(offset + k, spread)
-        if not free.inner and not low <= free.neutral <= high:
-            return True
-    return False
-
-
-def _left(revised: Fit, recalibrated: Fit, inner: float, base: float, training: Sequence[Case]) -> float:
-    """The share of the misfit that an explanation leaves: of that inside the training part, or of chi2 if larger.
-
-    A wrong law with a number for each body may predict far better than none and still follow nothing closely;
-    where the size of the noise is given, what is left in chi2 shows it.
-    """
-    share = (inner - 1.0) / max(base - 1.0, 1e-12)
-    rest = revised.chi2 - revised.count
-    if all(c.sigma_known for c in training) and rest > 3 * np.sqrt(2 * revised.count):
-        share = max(share, rest / max(recalibrated.chi2 - recalibrated.count, 1e-12))
-    return float(share)
-
-
-def _verdict(
-    found, arms, inner_scores, white_recalibrated, naive, recalibrated, revised, spread, adjustable, training, notes
-) -> tuple[str, Trial | None]:
-    """Which of the five verdicts, and the flexible arm where it wins."""
-    base = inner_scores["recalibrated"]
-    arm = min(arms, key=lambda t: t.inner, default=None)
-    named_inner = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else base
-    named_gain = recalibrated.chi2 - revised.chi2
-    if arm is not None and arm.fit is not None:
-        more = arm.numbers - sum(t.numbers for t in found)
-        ahead = (arm.gain - named_gain) / spread - 2 * more
-        # a margin in prediction and in fit, so that a spline of the same law does not win by chance
-        clear = ahead > (25 if more > 0 else 12) and arm.inner < 0.9 * named_inner
-        clear = clear and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
-        # two laws that one force of no more numbers replaces were put together to imitate it
-        instead = len(found) > 1 and more <= 0 and ahead > SAME and arm.inner <= named_inner
-        if arm.inner < base and (clear or instead):
-            return "unmodelled", arm
-    if found:
-        # a law that is the best of a poor lot is not an explanation
-        left = _left(revised, recalibrated, named_inner, base, training)
-        if spread > 1.0 and left > POOR:
-            notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
-            if all(is_apparatus(t) for t in found):
-                notes.append("until the apparatus is put right these data say nothing about the physics")
-                return "measurement", None
-            return "unmodelled", arm
-        if all(is_apparatus(t) for t in found):
-            return "measurement", None
-        return "missing_physics", None
-    if white_recalibrated.z > 6 and white_recalibrated.p < 1e-6:
-        # the size of the noise is given, and this is more than noise
-        notes.append("the innovations are far above the stated noise, and no named law predicts them better")
-        return "unmodelled", arm
-    improved = naive.chi2 - recalibrated.chi2
-    if adjustable and improved / spread > 12 + 2 * len(recalibrated.values):
-        return "recalibrate", None
-    if white_recalibrated.p < 1e-4:
-        notes.append("the innovations are not white noise, but nothing tried predicts them better")
-    return "no_mismatch", None
-
-
-def _rivals(found: list[Trial], alive: list[Trial], spread: float, verdict: str) -> list[tuple[Trial, bool]]:
-    """Other candidates, best first, once for each name; True where these data cannot tell them apart."""
-    if not found:
-        return []
+def _proposed(study: Study, found: list[Trial], rivals: list[tuple[Trial, bool]]) -> Proposal | None:
+    """The experiment that decides between what was found and its first rival."""
+    close = [trial for trial, _ in rivals if trial.fit is not None]
+    if not found or not close or found[0].fit is None or study.late(0.9):
+        return None
+    study.progress("the next experiment", 0.95)
+    loser = close[0].fit
+    assert loser is not None
     if len(found) > 1:
-        taken = {t.mechanism for t in found}
-        return [(t, False) for t in alive if t.mechanism not in taken][:3]
-    winner = found[0]
-    result: list[tuple[Trial, bool]] = []
-    seen = {winner.mechanism}
-    for t in sorted(alive, key=lambda t: -t.gain):
-        if t.mechanism in seen or t.fit is None or winner.fit is None:
-            continue
-        if t.gain < 0.2 * winner.gain:
-            continue
-        seen.add(t.mechanism)
-        same = _worth(winner, spread) - _worth(t, spread) < SAME
-        result.append((t, bool(same)))
-    return result[:8]
+        return None
+    names = (found[0].mechanism, close[0].mechanism)
+    return propose(found[0].fit, loser, names, study.cases, study.predictor, study.stop)
+
+
+def _numbers(fit: Fit) -> int:
+    return len(fit.values) + sum(len(s) for s in fit.starts.values())
 
 
 def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
@@ -709,6 +370,3 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     return (
         Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, max(p, 1e-300), cases[0].name),
     )
-
-
-__all__ = ["Diagnosis", "diagnose_bodies"]

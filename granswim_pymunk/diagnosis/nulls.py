@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .data import Case
+from .fit import Fit
 from .signatures import Bank
 
 
@@ -81,3 +83,12 @@ def search_nulls(
     else:
         drawn = np.column_stack([np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)])
     return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)
+
+
+def noise_of(fit: Fit, cases: Sequence[Case], spread: float, numbers: int = 0) -> list[np.ndarray] | None:
+    """What the nulls are drawn from: None for known white noise, else what the best fit leaves over."""
+    if spread <= 1.0 and all(c.sigma_known for c in cases):
+        return None
+    # fitted numbers have taken some of the noise away
+    size = np.sqrt(fit.count / max(fit.count - numbers, 1))
+    return [fit.innovations[c.name] * size for c in cases]
