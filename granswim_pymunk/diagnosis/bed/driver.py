@@ -174,12 +174,12 @@ def diagnose_windows(
     rng = np.random.default_rng(seed)
     notes: list[str] = []
     progress("cutting windows", 0.01)
-    start = _begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, notes)
+    start = begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, notes)
     bench, clock = start.bench, start.clock
 
-    search, naive_base, noise = _recalibrated(start, rng, progress)
-    signatures = _signatures(search, start.terms, notes)
-    trials, null, score = _screened(search, signatures, rng, notes)
+    search, naive_base, noise = recalibrated(start, rng, progress)
+    signatures = signatures_in_time(search, start.terms, notes)
+    trials, null, score = screened(search, signatures, rng, notes)
     p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
     trials, found = _leading(search, trials, null, score, p)
 
@@ -240,7 +240,7 @@ def diagnose_windows(
 # ---- steps -----------------------------------------------------------------------------------
 
 
-def _begin(
+def begin(
     recordings: Sequence[Recording], hold_out: Sequence[Recording], minutes: float | None, seed: int, twins: int,
     candidates: Sequence[str] | None, plan: Plan | None, cut: bool, notes: list[str],
 ) -> Beginning:  # fmt: skip
@@ -322,7 +322,7 @@ class NoiseChi2:
         return (float(rest @ rest) - self.mean) / self.spread
 
 
-def _recalibrated(
+def recalibrated(
     start: Beginning, rng: np.random.Generator, progress: Progress
 ) -> tuple[Search, Prediction, NoiseChi2]:
     """Adjustables first, with twins of the recalibrated scene; also the naive scene's prediction, and null chi2."""
@@ -353,7 +353,7 @@ def _recalibrated(
     return search, naive_base, noise
 
 
-def _signatures(search: Search, terms: Sequence[Term], notes: list[str]) -> list[BedSignature]:
+def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) -> list[BedSignature]:
     """Of all terms that there is time for, in a part of the windows."""
     apart = search.apart()
     signatures: list[BedSignature] = []
@@ -373,7 +373,7 @@ def _signatures(search: Search, terms: Sequence[Term], notes: list[str]) -> list
     return signatures
 
 
-def _screened(
+def screened(
     search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator, notes: list[str]
 ) -> tuple[list[BedTrial], np.ndarray, float]:
     """All candidates to first order, best first; what the same search gains in nulls (REPLICATES,), and here."""

@@ -88,22 +88,18 @@ def signature_of(
     return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
 
 
-def as_in_twins(
-    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int
-) -> tuple[list[BedTrial], float]:
-    """The first trials with what the same columns, made of each twin's own starts, give in twins taken off.
+def own_answers(
+    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, members: int
+) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+    """Of each trial the amounts (N, k) that twins, which lack nothing, show, with columns (n, k) of their own starts.
 
-    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
-    nothing, the mean amount is that bias. Returns the trials in their order, and by how much the gains of twins are
-    wider so than with the columns of the film (1 at least). Raises Failed.
-    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
+    Raises Failed.
     """
     assert bench.twin_scene is not None
     hypothesis, values = bench.twin_scene
-    leading = list(trials[:LEANING])
     wanted = [(hypothesis, values)]
     ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
-    for t in leading:
+    for t in trials:
         mine = []
         for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
             at = []
@@ -116,17 +112,32 @@ def as_in_twins(
         ends.append(mine)
     views = bench.twin_views(wanted, windows, members, bench.members)
     films = off(nuisance, whole_films(bench.noises, windows))
-    number = min(films.shape[1], len(views))
+    found = []
+    for t, pairs in zip(trials, ends, strict=True):
+        after, before = np.array(pairs).T
+        spans = t.signature.tried - t.signature.other
+        shapes = [off(nuisance, (view[:, after] - view[:, before]) / spans) for view in views[: films.shape[1]]]
+        answers = [np.linalg.lstsq(c, film, rcond=1e-8)[0] for c, film in zip(shapes, films.T, strict=False)]
+        found.append((np.array(answers), shapes))
+    return found
+
+
+def as_in_twins(
+    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int
+) -> tuple[list[BedTrial], float]:
+    """The first trials with what the same columns, made of each twin's own starts, give in twins taken off.
+
+    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
+    nothing, the mean amount is that bias. Returns the trials in their order, and by how much the gains of twins are
+    wider so than with the columns of the film (1 at least). Raises Failed.
+    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
+    """
     done, own, cross = [], 0.0, 0.0
-    for t, mine in zip(leading, ends, strict=True):
-        answers, shapes = [], []
-        after, before = np.array(mine).T
-        for k in range(number):
-            columns = (views[k][:, after] - views[k][:, before]) / (t.signature.tried - t.signature.other)
-            clear = off(nuisance, columns)
-            answers.append(np.linalg.lstsq(clear, films[:, k], rcond=1e-8)[0])
-            shapes.append(clear)
-        bias = np.mean(answers, axis=0)
+    leading = list(trials[:LEANING])
+    films = off(nuisance, whole_films(bench.noises, windows))
+    for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
+        number = len(answers)
+        bias = answers.mean(axis=0)
         amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
         done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None))
         scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
