@@ -14,10 +14,10 @@ import numpy as np
 
 from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, signatures_in_time
 from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
-from granswim_pymunk.diagnosis.bed.search import own_answers
+from granswim_pymunk.diagnosis.bed.search import REPLICATES, own_answers
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
-from granswim_pymunk.diagnosis.bed.trial import ALARM, trial_of
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
+from granswim_pymunk.diagnosis.choose import ALARM
 from granswim_pymunk.diagnosis.fit import basis
 from granswim_pymunk.recording import read_recording
 
@@ -32,14 +32,14 @@ def main(folder: str, twins: int = TWINS) -> None:
     start = begin([read_recording(folder)], [], MINUTES, 0, twins, None, plan, True, notes)
     search, _, _ = recalibrated(start, np.random.default_rng(0), lambda text, share: print(text, file=sys.stderr))
     signatures = signatures_in_time(search, start.terms, notes)
-    bench, few, nuisance = search.bench, search.few, search.nuisance[search.at]
+    bench, few, nuisance = search.bench, search.few, search.few_nuisance
     films = off(nuisance, whole_films(bench.noises, few))
-    drawn = off(nuisance, recombined(bench.noises, few, 499, np.random.default_rng(1)))
+    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, np.random.default_rng(1)))
     plain = np.max([s.best(drawn)[1] for s in signatures], axis=0)
-    trials, null, score = screened(search, signatures, np.random.default_rng(2), notes)
-    asked = [trial_of(t.signature, t.amounts, t.linear, None) for t in trials[:ASKED]]
+    trials, null = screened(search, signatures, np.random.default_rng(2), notes)
+    asked = trials[:ASKED]
     cross, own = [], []
-    for t, (answers, shapes) in zip(asked, own_answers(bench, asked, few, nuisance, 2), strict=True):
+    for t, (answers, shapes) in zip(asked, own_answers(bench, asked, few, nuisance, plan.screening), strict=True):
         q = basis(t.signature.clear)
         size = q.shape[1]
         cross.append(np.mean(np.sum((q.T @ films) ** 2, axis=0)) / size)
@@ -49,9 +49,9 @@ def main(folder: str, twins: int = TWINS) -> None:
     print(f"variance of whitened innovations: {np.mean(films**2):.2f}")
     print(f"gain of a number in twins: {np.mean(cross):.2f} by columns of the film, {np.mean(own):.2f} by their own")
     print(f"a bias that so many twins tell: {(twins + 1) / (twins - 1):.2f} times the scatter")
-    levels = [float(np.quantile(gains, 1 - ALARM)) for gains in (plain, null)]
+    levels = [float(np.quantile(gains, 1 - ALARM)) for gains in (plain, null.gains)]
     print(f"1 % of the nulls: {levels[0]:.1f} in twins, {levels[1]:.1f} in the end")
-    print(f"most that a candidate gains here: {score:.1f} ({trials[0].term.label})")
+    print(f"most that a candidate gains here: {null.case:.1f} ({trials[0].term.label})")
 
 
 if __name__ == "__main__":

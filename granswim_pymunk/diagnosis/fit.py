@@ -191,23 +191,21 @@ class Fitter:
             if self.stop():
                 raise KeyboardInterrupt
             values, starts = unpack(z)
-            rows = _POOL.map(lambda c: self._innovations(c, hypothesis, values, starts[c.name], parts[c.name]), cases)
-            found = dict(zip(parts, rows, strict=True))
-            # the solver asks for the Jacobian where it last looked
-            last.update(z=np.array(z), found=found)
-            return np.concatenate([rows[use[name]] for name, rows in found.items()])
+            seen = _POOL.map(lambda c: self._innovations(c, hypothesis, values, starts[c.name], parts[c.name]), cases)
+            last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
+            return np.concatenate([last["seen"][name][use[name]] for name in parts])
 
-        last: dict[str, Any] = {}
+        last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
         def jacobian(z):
             values, starts = unpack(z)
             result = np.zeros((rows[-1], len(z)))
-            known = last["found"] if last and np.array_equal(last["z"], z) else {}
+            if not last or not np.array_equal(last["z"], z):
+                residuals(z)
             for k, c in enumerate(cases):
-                columns, block = self._jacobian(
-                    c, hypothesis, values, starts[c.name], parts[c.name], fixed, known.get(c.name)
-                )
+                here = last["seen"][c.name]
+                columns, block = self._jacobian(c, hypothesis, values, starts[c.name], parts[c.name], fixed, here)
                 span = slice(rows[k], rows[k + 1])
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
@@ -230,15 +228,13 @@ class Fitter:
         values, starts = unpack(solution.x)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
 
-    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed=False, here=None):
+    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed, here):
         """d(predicted/sigma) by the numbers that bear on this recording: (indices, list of (T, c)).
 
-        Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand, if known.
+        Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand.
         """
         columns: list[int] = []
         changes: list[tuple[np.ndarray, np.ndarray, float]] = []
-        if here is None:
-            changes.append((np.asarray(values, dtype=float), numbers, 1.0))
         if not fixed:
             for k, f in enumerate(hypothesis.free):
                 if f.cases is not None and case.name not in f.cases:
@@ -258,8 +254,6 @@ class Fitter:
             changes.append((np.asarray(values, dtype=float), moved, 0.1 * scale))
         # the compiled loops release the GIL; threads change no bit of the result
         found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
-        if here is None:
-            here, found, changes = found[0], found[1:], changes[1:]
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
     def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed, here) -> tuple[np.ndarray, np.ndarray]:

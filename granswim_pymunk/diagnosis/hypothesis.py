@@ -62,6 +62,11 @@ class Hypothesis:
     def free(self) -> tuple[Free, ...]:
         return tuple(f for term in self.terms for f in term.free)
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest of all free numbers, (p,) each."""
+        return np.array([f.low for f in self.free]), np.array([f.high for f in self.free])
+
     def with_term(self, *terms: Term) -> Hypothesis:
         return Hypothesis(self.terms + terms)
 

@@ -128,6 +128,11 @@ class Bench:
             parts.append(noise.whiten((a[:, :m] - b[:, :m]).mean(axis=1) + hidden, chosen).ravel())
         return np.concatenate(parts)
 
+    def columns(self, ends: Sequence[Prediction], spans: np.ndarray, windows: Windows) -> np.ndarray:
+        """(n, p) whitened changes for one unit of each number; ``ends``, ``spans``: see ``both_sides``."""
+        changes = [self.change(after, before, windows) for before, after in zip(ends[::2], ends[1::2], strict=True)]
+        return np.column_stack([change / span for change, span in zip(changes, spans, strict=True)])
+
     # ---- noise --------------------------------------------------------------------------------
 
     def first_noise(self, predicted: Prediction, windows: Windows) -> None:
@@ -221,6 +226,15 @@ class Bench:
         found = dict(zip(tasks, POOL.map(one, tasks), strict=True))
         beds = [b for b in range(len(self.beds)) if len(windows[b])]
         return np.stack([np.concatenate([found[b, k] for b in beds]) for k in range(self.twins)])
+
+
+def both_sides(
+    z: np.ndarray, steps: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Each number of ``z`` a step lower and a step higher, within bounds: (2p numbers in turn), and the spans (p,)."""
+    pairs = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
+    spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(pairs)])
+    return [end for pair in pairs for end in pair], spans
 
 
 def check_runs(found: Prediction | None, where: str) -> Prediction:

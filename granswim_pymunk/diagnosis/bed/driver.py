@@ -16,10 +16,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...recording import Recording
+from ..choose import ALARM
 from ..data import choose_held_out
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
-from .bench import Bench, Prediction, Windows, check_runs
+from ..nulls import Null
+from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import PictureScale, across_term, bed_terms, check_bed, picture_scale
 from .cut import REACH
 from .experiment import Proposal, propose
@@ -34,14 +36,14 @@ from .search import (
     as_in_twins,
     clock_before_motor,
     flexible_arm,
+    gains_in_nulls,
     plainer_first,
     positions,
     second_law,
     thinned,
-    unsure,
 )
-from .signatures import BedSignature, coherence, make_signature, off, recombined, whole_films
-from .trial import ALARM, SURE, BedTrial, beyond_nothing, moved_to, trial_of
+from .signatures import BedSignature, make_signature, off, recombined
+from .trial import SURE, BedTrial, beyond_nothing, first_order, moved_to
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
 CLEAR_GAIN = 200.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
@@ -179,14 +181,13 @@ def diagnose_windows(
 
     search, naive_base, noise = recalibrated(start, rng, progress)
     signatures = signatures_in_time(search, start.terms, notes)
-    trials, null, score = screened(search, signatures, rng, notes)
-    p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
-    trials, found = _leading(search, trials, null, score, p)
+    trials, null = screened(search, signatures, rng, notes)
+    trials, found = _leading(search, trials, null)
 
     progress("refining what was found", 0.78)
     plain = _without_law(search, noise)
     answer = _refined(search, plain, found, signatures, noise, start.wrong is None, rng, notes)
-    if answer.unexplained > UNEXPLAINED and p <= ALARM:
+    if answer.unexplained > UNEXPLAINED and null.p <= ALARM:
         arm = _beyond_names(search, answer, trials, notes)
         if arm is not None:
             trials = [arm, *trials]
@@ -204,8 +205,7 @@ def diagnose_windows(
         # what was told beside a wrong scale is the second law; without the scale nothing is right
         answer = replace(answer, found=scale, partner=answer.found)
         trials = [scale, *trials]
-        score = max(score, float(scale.gain or 0.0))
-        p = float((1 + np.sum(null >= score)) / (REPLICATES + 1))
+        null = replace(null, case=max(null.case, float(scale.gain or 0.0)))
 
     laws = answer.laws
     verdict = verdict_among(
@@ -213,6 +213,7 @@ def diagnose_windows(
         answer.covariance, search.used,
     )  # fmt: skip
     strayed = astray(bench) if not laws else None
+    p = null.p
     if strayed is not None:
         verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
         notes.append(strayed.text)
@@ -231,8 +232,8 @@ def diagnose_windows(
     adjusted = len(search.values)
     return BedDiagnosis(
         bench, verdict, start.naive.terms, start.naive_values, search.values, answer.values[:adjusted],
-        answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null, score, p,
-        seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
+        answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null.gains,
+        null.case, p, seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
         _excess(search, start, answer, seen, noise), notes, clock.spent, bench.runs, seed, strayed,
     )  # fmt: skip
 
@@ -375,47 +376,38 @@ def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) 
 
 def screened(
     search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator, notes: list[str]
-) -> tuple[list[BedTrial], np.ndarray, float]:
-    """All candidates to first order, best first; what the same search gains in nulls (REPLICATES,), and here."""
-    bench, few, nuisance = search.bench, search.few, search.nuisance[search.at]
-    # nulls: the same search in windows of twins
-    null = np.zeros(REPLICATES)
-    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, rng))
-    for s in signatures:
-        null = np.maximum(null, s.best(drawn)[1])
-    null *= coherence(signatures, off(nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
-
-    left = off(nuisance, search.white[search.at])
-    trials = []
-    for s in signatures:
-        amounts, gain = s.best(left[:, None])
-        trials.append(trial_of(s, amounts[:, 0], float(gain[0]), None))
-    trials.sort(key=lambda t: -t.linear)
+) -> tuple[list[BedTrial], Null]:
+    """All candidates to first order, best first; what the same search gains in nulls, and here."""
+    gains = gains_in_nulls(search, signatures, rng)
+    left = search.few_left
+    trials = sorted((first_order(s, left) for s in signatures), key=lambda t: -t.linear)
     score = trials[0].linear if trials else 0.0
     if 0.0 < score < DOUBTFUL and not search.clock.late(0.6):
         search.progress("leaders in twins", 0.64)
         try:
-            trials, wider = as_in_twins(bench, trials, few, nuisance, left, search.plan.screening)
+            trials, wider = as_in_twins(
+                search.bench, trials, search.few, search.few_nuisance, left, search.plan.screening
+            )
         except Failed:
             notes.append("twins could not be run with the laws that lead: their gains are not corrected")
         else:
-            null *= wider
+            gains = gains * wider
             score = max(t.linear for t in trials[:LEANING])
             trials.sort(key=lambda t: -t.linear)
-    return trials, null, score
+    return trials, Null(gains, score)
 
 
 def _leading(
-    search: Search, trials: list[BedTrial], null: np.ndarray, score: float, p: float
+    search: Search, trials: list[BedTrial], null: Null
 ) -> tuple[list[BedTrial], BedTrial | None]:
     """Leaders refitted by simulation, best first; the best where it is beyond the nulls."""
-    if p <= 0.1:
+    if null.p <= 0.1:
         trials = search.leaders(trials, search.bench.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
     found = trials[0] if trials and trials[0].gain is not None else None
     # the lowest of several simulations flatters: what first order does not show either is not named
-    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
-    if found is not None and (p > ALARM or (found.gain or 0.0) < SURE or score < threshold):
+    threshold = max(float(np.quantile(null.gains, 1 - ALARM)), SURE)
+    if found is not None and (null.p > ALARM or (found.gain or 0.0) < SURE or null.case < threshold):
         found = None
     if found is not None and found.linear < threshold:
         sound = [t for t in trials if t.gain is not None and t.linear >= threshold and t.gain >= SURE]
@@ -609,24 +601,12 @@ def _recalibrate(
     """One Gauss-Newton step: values, predictions with them, whitened columns (n, p) of the adjustables."""
     if not len(values):
         return values, base, np.zeros((len(bench.white(base, windows)), 0))
-    wanted, ends = [], []
-    for k, f in enumerate(hypothesis.free):
-        # chaos forgives no small step: a tenth of the range to either side
-        for side in (-0.1, 0.1):
-            moved = values.copy()
-            moved[k] = float(np.clip(values[k] + side * (f.high - f.low), f.low, f.high))
-            ends.append(moved[k])
-            wanted.append((hypothesis, moved))
+    low, high = hypothesis.bounds
+    # chaos forgives no small step: a tenth of the range to either side
+    ends, spans = both_sides(values, 0.1 * (high - low), low, high)
     try:
-        predicted = bench.predict_surely(wanted, windows)
-        columns = np.column_stack(
-            [
-                bench.change(predicted[2 * k + 1], predicted[2 * k], windows) / (ends[2 * k + 1] - ends[2 * k])
-                for k in range(len(values))
-            ]
-        )
+        columns = bench.columns(bench.predict_surely([(hypothesis, end) for end in ends], windows), spans, windows)
         change = np.linalg.lstsq(columns, bench.white(base, windows), rcond=1e-10)[0]
-        low, high = np.array([(f.low, f.high) for f in hypothesis.free]).T
         new = np.clip(values + change, low, high)
         return new, bench.predict_surely([(hypothesis, new)], windows)[0], columns
     except Failed:

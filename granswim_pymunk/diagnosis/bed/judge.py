@@ -10,9 +10,10 @@ import numpy as np
 from scipy import stats
 
 from ..candidates import APPARATUS
+from ..choose import ALARM, SAME
 from .bench import Bench, Prediction, Windows
 from .places import Place
-from .trial import ALARM, CHAOS, SAME, SURE, BedTrial
+from .trial import CHAOS, SURE, BedTrial
 
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
 LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly

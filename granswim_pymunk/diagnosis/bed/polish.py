@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from ..hypothesis import Failed, Hypothesis
-from .bench import Bench, Windows
+from .bench import Bench, Windows, both_sides
 from .plan import Plan
 from .signatures import whole_films
 from .trial import BedTrial, moved_to
@@ -22,7 +22,7 @@ def readjusted(
     predicted = bench.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
     if predicted is None:
         return values
-    low, high = np.array([(f.low, f.high) for f in hypothesis.free]).T
+    low, high = hypothesis.bounds
     change = np.linalg.lstsq(nuisance, bench.white(predicted, windows), rcond=1e-10)[0]
     reach = 0.15 * (high - low)
     return np.clip(values + np.clip(change, -reach, reach), low, high)
@@ -59,7 +59,7 @@ def polish(
         0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale
         for v, f in zip(z[adjusted:], free[adjusted:], strict=True)
     ])  # fmt: skip
-    low, high = np.array([(f.low, f.high) for f in free]).T
+    low, high = full.bounds
     try:
         second.make_twins(full, z)
         if not late:
@@ -67,15 +67,10 @@ def polish(
         bias = 0.0 if told is None else told.mean(axis=0)
         for _ in range(3):
             # to both sides: a base that the columns share with the innovations would push along its own chaos
-            ends, spans = _both_sides(full, z, steps)
-            predicted = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
-            columns = np.column_stack(
-                [
-                    second.change(predicted[2 * k + 2], predicted[2 * k + 1], windows) / span
-                    for k, span in enumerate(spans)
-                ]
-            )
-            white = second.white(predicted[0], windows)
+            ends, spans = both_sides(z, steps, low, high)
+            here, *beside = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
+            columns = second.columns(beside, spans, windows)
+            white = second.white(here, windows)
             steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
             answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
             change = steered @ (answer - away - bias)
@@ -97,14 +92,6 @@ def polish(
     return z, covariance, moved_to(trial, z[n:], covariance[n:, n:]), second, columns
 
 
-def _both_sides(full: Hypothesis, z: np.ndarray, steps: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Each number of ``z`` a step lower and a step higher, within bounds: (2p numbers in turn), and the spans (p,)."""
-    low, high = np.array([(f.low, f.high) for f in full.free]).T
-    pairs = [(np.clip(z - h, low, high), np.clip(z + h, low, high)) for h in np.diag(steps)]
-    spans = np.array([after[k] - before[k] for k, (before, after) in enumerate(pairs)])
-    return [end for pair in pairs for end in pair], spans
-
-
 def _told_by_twins(
     bench: Bench, full: Hypothesis, z: np.ndarray, steps: np.ndarray, windows: Windows
 ) -> np.ndarray:
@@ -112,7 +99,7 @@ def _told_by_twins(
 
     The truth of twins is known: the mean is the bias of least squares whose columns have the errors of the starts.
     """
-    ends, spans = _both_sides(full, z, steps)
+    ends, spans = both_sides(z, steps, *full.bounds)
     views = bench.twin_views([(full, end) for end in ends], windows, bench.members)
     films = whole_films(bench.noises, windows)
     return np.array(

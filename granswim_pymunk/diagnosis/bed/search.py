@@ -8,14 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..choose import ALARM, SAME
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
 from ..name import SPECIAL_CASES
-from .bench import Bench, Prediction, Windows
+from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings
 from .plan import LEANING, Clock, Plan
 from .signatures import BedSignature, coherence, limits, make_signature, off, recombined, to_values, whole_films
-from .trial import ALARM, CHAOS, SAME, SURE, BedTrial, smooth_minimum, trial_of
+from .trial import CHAOS, SURE, BedTrial, first_order, smooth_minimum, trial_of
 from .windows import BedCase
 
 REPLICATES = 499
@@ -138,8 +139,7 @@ def as_in_twins(
     for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
         number = len(answers)
         bias = answers.mean(axis=0)
-        amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
-        done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None))
+        done.append(first_order(t.signature, left - t.signature.clear @ bias))
         scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
         # of a mean of so many, and of the film's own answer beside it
         own += float(np.mean(scatter)) * (number + 1) / (number - 1)
@@ -199,6 +199,16 @@ class Search:
         """(n,) whitened innovations of the windows that are used."""
         return self.bench.white(self.base, self.used)
 
+    @property
+    def few_nuisance(self) -> np.ndarray:
+        """(m, p) columns of the adjustables in the windows that tell candidates apart."""
+        return self.nuisance[self.at]
+
+    @property
+    def few_left(self) -> np.ndarray:
+        """(m,) whitened innovations there, the adjustables projected out."""
+        return off(self.few_nuisance, self.white[self.at])
+
     def apart(self) -> Prediction:
         """The prediction that signatures are changes of, by members of their own. Raises Failed.
 
@@ -210,9 +220,8 @@ class Search:
     def signature(self, term: Term, apart: Prediction) -> BedSignature | None:
         """See ``signature_of``; ``apart`` as the method of that name gives it."""
         return signature_of(
-            self.bench, self.hypothesis, self.values, apart, self.nuisance[self.at], term, self.few,
-            self.plan.screening,
-        )  # fmt: skip
+            self.bench, self.hypothesis, self.values, apart, self.few_nuisance, term, self.few, self.plan.screening
+        )
 
     def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials with the gains of those that were refitted, in all training windows."""
@@ -224,7 +233,7 @@ class Search:
             self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
             if k >= 2 and self.clock.late(0.78):
                 break
-            rough.append(self.refit(t, self.few, self.nuisance[self.at], self.plan.screening, ROUGH))
+            rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, ROUGH))
         rough.sort(key=lambda t: -t.worth)
         best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
         # other exponents of a law that leads, and fewer bodies
@@ -232,7 +241,7 @@ class Search:
             for term in siblings(t.term, bed.scene):
                 if not self.clock.late(0.8):
                     other = self.refit(replace(t, signature=replace(t.signature, term=term)), self.few,
-                                       self.nuisance[self.at], self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
+                                       self.few_nuisance, self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
                     rough.append(other)
                     best.append(other)
         best = _two_forms(sorted(best, key=lambda t: -t.worth))[: max(self.plan.leaders - 2, 2)]
@@ -292,36 +301,33 @@ class Search:
         amounts = np.clip(start * (share or 1e-3), low, high)
         return trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
 
-
     def turned(self, trial: BedTrial) -> BedTrial | None:
         """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
-        extended, neutral = self.hypothesis.with_term(trial.term), np.zeros(len(trial.amounts))
+        extended = self.hypothesis.with_term(trial.term)
         low, high = limits(trial.term)
-        ends = []
-        for k, h in enumerate(np.abs(trial.signature.tried)):
-            step = neutral.copy()
-            step[k] = h
-            ends += [np.clip(trial.amounts - step, low, high), np.clip(trial.amounts + step, low, high)]
-        predicted = self.bench.predict(
-            [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in (trial.amounts, *ends)],
-            self.used,
-        )
-        here, pairs = predicted[0], list(zip(predicted[1::2], predicted[2::2], strict=True))
-        if here is None or any(a is None or b is None for a, b in pairs):
+        ends, spans = both_sides(trial.amounts, np.abs(trial.signature.tried), low, high)
+        wanted = [np.concatenate([self.values, to_values(trial.term, a)]) for a in (trial.amounts, *ends)]
+        try:
+            here, *beside = self.bench.predict_surely([(extended, numbers) for numbers in wanted], self.used)
+        except Failed:
             return None
-        columns = np.column_stack(
-            [
-                self.bench.change(after, before, self.used) / (ends[2 * k + 1][k] - ends[2 * k][k])
-                for k, (before, after) in enumerate(pairs)
-                if before is not None and after is not None
-            ]
-        )
+        columns = self.bench.columns(beside, spans, self.used)
         clear = off(self.nuisance, columns)
         change = np.linalg.lstsq(clear, off(self.nuisance, self.bench.white(here, self.used)), rcond=1e-8)[0]
         amounts = np.clip(trial.amounts + change, low, high)
         signature = replace(trial.signature, columns=columns, clear=clear)
         moved = replace(trial, amounts=amounts, signature=signature)
         return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
+
+
+def gains_in_nulls(search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator) -> np.ndarray:
+    """(REPLICATES,) what the best of these gains in windows of twins in new order, which lack nothing."""
+    bench, few, nuisance = search.bench, search.few, search.few_nuisance
+    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, rng))
+    null = np.zeros(REPLICATES)
+    for s in signatures:
+        null = np.maximum(null, s.best(drawn)[1])
+    return null * (coherence(signatures, off(nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng))
 
 
 def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
@@ -351,38 +357,29 @@ def second_law(
 
     ``search``: about the scene with that law; its ``nuisance`` has the columns of adjustables and law.
     """
-    bench, few = search.bench, search.few
-    beside = search.nuisance[search.at]
-    left = off(beside, bench.white(search.base, few))
-    drawn = off(beside, recombined(bench.noises, few, REPLICATES, rng))
-    null = np.zeros(REPLICATES)
-    others: list[BedSignature] = []
-    order: list[tuple[float, BedSignature]] = []
-    for s in signatures:
-        if s.term.label == found.term.label or s.term.mechanism == "unknown":
-            continue
-        other = make_signature(s.term, s.tried, s.columns, beside, s.other)
-        null = np.maximum(null, other.best(drawn)[1])
-        others.append(other)
-        order.append((float(other.best(left[:, None])[1][0]) - 2.0 * len(s.term.free), s))
-    null *= coherence(others, off(beside, whole_films(bench.noises, few)), drawn) * unsure(bench, rng)
+    left = search.few_left
+    others = [
+        make_signature(s.term, s.tried, s.columns, search.few_nuisance, s.other)
+        for s in signatures
+        if s.term.label != found.term.label and s.term.mechanism != "unknown"
+    ]
+    order = sorted((first_order(s, left) for s in others), key=lambda t: -t.worth)
+    null = gains_in_nulls(search, others, rng)
     threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
     try:
         apart = search.apart()
     except Failed:
         return None
-    order.sort(key=lambda item: -item[0])
     trials = []
-    for gain, s in order[:SECONDS]:
-        if gain < 0.5 * threshold or search.clock.late(0.82):
+    for rough in order[:SECONDS]:
+        if rough.worth < 0.5 * threshold or search.clock.late(0.82):
             break
-        search.progress(f"beside it: {s.term.label}", 0.80)
-        signature = search.signature(s.term, apart)
+        search.progress(f"beside it: {rough.term.label}", 0.80)
+        signature = search.signature(rough.term, apart)
         if signature is not None:
-            amounts, linear = signature.best(left[:, None])
-            trials.append(trial_of(signature, amounts[:, 0], float(linear[0]), None))
+            trials.append(first_order(signature, left))
     trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
-    done = [search.refit(t, search.used, search.nuisance, bench.members, FINE) for t in trials]
+    done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE) for t in trials]
     done = [t for t in done if (t.gain or 0.0) > threshold]
     return max(done, key=lambda t: t.worth, default=None)
 
@@ -394,7 +391,7 @@ def flexible_arm(search: Search) -> BedTrial | None:
     frames = bed.starts[used[0]]
     seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
     speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
-    white = off(search.nuisance[search.at], bench.white(search.base, search.few))
+    left = search.few_left
     apart = search.apart()
     arms: list[BedTrial] = []
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
@@ -402,9 +399,8 @@ def flexible_arm(search: Search) -> BedTrial | None:
             break
         signature = search.signature(term, apart)
         if signature is not None:
-            amounts, gain = signature.best(white[:, None])
-            arms.append(trial_of(signature, amounts[:, 0], float(gain[0]), None))
-    arms.sort(key=lambda t: -(t.linear - 2.0 * len(t.term.free)))
+            arms.append(first_order(signature, left))
+    arms.sort(key=lambda t: -t.worth)
     done = []
     for t in arms[:2]:
         refitted = search.refit(t, used, search.nuisance, bench.members, (0.6, 1.0, 1.6))

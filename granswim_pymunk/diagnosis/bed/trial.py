@@ -11,9 +11,7 @@ from scipy import stats
 from ..hypothesis import Term
 from .signatures import BedSignature, to_values
 
-ALARM = 0.01
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-SAME = 4.0  # chi2 by which two laws have to differ, d' = 2
 CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 
 
@@ -44,6 +42,12 @@ class BedTrial:
     def worth(self) -> float:
         """Gain less what as many numbers gain by chance."""
         return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
+
+
+def first_order(signature: BedSignature, left: np.ndarray) -> BedTrial:
+    """What a candidate gains to first order in what is left (n,)."""
+    amounts, gain = signature.best(left[:, None])
+    return trial_of(signature, amounts[:, 0], float(gain[0]), None)
 
 
 def trial_of(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:

@@ -9,15 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
+from ..choose import ALARM, SAME
 from ..innovations import standard_deviations
 from .conditions import Condition
 from .observe import View
 from .response import Fit, Means, add, fit, spread_of
 from .runs import Job
 from .search import (
-    ALARM,
     NAIVE,
-    SAME,
     Search,
     Trial,
     anchored,

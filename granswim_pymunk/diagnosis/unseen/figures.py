@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ...report.style import FLOOR, MUTED, NAIVE, RECALIBRATED, REVISED, SEEN, legend_above, panels, shortened, styled
+from ..choose import ALARM
 from .conclude import Finding, prediction
 from .conditions import Condition
 from .response import spread_of
-from .search import ALARM
 
 Drawn = dict[str, tuple[Figure, str]]
 

@@ -17,8 +17,6 @@ from .response import Fit, Means, Model, Sum, add, fit
 from .runs import Change, Job, Runner
 from .suspects import Suspect, suspects_of
 
-ALARM = 0.01  # share of recordings of the naive physics that may be called a mismatch
-SAME = 4.0  # two laws whose objectives differ by less (d' below 2) cannot be told apart on these data
 SURVIVES = 0.02  # of a signature, below which recalibration imitates it
 VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
 REPLICATES = 299

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ...scene import Scene, Time
+from ..choose import ALARM
 from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
 from ..swimmer_terms import equation, reported_parameters
 from .conclude import Finding, Spot
 from .figures import draw_all
-from .search import ALARM, NAIVE, Trial, change_of
+from .search import NAIVE, Trial, change_of
 
 SPOKEN = {
     "no_mismatch": "The simulation agrees with what was seen, within what packings do.",
