@@ -11,7 +11,7 @@ from ...errors import InputError
 from ..hypothesis import Failed, Hypothesis
 from ..kept import Store
 from .signatures import Noise, ensemble_noise, twin_noise
-from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
+from .windows import MEMBERS, POOL, THREADS, BedCase, BedPredictor, Job, predict_all
 
 Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that were not asked for
 Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
@@ -33,7 +33,8 @@ class Bench:
         self.noises: list[Noise] = []
         self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its twins, see BedPredictor.pace
         self.twin_scene: tuple[Hypothesis, np.ndarray] | None = None  # what the twins were made of
-        self._films: dict[tuple[int, int], BedPredictor] = {}  # of (bed, twin)
+        # of (bed, twin): its predictor, and what its windows show of the scene that it was made of
+        self._films: dict[tuple[int, int], tuple[BedPredictor, np.ndarray]] = {}
 
     def with_twins(self, twins: int) -> Bench:
         """The same predictions, to be judged by that many twins of another scene."""
@@ -89,6 +90,28 @@ class Bench:
                 assert rows is not None
                 rows.append(full)
             result.append(rows)
+        return result
+
+    def weigh(self, hypothesis: Hypothesis, values: np.ndarray) -> Prediction | None:
+        """Grains count from now on by how well they are predicted; what all windows show, None where a run failed."""
+
+        def one(task: tuple[BedPredictor, np.ndarray]) -> np.ndarray | None:
+            predictor, windows = task
+            try:
+                return predictor.weigh(hypothesis, values, windows)
+            except Failed:
+                return None
+
+        pieces = [np.array_split(np.arange(len(b.starts)), THREADS) for b in self.beds]
+        tasks = [(p, piece) for p, mine in zip(self.predictors, pieces, strict=True) for piece in mine]
+        found = list(POOL.map(one, tasks))
+        self.seen = [p.seen() for p in self.predictors]
+        result: Prediction = []
+        for k in range(0, len(found), THREADS):
+            shown = [f for f in found[k : k + THREADS] if f is not None]
+            if len(shown) < THREADS:
+                return None
+            result.append(np.concatenate(shown))
         return result
 
     def predict_surely(
@@ -157,8 +180,8 @@ class Bench:
             shape = (len(bed.starts), bed.size)
             found = self.store.get(key, (shape[0] * shape[1] + 2,)) if self.store else None
             if found is None:
-                own = self._twin(b, k)
-                left = own.seen() - own(hypothesis, values).mean(axis=1)
+                own, shown = self._twin(b, k)
+                left = own.seen() - shown.mean(axis=1)
                 found = np.concatenate([left.ravel(), own.pace()])
                 predictor.runs += own.runs
                 if self.store:
@@ -180,11 +203,12 @@ class Bench:
     def _twin_tasks(self) -> list[tuple[int, int]]:
         return [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
 
-    def _twin(self, b: int, k: int) -> BedPredictor:
-        """The predictor of a twin's windows. Raises Failed."""
+    def _twin(self, b: int, k: int) -> tuple[BedPredictor, np.ndarray]:
+        """The predictor of a twin's windows, its grains weighed like the film's, and what it shows. Raises Failed."""
         if (b, k) not in self._films:
             assert self.twin_scene is not None
-            self._films[b, k] = self.predictors[b].of(self.predictors[b].twin(*self.twin_scene, k))
+            own = self.predictors[b].of(self.predictors[b].twin(*self.twin_scene, k))
+            self._films[b, k] = own, own.weigh(*self.twin_scene)
         return self._films[b, k]
 
     def twin_views(
@@ -208,7 +232,7 @@ class Bench:
                 kept = self.store.get(key, (len(chosen) * bed.size, len(wanted)))
                 if kept is not None:
                     return kept
-            own = self._twin(b, k)
+            own, _ = self._twin(b, k)
             began = own.runs
             hidden = np.where(np.isfinite(noise.twins[k]), 0.0, np.nan)
             views = []

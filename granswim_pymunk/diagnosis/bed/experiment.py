@@ -65,7 +65,7 @@ def propose(
             film = predictor.twin(winner, np.concatenate([values, found.values]), 90)
             own = predictor.of(film, 2)
             rows = [
-                own(winner, np.concatenate([values, found.values]), chosen),
+                own.weigh(winner, np.concatenate([values, found.values]), chosen),
                 own(other, np.concatenate([values, rival.values]), chosen),
                 own(plain, values, chosen),
             ]

@@ -11,7 +11,8 @@ from scipy import stats
 
 from ..innovations import standard_deviations
 from .bench import Bench, Prediction
-from .windows import SUMS, BedCase
+from .sums import MOMENTS, size_of
+from .windows import BedCase
 
 BINS = 8  # of the cycle
 LEVEL = 0.01
@@ -39,15 +40,19 @@ class Map:
     """Sizes of the innovations of one recording against those of twins; 1 is what noise gives.
 
     disks : (W, s) mean square of each disk in each window;  sums : (W, 2) of grains near and far
-    twin_disks : (N, W, s), twin_sums : (N, W, 2) the same of twins, each against the spread of all
+    cells : (W, s) of the near grains about each disk
+    twin_disks : (N, W, s), twin_sums : (N, W, 2), twin_cells : (N, W, s) the same of twins, each against the spread of
+    all
     speed : (W,) of the swimmer's disks [m/s], root mean square
     """
 
     bed: BedCase
     disks: np.ndarray
     sums: np.ndarray
+    cells: np.ndarray
     twin_disks: np.ndarray
     twin_sums: np.ndarray
+    twin_cells: np.ndarray
     speed: np.ndarray
 
 
@@ -63,16 +68,19 @@ def maps(bench: Bench, predicted: Prediction) -> list[Map]:
             cut = values[..., : bed.swimmer_size].reshape(*values.shape[:-1], looks, s, 2)
             return cut.mean(axis=(-3, -1))
 
-        def sums(values: np.ndarray, bed=bed, looks=looks) -> np.ndarray:
+        def grains(values: np.ndarray, bed=bed, looks=looks, s=s) -> tuple[np.ndarray, np.ndarray]:
+            shape = values.shape[:-1]
             if bed.size == bed.swimmer_size:
-                return np.zeros((*values.shape[:-1], 2))
-            cut = values[..., bed.swimmer_size :].reshape(*values.shape[:-1], looks - 1, 2, len(SUMS))
-            return cut.mean(axis=(-3, -1))
+                return np.zeros((*shape, 2)), np.zeros((*shape, s))
+            cut = values[..., bed.swimmer_size :].reshape(*shape, looks - 1, size_of(s))
+            moments, cells = np.split(cut, [2 * len(MOMENTS)], axis=-1)
+            groups = moments.reshape(*shape, looks - 1, 2, len(MOMENTS)).mean(axis=(-3, -1))
+            return groups, cells.reshape(*shape, looks - 1, 2, s, 2)[..., 0, :, :].mean(axis=(-3, -1))
 
         path = seen[:, : bed.swimmer_size].reshape(len(bed.starts), looks, s, 2)
         moved = np.hypot(*np.moveaxis(path[:, -1] - path[:, 0], -1, 0)) / bed.span
         speed = np.sqrt(np.nanmean(np.where(np.isfinite(moved), moved, 0.0) ** 2, axis=1))
-        found.append(Map(bed, disks(own), sums(own), disks(twins), sums(twins), speed))
+        found.append(Map(bed, disks(own), *grains(own), disks(twins), *grains(twins), speed))
     return found
 
 
@@ -117,6 +125,9 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
     if len(bed.grains):
         for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
             add(judge(found.sums[chosen, k], found.twin_sums[:, chosen, k], per_window * n), (), region)
+        for k, name in enumerate(ids):
+            about = judge(found.cells[chosen, k], found.twin_cells[:, chosen, k], per_window * n)
+            add(about, (), f"grains within two diameters of disk {name}")
     whole = disks.mean(axis=1)
     whole_twins = twins.mean(axis=2)
     phases = bed.phases()

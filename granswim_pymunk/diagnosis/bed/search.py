@@ -223,34 +223,44 @@ class Search:
             self.bench, self.hypothesis, self.values, apart, self.few_nuisance, term, self.few, self.plan.screening
         )
 
+    def with_siblings(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
+        """Trials and, of the two that lead, other exponents and fewer bodies, to first order; best first."""
+        more: list[BedTrial] = []
+        apart, left = self.apart(), self.few_left
+        for t in trials[:2]:
+            for term in siblings(t.term, bed.scene):
+                if self.clock.late(0.7):
+                    break
+                signature = self.signature(term, apart)
+                if signature is not None:
+                    more.append(first_order(signature, left))
+        return sorted([*trials, *more], key=lambda t: -t.linear)
+
     def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials with the gains of those that were refitted, in all training windows."""
+        self.progress("siblings of the leaders", 0.64)
+        trials = self.with_siblings(trials, bed)
+        span = basis(np.column_stack([t.signature.clear for t in trials]))
+        whole = all(len(a) == len(b) for a, b in zip(self.few, self.used, strict=True))
         most = trials[0].linear
         chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
-        chosen = _with_clock(chosen[: 2 * self.plan.leaders], trials)
+        chosen = _with_clock(_two_forms(chosen)[: 2 * self.plan.leaders], trials)
         rough = []
         for k, t in enumerate(chosen):
-            self.progress(f"refitting {t.term.label}", 0.64 + 0.06 * k / len(chosen))
+            self.progress(f"refitting {t.term.label}", 0.66 + 0.04 * k / len(chosen))
             if k >= 2 and self.clock.late(0.78):
                 break
-            rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, ROUGH))
+            rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, ROUGH, span))
         rough.sort(key=lambda t: -t.worth)
-        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth][: self.plan.leaders]
-        # other exponents of a law that leads, and fewer bodies
-        for t in list(best[:2]):
-            for term in siblings(t.term, bed.scene):
-                if not self.clock.late(0.8):
-                    other = self.refit(replace(t, signature=replace(t.signature, term=term)), self.few,
-                                       self.few_nuisance, self.plan.screening, (0.7, 1.0, 1.4))  # fmt: skip
-                    rough.append(other)
-                    best.append(other)
-        best = _two_forms(sorted(best, key=lambda t: -t.worth))[: max(self.plan.leaders - 2, 2)]
+        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth]
+        best = best[: max(self.plan.leaders - 2, 2)]
         best = _with_clock(best, rough)
         done = []
         for k, t in enumerate(best):
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
             if k < 1 or not self.clock.late(0.84):
-                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE))
+                mine = span if whole else None
+                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE, mine))
         done = no_narrower(done)
         # the best form of each is kept; gains in few windows are not comparable
         known = {t.term.label for t in done}
@@ -261,18 +271,25 @@ class Search:
                 rest.append(replace(t, gain=None))
         return done + rest
 
-    def chi2(self, predicted: Prediction, windows: Windows, nuisance: np.ndarray, members: int) -> float:
+    def chi2(
+        self, predicted: Prediction, windows: Windows, nuisance: np.ndarray, members: int,
+        span: np.ndarray | None = None,
+    ) -> float:  # fmt: skip
+        """Of what is left, or of its part in the span (m, r) of all that is suspected: chaos is mostly elsewhere."""
         rest = off(nuisance, self.bench.white(predicted, windows, members))
+        if span is not None:
+            rest = span.T @ rest
         return float(rest @ rest)
 
     def refit(
-        self, trial: BedTrial, windows: Windows, nuisance: np.ndarray, members: int, shares: Sequence[float]
-    ) -> BedTrial:
-        """Simulate along the direction of the amounts and take the best of a parabola through chi2."""
+        self, trial: BedTrial, windows: Windows, nuisance: np.ndarray, members: int, shares: Sequence[float],
+        span: np.ndarray | None = None,
+    ) -> BedTrial:  # fmt: skip
+        """Simulate along the direction of the amounts and take the best of a parabola through chi2; see ``chi2``."""
         extended = self.hypothesis.with_term(trial.term)
         low, high = limits(trial.term)
         start = trial.amounts if np.any(trial.amounts) else trial.signature.tried
-        chi2 = {0.0: self.chi2(self.base, windows, nuisance, members)}
+        chi2 = {0.0: self.chi2(self.base, windows, nuisance, members, span)}
 
         def measure(more: Sequence[float]) -> None:
             more = [s for s in dict.fromkeys(more) if s not in chi2]
@@ -284,7 +301,7 @@ class Search:
             )
             for share, predicted in zip(more, rows, strict=True):
                 if predicted is not None:
-                    chi2[share] = self.chi2(predicted, windows, nuisance, members)
+                    chi2[share] = self.chi2(predicted, windows, nuisance, members, span)
 
         measure(shares)
         for _ in range(2):
@@ -378,8 +395,11 @@ def second_law(
         signature = search.signature(rough.term, apart)
         if signature is not None:
             trials.append(first_order(signature, left))
+    span = basis(np.column_stack([s.clear for s in others])) if others else None
+    if any(len(a) < len(b) for a, b in zip(search.few, search.used, strict=True)):
+        span = None
     trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
-    done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE) for t in trials]
+    done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE, span) for t in trials]
     done = [t for t in done if (t.gain or 0.0) > threshold]
     return max(done, key=lambda t: t.worth, default=None)
 
@@ -390,7 +410,7 @@ def flexible_arm(search: Search) -> BedTrial | None:
     bed, predictor = bench.beds[0], bench.predictors[0]
     frames = bed.starts[used[0]]
     seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
-    speeds = np.concatenate([predictor.sums(int(w)).weight for w in used[0]])
+    speeds = np.concatenate([predictor.sums(int(w)).speed for w in used[0]])
     left = search.few_left
     apart = search.apart()
     arms: list[BedTrial] = []

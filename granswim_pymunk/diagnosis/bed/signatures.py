@@ -7,7 +7,7 @@ the same estimate. Their mean is the estimator's own bias (it smooths velocities
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -16,6 +16,9 @@ from ..fit import basis
 from ..hypothesis import Term
 
 FINEST = 1e-8  # m, a spread below this is not believed
+UNKNOWN = 1.0  # m, a spread that nobody knows
+FEWEST = 8  # windows of twins that tell a spread
+SHRUNK = 0.5  # with a tenth, weak effects in twins' windows are 1.1 to 1.4 times weaker (benchmarks/bed_numbers.py)
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Noise:
     roots: np.ndarray
     residuals: np.ndarray
     twins: np.ndarray
+    parts: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict, repr=False)  # roots of what was seen
 
     def whiten(self, innovations: np.ndarray, windows: Sequence[int] | np.ndarray | None = None) -> np.ndarray:
         """Innovations or their changes (W, D) [m] of some windows in standard deviations, (w, D).
@@ -44,8 +48,11 @@ class Noise:
             if seen.all():
                 out[k] = solve_triangular(self.roots[w], row, lower=True)
             elif seen.any():
-                part = self.roots[w][seen]
-                root = np.linalg.cholesky(part @ part.T)
+                key = int(w), seen.tobytes()
+                root = self.parts.get(key)
+                if root is None:
+                    part = self.roots[w][seen]
+                    root = self.parts[key] = np.linalg.cholesky(part @ part.T)
                 out[k, seen] = solve_triangular(root, row[seen], lower=True)
         return out
 
@@ -58,7 +65,8 @@ def ensemble_noise(predicted: np.ndarray, windows: np.ndarray, sigma: float) -> 
     freedom = max(len(windows) * (members - 1), 1)
     covariance = _shrunk(flat.T @ flat / freedom * (1 + 1 / members), freedom) + sigma**2 * np.eye(size)
     root = np.linalg.cholesky(covariance)
-    return Noise(np.zeros((count, size)), np.repeat(root[None], count, axis=0), *[np.zeros((0, count, size))] * 2)
+    none = np.zeros((0, count, size))
+    return Noise(np.zeros((count, size)), np.repeat(root[None], count, axis=0), none, none)
 
 
 def mean_of_twins(innovations: np.ndarray) -> np.ndarray:
@@ -69,12 +77,22 @@ def mean_of_twins(innovations: np.ndarray) -> np.ndarray:
 
 
 def twin_noise(innovations: np.ndarray) -> Noise:
-    """Noise from the innovations of twins (N, W, D) [m]: one bias for each window, one covariance, a size each."""
+    """Noise from the innovations of twins (N, W, D) [m]: one bias for each window, one covariance, a size each.
+
+    NaN where nothing was seen; a number that hardly ever was gets no weight.
+    """
     number, count, size = innovations.shape
     bias = mean_of_twins(innovations)
-    left = (innovations - bias) * np.sqrt(number / (number - 1))
-    flat = np.where(np.isfinite(left), left, 0.0).reshape(-1, size)
+    known = np.isfinite(innovations).sum(axis=0)
+    left = (innovations - bias) * np.sqrt(known / np.maximum(known - 1, 1))
+    valid = np.isfinite(left) & (known > 1)
+    flat = np.where(valid, left, 0.0).reshape(-1, size)
+    share = np.maximum(valid.reshape(-1, size).mean(axis=0), 1.0 / len(flat))
+    flat = flat / np.sqrt(share)
     covariance = _shrunk(flat.T @ flat / len(flat), len(flat) * (number - 1) / number) + FINEST**2 * np.eye(size)
+    rare = share * len(flat) < FEWEST
+    covariance[rare] = covariance[:, rare] = 0.0
+    covariance[rare, rare] = UNKNOWN**2
     root = np.linalg.cholesky(covariance)
     white = solve_triangular(root, flat.T, lower=True).T.reshape(number, count, size)
     # some phases of the cycle are noisier than others
@@ -85,9 +103,12 @@ def twin_noise(innovations: np.ndarray) -> Noise:
 
 
 def _shrunk(covariance: np.ndarray, samples: float) -> np.ndarray:
-    """Towards its diagonal, the more the fewer samples there are (Ledoit & Wolf 2004, J. Multivar. Anal. 88, 365)."""
+    """Half way to its diagonal, more where there are few samples (Ledoit & Wolf 2004, J. Multivar. Anal. 88, 365).
+
+    One covariance serves windows that are not alike: what is fine in it belongs to none of them.
+    """
     size = len(covariance)
-    share = min(size / (size + 3.0 * samples), 0.5)
+    share = max(size / (size + 3.0 * samples), SHRUNK)
     return (1 - share) * covariance + share * np.diag(np.diag(covariance))
 
 

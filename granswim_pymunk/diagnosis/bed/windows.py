@@ -2,7 +2,7 @@
 
 A bed forgets: a difference in the last bit grows tenfold a millisecond. So every window starts anew, and what
 is compared is the mean over a few members, 8 to 16 ms on: where the disks of the swimmer are, and how the
-grains near it and far from it have moved on the whole.
+grains near it and far from it have moved on the whole (``sums``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...engine import Simulation, advise_dt
 from ...errors import InputError, SimulationError
@@ -27,6 +26,7 @@ from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
 from .cut import carried_paths, cut_out
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
+from .sums import Sums, size_of, sums_of
 
 LENGTH = 0.016  # s, of a window
 MEMBERS = 3
@@ -34,8 +34,6 @@ MOST_WINDOWS = 45  # of one recording: a second of film
 FEWEST = 5
 COARSE = 3.5  # times the advised step: four steps in the shortest contact. Windows start from states with errors of
 # their own, and twins are as coarse; restitution shifts by less than 0.01 (benchmarks/cut_out.py)
-NEAR = 3.0e-3  # m between the surfaces of a grain and the swimmer: two diameters
-SUMS = ("mean dx", "mean dy", "along", "across", "spread")  # what is said of many grains at once
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 POOL = ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="granswim-bed")
@@ -51,20 +49,6 @@ class Film:
     t: np.ndarray
     xy: np.ndarray
     sigma: float
-
-
-@dataclass(frozen=True, eq=False)
-class Sums:
-    """How grains of one window are added up: weights from what the film shows before and at its start.
-
-    start : (g, 2) where they are seen to start [m], NaN where not;  along : (g, 2) unit vectors of their motion
-    weight : (g,) their speed [m/s];  near : (g,) bool, within two diameters of the swimmer
-    """
-
-    start: np.ndarray
-    along: np.ndarray
-    weight: np.ndarray
-    near: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +102,7 @@ class BedCase:
     @property
     def size(self) -> int:
         """D: how many numbers are compared in a window."""
-        return self.swimmer_size + (len(self.looks) - 1) * 2 * len(SUMS) * bool(len(self.grains))
+        return self.swimmer_size + (len(self.looks) - 1) * size_of(len(self.rows)) * bool(len(self.grains))
 
     def frequency(self) -> float | None:
         """Of the drive [Hz]."""
@@ -242,6 +226,7 @@ class BedPredictor:
         self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
         self._paths: dict[int, np.ndarray] = {}
         self._sums: dict[int, Sums] = {}
+        self.weighed = False
         self.runs = 0
 
     def of(self, film: Film, members: int | None = None) -> BedPredictor:
@@ -269,58 +254,36 @@ class BedPredictor:
     # ---- what is seen -------------------------------------------------------------------------
 
     def sums(self, window: int) -> Sums:
-        """How the grains of a window are added up."""
+        """How the grains of a window are added up; alike until ``weigh`` has been asked."""
         if window not in self._sums:
             bed = self.bed
             frame = int(bed.starts[window])
             low = max(frame - 8, 0)
-            posterior = local_quadratic(
-                self.film.t[low : frame + 9], self.film.xy[low : frame + 9], frame - low, self.film.sigma
-            )
-            grains = bed.grains
-            start = posterior.mean[grains, 0].copy()
-            start[~np.isfinite(self.film.xy[frame, grains, 0])] = np.nan
-            v = posterior.mean[grains, 1]
-            speed = np.hypot(*v.T)
-            along = v / np.maximum(speed, 1e-12)[:, None]
+            xy = self.film.xy[low : frame + 9]
+            posterior = local_quadratic(self.film.t[low : frame + 9], xy, frame - low, self.film.sigma)
             radius = np.array([b.radius for b in bed.scene.bodies])
-            disks = posterior.mean[bed.rows, 0].copy()
-            places = start.copy()
-            period = bed.scene.periodic_x
-            if period:
-                disks[:, 0] %= period
-                places[:, 0] %= period
-                disks = np.concatenate([disks + np.array([k * period, 0.0]) for k in (-1, 0, 1)])
-            known = np.isfinite(places[:, 0])
-            near = np.zeros(len(grains), dtype=bool)
-            if len(grains):
-                distance, _ = cKDTree(disks).query(np.where(known[:, None], places, 1e9))
-                near = known & (distance < radius[grains] + radius[bed.rows[0]] + NEAR)
-            self._sums[window] = Sums(start, along, speed, near)
+            seen = np.isfinite(self.film.xy[frame, :, 0])
+            self._sums[window] = sums_of(posterior, seen, bed.rows, bed.grains, radius, bed.scene.periodic_x or 0.0)
         return self._sums[window]
 
-    def _add_up(self, window: int, moved: np.ndarray) -> np.ndarray:
-        """(L - 1, 2, 5) of displacements (L - 1, g, 2) [m] since the seen start: near and far, see ``SUMS``.
+    def weigh(
+        self, hypothesis: Hypothesis, values: np.ndarray, windows: Sequence[int] | np.ndarray | None = None
+    ) -> np.ndarray:
+        """From now on grains count by how little members scatter under a hypothesis; what these show, (w, m, D).
 
-        "along", "across": the displacement along the motion at the start, its root mean square across it
-        (their speeds are the weights);  "spread": root mean square about the mean of all.
+        Raises Failed.
         """
-        sums = self.sums(window)
-        out = np.full((len(moved), 2, len(SUMS)), np.nan)
-        for k, d in enumerate(moved):
-            valid = np.isfinite(d[:, 0])
-            for part in (0, 1):
-                chosen = valid & (sums.near if part == 0 else ~sums.near)
-                if chosen.sum() < 3:
-                    continue
-                mine, unit, w = d[chosen], sums.along[chosen], sums.weight[chosen]
-                mean = mine.mean(axis=0)
-                along = np.einsum("gc,gc->g", mine, unit)
-                across = mine[:, 1] * unit[:, 0] - mine[:, 0] * unit[:, 1]
-                out[k, part] = (
-                    *mean, float(w @ along / w.sum()), float(np.sqrt(w @ across**2 / w.sum())),
-                    float(np.sqrt(np.mean(np.sum((mine - mean) ** 2, axis=1)))),
-                )  # fmt: skip
+        chosen = range(len(self.bed.starts)) if windows is None else windows
+        simulation, camera = self.simulation(hypothesis, values)
+        out = np.empty((len(chosen), self.members, self.bed.size))
+        for k, window in enumerate(map(int, chosen)):
+            shown = [self._shown_by(simulation, camera, window, m) for m in range(max(self.members, 2))]
+            if len(self.bed.grains):
+                sums = self.sums(window)
+                q = sums.sure(np.stack([moved for _, moved in shown]), self.film.sigma)
+                self._sums[window] = replace(sums, q=q)
+            out[k] = [self._numbers(window, *s) for s in shown[: self.members]]
+        self.weighed = True
         return out
 
     def seen(self, windows: Sequence[int] | None = None) -> np.ndarray:
@@ -334,7 +297,7 @@ class BedPredictor:
             if len(bed.grains):
                 moved = self.film.xy[frames[1:]][:, bed.grains] - self.sums(w).start
                 moved[:, ~self.free] = np.nan
-                out[k, bed.swimmer_size :] = self._add_up(w, moved).ravel()
+                out[k, bed.swimmer_size :] = self.sums(w).of(moved).ravel()
         return out
 
     # ---- starts -------------------------------------------------------------------------------
@@ -423,7 +386,8 @@ class BedPredictor:
         scene, camera = hypothesis.scene(self.bed.case, values)
         bed = self.bed
         return digest(
-            [what, bed.name, scene.hash, sorted(camera.items()), bed.starts, bed.looks, bed.dt, bed.seed, *numbers]
+            [what, bed.name, scene.hash, sorted(camera.items()), bed.starts, bed.looks, bed.dt, bed.seed, self.weighed,
+             *numbers]
         )
 
     def simulation(
@@ -470,6 +434,12 @@ class BedPredictor:
 
     def member(self, simulation: Simulation, camera: Mapping[str, Any], window: int, number: int) -> np.ndarray:
         """(D,) what one member of one window would show [m]. Raises Failed."""
+        return self._numbers(window, *self._shown_by(simulation, camera, window, number))
+
+    def _shown_by(
+        self, simulation: Simulation, camera: Mapping[str, Any], window: int, number: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the disks (L, s, 2), displacements of the grains (L - 1, g, 2) [m], NaN where the film has none."""
         bed = self.bed
         frames = int(bed.starts[window]) + bed.looks
         t = self.film.t[frames] + float(camera["time_offset"])
@@ -493,15 +463,17 @@ class BedPredictor:
             raise Failed("a prediction is not finite")
         path = _shown(np.concatenate([xy[rows][None], later]), camera)
         s = len(bed.rows)
-        out = np.empty(bed.size)
-        out[: bed.swimmer_size] = path[:, :s].ravel()
+        moved = np.full((len(frames) - 1, len(bed.grains), 2), np.nan)
         if len(bed.grains):
-            moved = np.full((len(frames) - 1, len(bed.grains), 2), np.nan)
             moved[:, self.free] = path[1:, s:] - self.sums(window).start[self.free]
             # of those grains only that the film shows there
             moved[~np.isfinite(self.film.xy[frames[1:]][:, bed.grains, 0])] = np.nan
-            out[bed.swimmer_size :] = self._add_up(window, moved).ravel()
-        return out
+        return path[:, :s], moved
+
+    def _numbers(self, window: int, disks: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """(D,) what is compared."""
+        grains = self.sums(window).of(moved).ravel() if len(self.bed.grains) else moved.ravel()
+        return np.concatenate([disks.ravel(), grains])
 
     def twin(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
         """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed."""
