@@ -44,7 +44,7 @@ def _silent(text: str, share: float) -> None:
 
 @dataclass
 class Diagnosis:
-    """Everything that was found; ``verdict`` is what the report opens with."""
+    """Everything that was found; ``verdict`` is what the report opens with, ``rival_held`` goes by mechanism."""
 
     cases: list[Case]
     naive: Fit
@@ -64,6 +64,7 @@ class Diagnosis:
     spread: float
     train: dict[str, Errors]
     held: dict[str, Errors]
+    rival_held: dict[str, Errors]
     floor: tuple[float | None, float | None]
     inner: dict[str, float]
     proposal: Proposal | None
@@ -160,6 +161,7 @@ def diagnose_bodies(
     fits = {"naive": naive, "recalibrated": recalibrated, "revised": revised}
     train = {name: training_errors(fit, training) for name, fit in fits.items()}
     held = {name: _held_out(study, fit) for name, fit in fits.items()}
+    rival_held = {t.mechanism: _held_out(study, t.fit, whole=False) for t, _ in rivals if t.fit is not None}
     study.progress("noise floor", 0.92)
     floor = noise_floor(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
 
@@ -173,9 +175,10 @@ def diagnose_bodies(
         rivals=rivals, trials=tried.alive + tried.untried,
         flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),
         null=null, white_naive=whites[0], white_recalibrated=whites[1], white_revised=whites[2],
-        windows=windows, places=places, spread=spread, train=train, held=held, floor=floor, inner=tried.inner,
-        proposal=proposal, notes=notes, seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed,
-        dropped_bodies=dropped, dt=dict(study.predictor.dt),
+        windows=windows, places=places, spread=spread, train=train, held=held, rival_held=rival_held,
+        floor=floor, inner=tried.inner, proposal=proposal, notes=notes,
+        seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed, dropped_bodies=dropped,
+        dt=dict(study.predictor.dt),
     )  # fmt: skip
 
 
@@ -321,12 +324,12 @@ def _located(
     return windows, places
 
 
-def _held_out(study: Study, fit: Fit) -> Errors:
+def _held_out(study: Study, fit: Fit, whole: bool = True) -> Errors:
     memory = np.inf
     # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
     if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
         memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
-    return held_out_errors(fit.hypothesis, fit, study.cases, study.predictor, study.stop, memory=memory)
+    return held_out_errors(fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory)
 
 
 def _proposed(study: Study, found: list[Trial], rivals: list[tuple[Trial, bool]]) -> Proposal | None:

@@ -16,6 +16,7 @@ from .candidates import distinct_bodies, owners
 from .data import Case
 from .driver import Diagnosis
 from .fit import Fit
+from .held_out import Errors
 from .hypothesis import NO_CAMERA, equation_with
 from .name import Trial
 from .start import states
@@ -88,11 +89,11 @@ def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
     return list(distinct_bodies(diagnosis.cases))
 
 
-def heldout_gain(diagnosis: Diagnosis, trial_fit: Fit | None) -> float | None:
+def heldout_gain(diagnosis: Diagnosis, errors: Errors | None) -> float | None:
     """How much the mean squared error on held-out data falls against recalibration, as a log-ratio:
-    n/2 ln(recalibrated/this), n the independent held-out numbers; only for the revised scene."""
-    before, after = diagnosis.held["recalibrated"].rms, diagnosis.held["revised"].rms
-    if trial_fit is not diagnosis.revised or not before or not after:
+    n/2 ln(recalibrated/this), n the independent held-out numbers."""
+    before, after = diagnosis.held["recalibrated"].rms, errors.rms if errors is not None else None
+    if not before or not after:
         return None
     n = sum(int(math.prod(c.values[c.scored].shape)) for c in diagnosis.cases) / max(diagnosis.spread, 1.0)
     return float(max(n, 1.0) * math.log(before / after))
@@ -101,9 +102,9 @@ def heldout_gain(diagnosis: Diagnosis, trial_fit: Fit | None) -> float | None:
 def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     """The contents of verdict.json (contract version 1)."""
     d = diagnosis
-    base_inner = d.inner.get("recalibrated")
     mechanisms: list[dict[str, Any]] = []
-    gain = heldout_gain(d, d.revised)
+    rival_gain = {name: heldout_gain(d, e) for name, e in d.rival_held.items()}
+    gain = heldout_gain(d, d.held["revised"])
     if d.verdict == "unmodelled" and d.found:
         trial = d.found[0]
         entry = _entries(d, trial, gain)[0]
@@ -116,13 +117,6 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     else:
         for trial in d.found:
             mechanisms += _entries(d, trial, gain)
-
-    def inner_gain(trial: Trial) -> float | None:
-        # rivals are never shown held-out data: their gain is that inside the training part
-        if not base_inner or not math.isfinite(trial.inner):
-            return None
-        n = sum(int(c.training.sum()) * len(c.channels) for c in d.cases if not c.held_out) * 0.4 / max(d.spread, 1.0)
-        return float(n / 2 * (base_inner - trial.inner))
 
     errors = {
         part: {
@@ -140,7 +134,8 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         "mismatch": [place.as_dict() for place in d.places],
         "mechanisms": mechanisms,
         "rivals": [
-            {"name": t.mechanism, "gain_heldout": inner_gain(t), "indistinguishable": same} for t, same in d.rivals
+            {"name": t.mechanism, "gain_heldout": rival_gain.get(t.mechanism), "indistinguishable": same}
+            for t, same in d.rivals
         ],
         "fit": {**errors, "unit": next(c.unit for c in d.cases)},
         "null": {"p_false_alarm": d.null.p, "replicates": len(d.null.gains)} if d.null else None,
