@@ -106,10 +106,14 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
     disks, twins = found.disks[chosen], found.twin_disks[:, chosen]
     ids = [bed.scene.bodies[r].id for r in bed.rows]
     result: list[tuple[Place, float]] = []
-    # numbers that vary together count as fewer: freedom from how the twins' means scatter, pooled over the disks
-    mean = twins.mean(axis=(0, 1))
-    scatter = twins.mean(axis=1).var(axis=0, ddof=1)
-    per_window = max(2.0 * float(np.mean(mean**2) / np.mean(scatter)) / len(chosen), 0.3)
+
+    def freedom_of(squares: np.ndarray) -> float:
+        """Of one window (N, W, k): numbers that vary together, or of which a few are large, count as fewer."""
+        mean = squares.mean(axis=(0, 1))
+        scatter = squares.mean(axis=1).var(axis=0, ddof=1)
+        return max(2.0 * float(np.mean(mean**2) / max(float(np.mean(scatter)), 1e-12)) / len(chosen), 0.3)
+
+    per_window = freedom_of(twins)
 
     def judge(mine: np.ndarray, others: np.ndarray, freedom: float) -> float:
         ratio = float(mine.mean() / max(others.mean(), 1e-12))
@@ -123,10 +127,12 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
         role = "head" if k == 0 else "tail" if k == len(ids) - 1 else "swimmer"
         add(judge(disks[:, k], twins[:, :, k], per_window * n), [name], role)
     if len(bed.grains):
+        sums, cells = found.twin_sums[:, chosen], found.twin_cells[:, chosen]
+        of_sums, of_cells = n * freedom_of(sums), n * freedom_of(cells)
         for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
-            add(judge(found.sums[chosen, k], found.twin_sums[:, chosen, k], per_window * n), (), region)
+            add(judge(found.sums[chosen, k], sums[:, :, k], of_sums), (), region)
         for k, name in enumerate(ids):
-            about = judge(found.cells[chosen, k], found.twin_cells[:, chosen, k], per_window * n)
+            about = judge(found.cells[chosen, k], cells[:, :, k], of_cells)
             add(about, (), f"grains within two diameters of disk {name}")
     whole = disks.mean(axis=1)
     whole_twins = twins.mean(axis=2)
