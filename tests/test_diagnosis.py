@@ -178,6 +178,9 @@ def test_pendulum_with_viscous_drag():
     found = diagnose_bodies([filmed(truth, pendulum(), SWING, np.random.default_rng(8), noise=1e-4)])
     assert found.verdict == "missing_physics"
     close(found, "linear_drag", "c", 0.01)
+    verdict = verdict_dict(found)
+    worse = [r["gain_heldout"] for r in verdict["rivals"] if not r["indistinguishable"]]
+    assert worse and max(worse) < verdict["mechanisms"][0]["gain_heldout"]
 
 
 @pytest.mark.parametrize(("camera", "name"), [({"scale": 1.01}, "camera_scale"), ({"tilt": 0.02}, "camera_tilt")])

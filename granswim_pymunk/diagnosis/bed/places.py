@@ -16,6 +16,7 @@ from .windows import BedCase
 
 BINS = 8  # of the cycle
 LEVEL = 0.01
+FARTHEST = 5.0  # standard deviations: how far a sum of grains strays beyond that hangs on a single violent one
 LARGEST = 37.0  # z beyond which a normal tail has no number
 
 
@@ -72,7 +73,7 @@ def maps(bench: Bench, predicted: Prediction) -> list[Map]:
             shape = values.shape[:-1]
             if bed.size == bed.swimmer_size:
                 return np.zeros((*shape, 2)), np.zeros((*shape, s))
-            cut = values[..., bed.swimmer_size :].reshape(*shape, looks - 1, size_of(s))
+            cut = np.minimum(values[..., bed.swimmer_size :], FARTHEST**2).reshape(*shape, looks - 1, size_of(s))
             moments, cells = np.split(cut, [2 * len(MOMENTS)], axis=-1)
             groups = moments.reshape(*shape, looks - 1, 2, len(MOMENTS)).mean(axis=(-3, -1))
             return groups, cells.reshape(*shape, looks - 1, 2, s, 2)[..., 0, :, :].mean(axis=(-3, -1))
