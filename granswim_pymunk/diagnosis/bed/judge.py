@@ -98,8 +98,11 @@ def noise_floor(bench: Bench, windows: Windows) -> float:
     return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
 
 
-def verdict_among(laws, unexplained, bench, naive_base, base, values, naive_values, covariance, used) -> str:
-    """One of the contract's five."""
+def verdict_among(
+    laws: Sequence[BedTrial], unexplained: float, bench: Bench, naive_base: Prediction, base: Prediction,
+    values: np.ndarray, naive_values: np.ndarray, covariance: np.ndarray, used: Windows,
+) -> str:  # fmt: skip
+    """One of the contract's five: of what was found, or of adjustables that went away from ``naive_values``."""
     if laws:
         if laws[0].mechanism == "unknown":
             return "unmodelled"
