@@ -8,7 +8,7 @@ import pytest
 
 from granswim_pymunk.proof import bed_cases, windows
 from granswim_pymunk.proof import kernels as k
-from granswim_pymunk.proof.bed_suspects import acting, draw, resolved, rivals_of, typical
+from granswim_pymunk.proof.bed_suspects import Plan, acting, draw, resolved, rivals_of, typical
 from granswim_pymunk.proof.beds import OUTSIDE_BED, SUSPECTS, draw_bed, packed
 from granswim_pymunk.proof.conceal import MOMENT, conceal
 from granswim_pymunk.proof.fitting import with_adjusted
@@ -231,3 +231,34 @@ def test_the_full_form_has_the_beds_that_are_asked_for():
     assert len(set(cases)) == len(cases) and len(FULL["bed"]) >= 30
     assert full_cases("bed") == [("bed", s) for s in FULL["bed"]]
     assert all(s >= 1000 for _, s in cases)
+
+
+class Bending:
+    """A bench whose changes bend with the amount: (4 members, 3 numbers), the same for all members."""
+
+    def __init__(self):
+        self.columns = {}
+
+    def adjustable(self, few=False):
+        return []
+
+    def change(self, effects, few=False):
+        total = np.zeros(3)
+        for effect in effects:
+            a = sum(effect.values.values())
+            total += {"linear_drag": np.array([a, 0.04 * a**2, 0.0]), "quadratic_drag": np.array([a, 0.0, 3.0 * a])}[
+                effect.name
+            ]
+        return np.tile(total, (4, 1))
+
+
+def test_a_rival_that_comes_near_is_looked_at_where_it_does(monkeypatch):
+    truth = Plan("linear_drag", {"c": 1.0}, other={"power": 0.0})
+    alike, unlike = Plan("linear_drag", {"c": 2.0}), Plan("quadratic_drag", {"c": 1.0})
+    monkeypatch.setattr(
+        bed_cases, "rivals_of", lambda setup: [("another drag", (alike,)), ("quadratic_drag", (unlike,))]
+    )
+    own, found = bed_cases.rivals(None, Bending(), truth, 20.0)
+    # at their usual amounts both bend by much less, and would leave about 14 of 26
+    assert own < 2 and found["another drag"] < 2
+    assert found["quadratic_drag"] > 15
