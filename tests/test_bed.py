@@ -16,7 +16,7 @@ import pytest
 
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
-from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, picture_scale, siblings
+from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import diagnose_windows
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
@@ -28,6 +28,7 @@ from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_val
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.diagnosis.bed.trial import BedTrial
 from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
+from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.diagnosis.kept import load_array, store_array
 from granswim_pymunk.diagnosis.outcome import check_verdict
@@ -352,6 +353,15 @@ def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
     assert found.columns[:, 0] == pytest.approx(0.1 * linear + bend * amount * 0.02 * even, abs=1e-9)
 
 
+def test_a_drag_in_time_with_the_drive_is_suspected_where_all_are_driven_alike():
+    case = prepare(small("small_nothing"), held_out=False, split=True)
+    labels = [t.label for t in nameless_terms([case, case])]
+    assert labels == ["a force across the motion", "a drag in time with the drive"]
+    faster = case.recording.scene.with_parameter("bending.frequency", 17.0)
+    other = replace(case, recording=replace(case.recording, scene=faster))
+    assert [t.label for t in nameless_terms([case, other])] == labels[:1]
+
+
 def test_a_law_is_tried_on_the_swimmer_and_on_the_grains_alone(packed):
     (drag,) = [t for t in bed_terms([bed_case(small("small_nothing")).case]) if t.mechanism == "linear_drag"]
     scene = bed_case(small("small_nothing")).case.recording.scene
@@ -376,6 +386,9 @@ def test_a_narrower_or_richer_law_has_to_gain_more(packed):
     assert plainer_first([flow, drag])[0] is drag
     strong = trial("ambient_flow", 160.0, 3)
     assert plainer_first([strong, drag])[0] is strong
+    nameless, clear = trial("unknown", 120.0, 3), trial("unknown", 130.0, 1)
+    assert plainer_first([nameless, drag])[0] is drag
+    assert plainer_first([clear, drag])[0] is clear
     grains = trial("linear_drag", 103.0, 1, ("g",))
     assert no_narrower([grains, drag, flow]) == [drag, flow]
     sure = trial("linear_drag", 110.0, 1, ("g",))

@@ -295,8 +295,8 @@ def flexible_terms(case: Case, places: np.ndarray, speeds: np.ndarray) -> list[T
             [f"c{k}" for k in range(5)], force / SPEED,
         ),
     ]  # fmt: skip
-    for item in scene.laws_named("bending")[:1]:
-        cycle = {"frequency": float(item.values["frequency"]), "phase": float(item.values["phase"])}
+    cycle = _cycle(scene)
+    if cycle:
         names = ["c0", "a1", "b1", "a2", "b2"]
         arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / SPEED))
     return [_nameless(laws[name], label, fixed, numbers, scale, mobile) for name, label, fixed, numbers, scale in arms]
@@ -312,9 +312,25 @@ def _nameless(
     return Term("unknown", label, free, LawAdder(law, fixed, groups, ""), mobile, law.expression, {}, groups)
 
 
-def across_term(case: Case) -> Term:
-    """A force across the motion: nothing with a name imitates it, so the search has to hold it from the beginning."""
-    scene = case.recording.scene
-    scale = mean_grain_mass(scene) * ACCELERATION / SPEED
-    mobile = tuple(b.id for b in scene.bodies if b.mobile)
-    return _nameless(all_laws()["flexible_across"], "a force across the motion", {}, ["s"], scale, mobile)
+def nameless_terms(cases: Sequence[Case]) -> list[Term]:
+    """Forces that nothing with a name imitates, so that the search has to hold them from the beginning.
+
+    One across the motion, and, where all swimmers are driven alike, a drag that follows the drive.
+    """
+    scene = cases[0].recording.scene
+    mass, mobile = mean_grain_mass(scene), tuple(b.id for b in scene.bodies if b.mobile)
+    laws = all_laws()
+    scale = mass * ACCELERATION / SPEED
+    terms = [_nameless(laws["flexible_across"], "a force across the motion", {}, ["s"], scale, mobile)]
+    cycles = [_cycle(c.recording.scene) for c in cases]
+    if cycles[0] and all(c == cycles[0] for c in cycles):
+        label, numbers = "a drag in time with the drive", ["c0", "a1", "b1"]
+        terms.append(_nameless(laws["flexible_phase"], label, cycles[0], numbers, scale, mobile))
+    return terms
+
+
+def _cycle(scene: Scene) -> dict[str, Any]:
+    """Frequency and phase of the first drive; nothing where there is none."""
+    for item in scene.laws_named("bending")[:1]:
+        return {"frequency": float(item.values["frequency"]), "phase": float(item.values["phase"])}
+    return {}

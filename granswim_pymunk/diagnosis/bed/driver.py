@@ -22,7 +22,7 @@ from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from ..nulls import Null
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
-from .candidates import PictureScale, across_term, bed_terms, check_bed, picture_scale
+from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .cut import REACH
 from .experiment import Proposal, propose
 from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
@@ -612,7 +612,7 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:
     learnt = [b.case for b in beds if b.training.any()]
-    terms = [*bed_terms(learnt), across_term(learnt[0])]
+    terms = [*bed_terms(learnt), *nameless_terms(learnt)]
     taken = {f.name for f in hypothesis.free}
     terms = [t for t in terms if not any(f.name in taken for f in t.free)]
     return terms if candidates is None else [t for t in terms if t.mechanism in candidates]

@@ -461,12 +461,15 @@ def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial
 def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
     """A law that becomes another one when some of its numbers are none has to gain more than that by more than chaos.
 
-    Drag in still air is a flow of no speed.
+    Drag in still air is a flow of no speed. What has no name has to gain more than all that has one.
     """
     if not trials or trials[0].gain is None:
         return trials
-    name = SPECIAL_CASES.get(trials[0].mechanism)
-    plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
+    if trials[0].mechanism == "unknown":
+        plain = next((t for t in trials if t.mechanism != "unknown" and t.gain is not None), None)
+    else:
+        name = SPECIAL_CASES.get(trials[0].mechanism)
+        plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
     if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
         return trials
     return [plain, *(t for t in trials if t is not plain)]
