@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.bed.places import FARTHEST, Map, _of_one
+from granswim_pymunk.diagnosis.bed.places import FARTHEST, Map, _of_one, locate_law
 from granswim_pymunk.diagnosis.bed.sums import MOMENTS, Sums, size_of, sums_of
 
 SIGMA = 2.0e-5
@@ -125,3 +125,30 @@ def test_places_among_grains_do_not_stand_out_by_chance_though_some_are_thrown_f
         assert len(among) == 2 + disks
         alarms += min(among) * len(among) < 0.01
     assert alarms <= 3
+
+
+def test_a_law_is_placed_where_it_shows_and_nowhere_else():
+    """Seven disks and grains near and far; a law that moves the last disk and the grains near it a little."""
+    rng = np.random.default_rng(6)
+    windows, disks, looks = 20, 7, 3
+    ids = [SimpleNamespace(id=str(k)) for k in range(disks)]
+    size = 2 * disks * looks + (looks - 1) * size_of(disks)
+    bed = SimpleNamespace(
+        scene=SimpleNamespace(bodies=ids), rows=np.arange(disks), grains=np.arange(9), looks=np.arange(looks),
+        swimmer_size=2 * disks * looks, size=size, phases=lambda: np.linspace(0, 4, windows, endpoint=False) % 1.0,
+    )  # fmt: skip
+    change = np.zeros((windows, size))
+    change[:, 2 * disks * (looks - 1) + 12] = 1.5  # x of the last disk, at the last look
+    change[:, bed.swimmer_size + 2 * len(MOMENTS) + 12] = 1.2  # of the near grains about it, at the first
+    used = [np.arange(windows)]
+    noise = rng.normal(size=(30, windows * size))
+    tops = []
+    for k in range(30):
+        found = locate_law([bed], used, change.ravel(), change.ravel() + noise[k])  # type: ignore[list-item]
+        first = [(q.bodies, q.region) for q in found if q.phase is None]
+        assert set(first) <= {(("6",), "tail"), ((), "grains within two diameters of the swimmer")}
+        assert all(q.z > 2.5 and q.p < 0.01 for q in found)
+        tops.append(len(first))
+    assert np.mean(tops) > 1.8
+    nothing = [locate_law([bed], used, change.ravel(), n) for n in noise]  # type: ignore[list-item]
+    assert sum(map(bool, nothing)) <= 2

@@ -26,7 +26,7 @@ from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, pict
 from .cut import REACH
 from .experiment import Proposal, propose
 from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
-from .places import Place, locate
+from .places import Place, locate, locate_law
 from .plan import LEADERS, LEANING, TWINS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
@@ -221,7 +221,8 @@ def diagnose_windows(
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
     places: list[Place] = []
     if verdict != "no_mismatch" and shown in seen.predicted:
-        places = locate(bench, seen.predicted[shown], bench.every)
+        places = _showing(search, answer) if verdict != "measurement" else []
+        places += locate(bench, seen.predicted[shown], bench.every)
         if strayed is not None:
             places.insert(0, strayed.place)
     proposal = None
@@ -563,6 +564,23 @@ def _foreseen(bench: Bench, search: Search, answer: Answer, base: Prediction, si
         return simulated
     moved = bench.columns(shown, spans, bench.held) @ change
     return float(bench.white(base, bench.held) @ moved - 0.5 * moved @ moved)
+
+
+def _showing(search: Search, answer: Answer) -> list[Place]:
+    """Where the laws that were found show, in the training windows."""
+    if answer.found is None or answer.columns is None:
+        return []
+    rows = answer.rows
+    if rows is None:
+        rows = answer.judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
+    if rows is None:
+        return []
+    adjusted = len(search.values)
+    amounts = answer.values - np.array([f.neutral for f in answer.hypothesis.free])
+    known = answer.columns[:, :adjusted]
+    change = off(known, answer.columns[:, adjusted:] @ amounts[adjusted:])
+    rest = off(known, answer.judge.white(rows, search.used))
+    return locate_law(search.bench.beds, search.used, change, rest + change)
 
 
 def _without_scale(search: Search, start: Beginning, seen: Seen, notes: list[str]) -> tuple[BedTrial, Seen]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from ..innovations import standard_deviations
-from .bench import Bench, Prediction
+from .bench import Bench, Prediction, Windows
 from .sums import MOMENTS, size_of
 from .windows import BedCase
 
@@ -98,6 +100,61 @@ def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -
             z = min(standard_deviations(p_one), LARGEST)
             places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, max(p, 1e-300)))
     return sorted(places, key=lambda q: -q.z)
+
+
+def locate_law(beds: Sequence[BedCase], used: Windows, change: np.ndarray, left: np.ndarray) -> list[Place]:
+    """Places where a law shows: those whose own numbers ask for it, the clearest first, then parts of the cycle.
+
+    change : (n,) what the law does to the numbers of the used windows, whitened;  left : (n,) what is seen beyond
+    the scene without it. z = change . left/|change| of the numbers of a place alone, p after all looks. A force on
+    all bodies that is weak everywhere makes no place stand out in size, but it does in this.
+    """
+    size = max(float(np.mean((left - change) ** 2)), 1.0)
+    candidates: list[tuple[Place, float]] = []
+    at = 0
+    for bed, chosen in zip(beds, used, strict=True):
+        n = len(chosen) * bed.size
+        rows = [a[at : at + n].reshape(len(chosen), bed.size) for a in (change, left)]
+        at += n
+        products, squares = rows[0] * rows[1], rows[0] ** 2
+        for where, of_place in _numbers_of(bed, chosen):
+            total = float(squares[of_place].sum())
+            if total > 0:
+                candidates.append((where, float(products[of_place].sum()) / math.sqrt(total * size)))
+    looked = max(len(candidates), 1)
+    found = [
+        replace(where, z=min(z, LARGEST), p=max(min(looked * float(stats.norm.sf(z)), 1.0), 1e-300))
+        for where, z in candidates
+    ]
+    return sorted((q for q in found if q.p < LEVEL), key=lambda q: (q.phase is not None, -q.z))
+
+
+def _numbers_of(bed: BedCase, chosen: np.ndarray) -> list[tuple[Place, tuple[Any, ...]]]:
+    """Places, and which of the numbers (w, D) of the chosen windows are theirs."""
+    s, looks = len(bed.rows), len(bed.looks)
+    ids = tuple(bed.scene.bodies[r].id for r in bed.rows)
+    of_disk = np.tile(np.repeat(np.arange(s), 2), looks)
+    every = slice(None)
+    result: list[tuple[Place, tuple[Any, ...]]] = []
+
+    def add(numbers: tuple[Any, ...], bodies: tuple[str, ...] = (), region: str | None = None, phase=None) -> None:
+        result.append((Place(bodies, region, phase, None, None, 0.0, 1.0), numbers))
+
+    for k, name in enumerate(ids):
+        role = "head" if k == 0 else "tail" if k == s - 1 else "swimmer"
+        add((every, np.flatnonzero(of_disk == k)), (name,), role)
+    if len(bed.grains):
+        m = len(MOMENTS)
+        near = np.repeat([0, 1, 0, 1], [m, m, 2 * s, 2 * s])  # moments of near and far, then means about each disk
+        of_grains = np.tile(near, looks - 1)
+        for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
+            add((every, bed.swimmer_size + np.flatnonzero(of_grains == k)), (), region)
+    phases = bed.phases()
+    if phases is not None:
+        part = np.floor(BINS * phases[chosen]).astype(int) % BINS
+        for k in np.unique(part):
+            add((part == k,), phase=(k / BINS, (k + 1) / BINS))
+    return result
 
 
 def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
