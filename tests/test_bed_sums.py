@@ -144,11 +144,12 @@ def test_a_law_is_placed_where_it_shows_and_nowhere_else():
     noise = rng.normal(size=(30, windows * size))
     tops = []
     for k in range(30):
-        found = locate_law([bed], used, change.ravel(), change.ravel() + noise[k])  # type: ignore[list-item]
+        found = locate_law([bed], used, change.ravel(), change.ravel() + noise[k], {"6"})  # type: ignore[list-item]
         first = [(q.bodies, q.region) for q in found if q.phase is None]
         assert set(first) <= {(("6",), "tail"), ((), "grains within two diameters of the swimmer")}
         assert all(q.z > 2.5 and q.p < 0.01 for q in found)
+        assert all(q.bodies == ("6",) and q.region == "swimmer" for q in found if q.phase is not None)
         tops.append(len(first))
     assert np.mean(tops) > 1.8
-    nothing = [locate_law([bed], used, change.ravel(), n) for n in noise]  # type: ignore[list-item]
+    nothing = [locate_law([bed], used, change.ravel(), n, ()) for n in noise]  # type: ignore[list-item]
     assert sum(map(bool, nothing)) <= 2

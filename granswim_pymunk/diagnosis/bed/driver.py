@@ -580,7 +580,9 @@ def _showing(search: Search, answer: Answer) -> list[Place]:
     known = answer.columns[:, :adjusted]
     change = off(known, answer.columns[:, adjusted:] @ amounts[adjusted:])
     rest = off(known, answer.judge.white(rows, search.used))
-    return locate_law(search.bench.beds, search.used, change, rest + change)
+    mobile = {b.id for b in search.bench.beds[0].scene.bodies if b.mobile}
+    acting = {b for t in answer.laws for b in (mobile if t.term.bodies is None else t.term.bodies)}
+    return locate_law(search.bench.beds, search.used, change, rest + change, acting)
 
 
 def _without_scale(search: Search, start: Beginning, seen: Seen, notes: list[str]) -> tuple[BedTrial, Seen]:

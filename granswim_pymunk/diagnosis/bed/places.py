@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -102,12 +102,15 @@ def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -
     return sorted(places, key=lambda q: -q.z)
 
 
-def locate_law(beds: Sequence[BedCase], used: Windows, change: np.ndarray, left: np.ndarray) -> list[Place]:
+def locate_law(
+    beds: Sequence[BedCase], used: Windows, change: np.ndarray, left: np.ndarray, acting: Collection[str]
+) -> list[Place]:
     """Places where a law shows: those whose own numbers ask for it, the clearest first, then parts of the cycle.
 
     change : (n,) what the law does to the numbers of the used windows, whitened;  left : (n,) what is seen beyond
-    the scene without it. z = change . left/|change| of the numbers of a place alone, p after all looks. A force on
-    all bodies that is weak everywhere makes no place stand out in size, but it does in this.
+    the scene without it;  acting : ids of the bodies that the law acts on. z = change . left/|change| of the numbers
+    of a place alone, p after all looks. A force on all bodies that is weak everywhere makes no place stand out in
+    size, but it does in this.
     """
     size = max(float(np.mean((left - change) ** 2)), 1.0)
     candidates: list[tuple[Place, float]] = []
@@ -117,7 +120,7 @@ def locate_law(beds: Sequence[BedCase], used: Windows, change: np.ndarray, left:
         rows = [a[at : at + n].reshape(len(chosen), bed.size) for a in (change, left)]
         at += n
         products, squares = rows[0] * rows[1], rows[0] ** 2
-        for where, of_place in _numbers_of(bed, chosen):
+        for where, of_place in _numbers_of(bed, chosen, acting):
             total = float(squares[of_place].sum())
             if total > 0:
                 candidates.append((where, float(products[of_place].sum()) / math.sqrt(total * size)))
@@ -129,10 +132,11 @@ def locate_law(beds: Sequence[BedCase], used: Windows, change: np.ndarray, left:
     return sorted((q for q in found if q.p < LEVEL), key=lambda q: (q.phase is not None, -q.z))
 
 
-def _numbers_of(bed: BedCase, chosen: np.ndarray) -> list[tuple[Place, tuple[Any, ...]]]:
+def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> list[tuple[Place, tuple[Any, ...]]]:
     """Places, and which of the numbers (w, D) of the chosen windows are theirs."""
     s, looks = len(bed.rows), len(bed.looks)
     ids = tuple(bed.scene.bodies[r].id for r in bed.rows)
+    swims = tuple(i for i in ids if i in acting)
     of_disk = np.tile(np.repeat(np.arange(s), 2), looks)
     every = slice(None)
     result: list[tuple[Place, tuple[Any, ...]]] = []
@@ -153,7 +157,7 @@ def _numbers_of(bed: BedCase, chosen: np.ndarray) -> list[tuple[Place, tuple[Any
     if phases is not None:
         part = np.floor(BINS * phases[chosen]).astype(int) % BINS
         for k in np.unique(part):
-            add((part == k,), phase=(k / BINS, (k + 1) / BINS))
+            add((part == k,), swims, "swimmer" if swims else "grains", (k / BINS, (k + 1) / BINS))
     return result
 
 

@@ -20,6 +20,7 @@ from .trial import CHAOS, SURE, BedTrial, first_order, smooth_minimum, trial_of
 from .windows import BedCase
 
 REPLICATES = 499
+SCANTY = 40  # windows of twins, less one of each
 # rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
 # whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
 # near linear (taken to one side, and three times as far as need be, they had a tenth, too)
@@ -171,11 +172,12 @@ def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
     """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
 
     nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
-    Source: Hotelling 1931, Ann. Math. Stat. 2, 360.
+    Source: Hotelling 1931, Ann. Math. Stat. 2, 360. Fewer than ``SCANTY`` tell one direction, but not the covariance
+    of some hundred numbers: a budget that leaves no more has to see an effect twice as strong.
     """
     known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
     known = max(known, 3)
-    return known / rng.chisquare(known, REPLICATES)
+    return known / rng.chisquare(known, REPLICATES) * (4.0 if known < SCANTY else 1.0)
 
 
 @dataclass
