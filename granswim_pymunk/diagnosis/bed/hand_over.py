@@ -316,7 +316,10 @@ def _where(d: BedDiagnosis) -> str:
         parts.append(f"It acts at {region}" + (f" ({html.unescape(listed(names, 7))})" if names else "") + ".")
     elif d.found is not None and d.verdict == "missing_physics":
         parts.append("It acts on all bodies.")
-    single = [q for q in d.places if len(q.bodies) == 1]
+    grains = [q for q in d.places if not q.bodies and q.phase is None and (q.region or "").startswith("grains")]
+    single = [q for q in d.places if len(q.bodies) == 1 and q.phase is None]
+    if grains and (not single or grains[0].z > single[0].z):
+        parts.append(f"It shows most in {grains[0].region} (z = {grains[0].z:.1f} after all looks).")
     phases = [q for q in d.places if q.phase is not None]
     if single:
         names = [bodies(q.bodies)[0] for q in single[:3]]
