@@ -57,7 +57,7 @@ def test_a_drag_shows_along_the_motion_and_a_turn_across_it():
 
 
 def test_what_members_do_not_agree_on_counts_little():
-    """One grain in ten is thrown about; the weighted mean is about as sure as the mean of the others."""
+    """One grain in five is thrown about; the weighted mean is about as sure as the mean of the others."""
     rng = np.random.default_rng(3)
     sums = scattered(rng)
     scatter = np.where(np.arange(60) % 10 < 2, 100.0, 1.0)[None, None, :, None] * SIGMA

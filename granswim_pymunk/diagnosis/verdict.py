@@ -89,10 +89,10 @@ def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
     return list(distinct_bodies(diagnosis.cases))
 
 
-def heldout_gain(diagnosis: Diagnosis, errors: Errors | None) -> float | None:
+def heldout_gain(diagnosis: Diagnosis, errors: Errors) -> float | None:
     """How much the mean squared error on held-out data falls against recalibration, as a log-ratio:
     n/2 ln(recalibrated/this), n the independent held-out numbers."""
-    before, after = diagnosis.held["recalibrated"].rms, errors.rms if errors is not None else None
+    before, after = diagnosis.held["recalibrated"].rms, errors.rms
     if not before or not after:
         return None
     n = sum(int(math.prod(c.values[c.scored].shape)) for c in diagnosis.cases) / max(diagnosis.spread, 1.0)

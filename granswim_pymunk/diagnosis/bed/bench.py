@@ -11,7 +11,7 @@ from ...errors import InputError
 from ..hypothesis import Failed, Hypothesis
 from ..kept import Store
 from .signatures import Noise, ensemble_noise, twin_noise
-from .windows import MEMBERS, POOL, THREADS, BedCase, BedPredictor, Job, predict_all
+from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
 
 Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that were not asked for
 Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
@@ -94,25 +94,10 @@ class Bench:
 
     def weigh(self, hypothesis: Hypothesis, values: np.ndarray) -> Prediction | None:
         """Grains count from now on by how well they are predicted; what all windows show, None where a run failed."""
-
-        def one(task: tuple[BedPredictor, np.ndarray]) -> np.ndarray | None:
-            predictor, windows = task
-            try:
-                return predictor.weigh(hypothesis, values, windows)
-            except Failed:
-                return None
-
-        pieces = [np.array_split(np.arange(len(b.starts)), THREADS) for b in self.beds]
-        tasks = [(p, piece) for p, mine in zip(self.predictors, pieces, strict=True) for piece in mine]
-        found = list(POOL.map(one, tasks))
+        found = predict_all([Job(p, hypothesis, values, weigh=True) for p in self.predictors])
         self.seen = [p.seen() for p in self.predictors]
-        result: Prediction = []
-        for k in range(0, len(found), THREADS):
-            shown = [f for f in found[k : k + THREADS] if f is not None]
-            if len(shown) < THREADS:
-                return None
-            result.append(np.concatenate(shown))
-        return result
+        shown = [f for f in found if f is not None]
+        return shown if len(shown) == len(found) else None
 
     def predict_surely(
         self,

@@ -34,6 +34,7 @@ from .search import (
     Progress,
     Search,
     as_in_twins,
+    beyond_chance,
     clock_before_motor,
     flexible_arm,
     gains_in_nulls,
@@ -404,7 +405,7 @@ def _leading(search: Search, trials: list[BedTrial], null: Null) -> tuple[list[B
     if null.p <= 0.1:
         trials = search.leaders(trials, search.bench.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
-    threshold = max(float(np.quantile(null.gains, 1 - ALARM)), SURE)
+    threshold = beyond_chance(null.gains)
     if null.p > ALARM or null.case < threshold:
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
@@ -568,18 +569,13 @@ def _foreseen(bench: Bench, search: Search, answer: Answer, base: Prediction, si
 
 def _showing(search: Search, answer: Answer) -> list[Place]:
     """Where the laws that were found show, in the training windows."""
-    if answer.found is None or answer.columns is None:
-        return []
-    rows = answer.rows
-    if rows is None:
-        rows = answer.judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
-    if rows is None:
+    if answer.columns is None or answer.rows is None:
         return []
     adjusted = len(search.values)
     amounts = answer.values - np.array([f.neutral for f in answer.hypothesis.free])
     known = answer.columns[:, :adjusted]
     change = off(known, answer.columns[:, adjusted:] @ amounts[adjusted:])
-    rest = off(known, answer.judge.white(rows, search.used))
+    rest = off(known, answer.judge.white(answer.rows, search.used))
     mobile = {b.id for b in search.bench.beds[0].scene.bodies if b.mobile}
     acting = {b for t in answer.laws for b in (mobile if t.term.bodies is None else t.term.bodies)}
     return locate_law(search.bench.beds, search.used, change, rest + change, acting)

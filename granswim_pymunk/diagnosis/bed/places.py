@@ -13,10 +13,11 @@ from scipy import stats
 
 from ..innovations import standard_deviations
 from .bench import Bench, Prediction, Windows
-from .sums import MOMENTS, size_of
+from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
 
 BINS = 8  # of the cycle
+GRAINS = ("grains within two diameters of the swimmer", "grains farther from the swimmer")
 LEVEL = 0.01
 FARTHEST = 5.0  # standard deviations: how far a sum of grains strays beyond that hangs on a single violent one
 LARGEST = 37.0  # z beyond which a normal tail has no number
@@ -132,6 +133,19 @@ def locate_law(
     return sorted((q for q in found if q.p < LEVEL), key=lambda q: (q.phase is not None, -q.z))
 
 
+def _role(disk: int, disks: int) -> str:
+    return "head" if disk == 0 else "tail" if disk == disks - 1 else "swimmer"
+
+
+def _by_phase(bed: BedCase, chosen: np.ndarray) -> list[tuple[np.ndarray, tuple[float, float]]]:
+    """Of each part of the cycle, which of the chosen windows (w,) are in it; nothing where nothing is driven."""
+    phases = bed.phases()
+    if phases is None:
+        return []
+    part = np.floor(BINS * phases[chosen]).astype(int) % BINS
+    return [(part == k, (k / BINS, (k + 1) / BINS)) for k in np.unique(part)]
+
+
 def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> list[tuple[Place, tuple[Any, ...]]]:
     """Places, and which of the numbers (w, D) of the chosen windows are theirs."""
     s, looks = len(bed.rows), len(bed.looks)
@@ -145,19 +159,13 @@ def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> li
         result.append((Place(bodies, region, phase, None, None, 0.0, 1.0), numbers))
 
     for k, name in enumerate(ids):
-        role = "head" if k == 0 else "tail" if k == s - 1 else "swimmer"
-        add((every, np.flatnonzero(of_disk == k)), (name,), role)
+        add((every, np.flatnonzero(of_disk == k)), (name,), _role(k, s))
     if len(bed.grains):
-        m = len(MOMENTS)
-        near = np.repeat([0, 1, 0, 1], [m, m, 2 * s, 2 * s])  # moments of near and far, then means about each disk
-        of_grains = np.tile(near, looks - 1)
-        for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
+        of_grains = np.tile(near_or_far(s), looks - 1)
+        for k, region in enumerate(GRAINS):
             add((every, bed.swimmer_size + np.flatnonzero(of_grains == k)), (), region)
-    phases = bed.phases()
-    if phases is not None:
-        part = np.floor(BINS * phases[chosen]).astype(int) % BINS
-        for k in np.unique(part):
-            add((part == k,), swims, "swimmer" if swims else "grains", (k / BINS, (k + 1) / BINS))
+    for mine, phase in _by_phase(bed, chosen):
+        add((mine,), swims, "swimmer" if swims else "grains", phase)
     return result
 
 
@@ -186,25 +194,20 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
 
     n = len(chosen)
     for k, name in enumerate(ids):
-        role = "head" if k == 0 else "tail" if k == len(ids) - 1 else "swimmer"
-        add(judge(disks[:, k], twins[:, :, k], per_window * n), [name], role)
+        add(judge(disks[:, k], twins[:, :, k], per_window * n), [name], _role(k, len(ids)))
     if len(bed.grains):
         sums, cells = found.twin_sums[:, chosen], found.twin_cells[:, chosen]
         of_sums, of_cells = n * freedom_of(sums), n * freedom_of(cells)
-        for k, region in enumerate(("grains within two diameters of the swimmer", "grains farther from the swimmer")):
+        for k, region in enumerate(GRAINS):
             add(judge(found.sums[chosen, k], sums[:, :, k], of_sums), (), region)
         for k, name in enumerate(ids):
             about = judge(found.cells[chosen, k], cells[:, :, k], of_cells)
             add(about, (), f"grains within two diameters of disk {name}")
     whole = disks.mean(axis=1)
     whole_twins = twins.mean(axis=2)
-    phases = bed.phases()
-    if phases is not None:
-        part = np.floor(BINS * phases[chosen]).astype(int) % BINS
-        for k in np.unique(part):
-            mine = part == k
-            p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
-            add(p, ids, "swimmer", phase=(k / BINS, (k + 1) / BINS))
+    for mine, phase in _by_phase(bed, chosen):
+        p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
+        add(p, ids, "swimmer", phase=phase)
     edges = np.quantile(found.speed[chosen], [0.0, 1 / 3, 2 / 3, 1.0])
     for low, high in pairwise(edges):
         mine = (found.speed[chosen] >= low) & (found.speed[chosen] <= high)

@@ -202,6 +202,11 @@ class Search:
         return self.bench.white(self.base, self.used)
 
     @property
+    def whole(self) -> bool:
+        """Whether the windows that tell candidates apart are all that are used."""
+        return all(len(a) == len(b) for a, b in zip(self.few, self.used, strict=True))
+
+    @property
     def few_nuisance(self) -> np.ndarray:
         """(m, p) columns of the adjustables in the windows that tell candidates apart."""
         return self.nuisance[self.at]
@@ -243,7 +248,6 @@ class Search:
         self.progress("siblings of the leaders", 0.64)
         trials = self.with_siblings(trials, bed)
         span = basis(np.column_stack([t.signature.clear for t in trials]))
-        whole = all(len(a) == len(b) for a, b in zip(self.few, self.used, strict=True))
         most = trials[0].linear
         chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
         chosen = _with_clock(_two_forms(chosen)[: 2 * self.plan.leaders], trials)
@@ -261,7 +265,7 @@ class Search:
         for k, t in enumerate(best):
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
             if k < 1 or not self.clock.late(0.84):
-                mine = span if whole else None
+                mine = span if self.whole else None
                 done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE, mine))
         done = no_narrower(done)
         # the best form of each is kept; gains in few windows are not comparable
@@ -349,6 +353,11 @@ def gains_in_nulls(search: Search, signatures: Sequence[BedSignature], rng: np.r
     return null * (coherence(signatures, off(nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng))
 
 
+def beyond_chance(gains: np.ndarray) -> float:
+    """What a law has to gain in chi2, given the gains of nulls."""
+    return max(float(np.quantile(gains, 1 - ALARM)), SURE)
+
+
 def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
     """No more than the first two forms of a law, so that others are refitted, too; joints are laws of their own."""
     kept: list[BedTrial] = []
@@ -384,7 +393,7 @@ def second_law(
     ]
     order = sorted((first_order(s, left) for s in others), key=lambda t: -t.worth)
     null = gains_in_nulls(search, others, rng)
-    threshold = max(float(np.quantile(null, 1 - ALARM)), SURE)
+    threshold = beyond_chance(null)
     try:
         apart = search.apart()
     except Failed:
@@ -397,9 +406,7 @@ def second_law(
         signature = search.signature(rough.term, apart)
         if signature is not None:
             trials.append(first_order(signature, left))
-    span = basis(np.column_stack([s.clear for s in others])) if others else None
-    if any(len(a) < len(b) for a, b in zip(search.few, search.used, strict=True)):
-        span = None
+    span = basis(np.column_stack([s.clear for s in others])) if others and search.whole else None
     trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
     done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE, span) for t in trials]
     done = [t for t in done if (t.gain or 0.0) > threshold]
@@ -467,11 +474,9 @@ def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
     """
     if not trials or trials[0].gain is None:
         return trials
-    if trials[0].mechanism == "unknown":
-        plain = next((t for t in trials if t.mechanism != "unknown" and t.gain is not None), None)
-    else:
-        name = SPECIAL_CASES.get(trials[0].mechanism)
-        plain = next((t for t in trials if t.mechanism == name and t.gain is not None), None)
+    first = trials[0].mechanism
+    names = {t.mechanism for t in trials} - {first} if first == "unknown" else {SPECIAL_CASES.get(first)}
+    plain = next((t for t in trials if t.mechanism in names and t.gain is not None), None)
     if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
         return trials
     return [plain, *(t for t in trials if t is not plain)]

@@ -100,6 +100,11 @@ def size_of(disks: int) -> int:
     return 2 * len(MOMENTS) + 4 * disks
 
 
+def near_or_far(disks: int) -> np.ndarray:
+    """(size_of(disks),) of each number at one look: 0 of grains near, 1 of grains far."""
+    return np.repeat([0, 1, 0, 1], [len(MOMENTS)] * 2 + [2 * disks] * 2)
+
+
 def sums_of(
     posterior: Posterior, seen: np.ndarray, rows: np.ndarray, grains: np.ndarray, radius: np.ndarray, period: float
 ) -> Sums:

@@ -266,9 +266,7 @@ class BedPredictor:
             self._sums[window] = sums_of(posterior, seen, bed.rows, bed.grains, radius, bed.scene.periodic_x or 0.0)
         return self._sums[window]
 
-    def weigh(
-        self, hypothesis: Hypothesis, values: np.ndarray, windows: Sequence[int] | np.ndarray | None = None
-    ) -> np.ndarray:
+    def weigh(self, hypothesis: Hypothesis, values: np.ndarray, windows: Sequence[int] | None = None) -> np.ndarray:
         """From now on grains count by how little members scatter under a hypothesis; what these show, (w, m, D).
 
         Raises Failed.
@@ -497,7 +495,7 @@ class BedPredictor:
 
 @dataclass(frozen=True)
 class Job:
-    """A prediction to be made: which film, which hypothesis, which windows."""
+    """A prediction to be made: which film, which hypothesis, which windows; ``weigh``: see ``BedPredictor.weigh``."""
 
     predictor: BedPredictor
     hypothesis: Hypothesis
@@ -505,6 +503,7 @@ class Job:
     windows: Sequence[int] | None = None
     members: int | None = None
     first: int = 0
+    weigh: bool = False
 
 
 def predict_all(jobs: Sequence[Job]) -> list[np.ndarray | None]:
@@ -512,6 +511,8 @@ def predict_all(jobs: Sequence[Job]) -> list[np.ndarray | None]:
 
     def one(job: Job) -> np.ndarray | None:
         try:
+            if job.weigh:
+                return job.predictor.weigh(job.hypothesis, job.values, job.windows)
             return job.predictor(job.hypothesis, job.values, job.windows, job.members, job.first)
         except Failed:
             return None
