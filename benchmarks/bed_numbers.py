@@ -1,9 +1,10 @@
 """``python -m granswim_pymunk.benchmarks.bed_numbers RECORDING [TWINS]``: what each choice of numbers tells of a law.
 
 Of one recording of a swimmer and its grains: standard errors of a law of usual strength, by the numbers that are
-compared in a window (disks alone; with moments of the grains; with means about each disk, too), by whether grains count
-alike or by how well they are predicted, and by how far the covariance of twins is shrunk. The noise is that of a twin
-which the covariance was not made of; what adjustables imitate is not taken off. Some five minutes for a full bed.
+compared in a window (disks alone; with five sums over grains near and five over grains far; with all moments of the
+grains; with means about each disk, too), by whether grains count alike or by how well they are predicted, and by how
+far the covariance of twins is shrunk. The noise is that of a twin which the covariance was not made of; what adjustables
+imitate is not taken off. Some five minutes for a full bed.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from granswim_pymunk.recording import read_recording
 
 LAWS = ("restitution", "ambient_flow", "cohesion", "contact_friction", "coulomb_substrate", "linear_drag p = 0",
         "actuator_lag", "weak_joint at joint 2", "a force across the motion")  # fmt: skip
+FIVE = ("mean dx", "mean dy", "along", "size across", "spread")
 SHARES = (0.1, 0.3, 0.5, 1.0)
 
 
@@ -57,7 +59,10 @@ def main(folder: str, twins: int = 6) -> None:
     used = start.bench.training[0]
     disks, one = bed.swimmer_size, size_of(len(bed.rows))
     moments = np.concatenate([disks + k * one + np.arange(2 * len(MOMENTS)) for k in range(len(bed.looks) - 1)])
-    chosen = {"disks": np.arange(disks), "and moments": np.concatenate([np.arange(disks), moments]),
+    few = [k for k, name in enumerate(MOMENTS * 2) if name in FIVE]
+    five = np.concatenate([disks + k * one + np.array(few) for k in range(len(bed.looks) - 1)])
+    chosen = {"disks": np.arange(disks), "and five sums": np.concatenate([np.arange(disks), five]),
+              "and moments": np.concatenate([np.arange(disks), moments]),
               "and means about disks": np.arange(bed.size)}  # fmt: skip
     print("recording", folder, "|", twins, "twins |", len(used), "windows")
     print("| numbers | grains count | shrunk | " + " | ".join(t.label for t in terms) + " |")

@@ -18,7 +18,7 @@ from ..hypothesis import Term
 FINEST = 1e-8  # m, a spread below this is not believed
 UNKNOWN = 1.0  # m, a spread that nobody knows
 FEWEST = 8  # windows of twins that tell a spread
-SHRUNK = 0.5  # with a tenth, weak effects in twins' windows are 1.1 to 1.4 times weaker (benchmarks/bed_numbers.py)
+SHRUNK = 0.5  # with a tenth, laws show 1.1 to 1.25 times more weakly (benchmarks/bed_numbers.py)
 
 
 @dataclass(frozen=True)
