@@ -3,8 +3,8 @@
 Of one recording of a swimmer and its grains: standard errors of a law of usual strength, by the numbers that are
 compared in a window (disks alone; with five sums over grains near and five over grains far; with all moments of the
 grains; with means about each disk, too), by whether grains count alike or by how well they are predicted, and by how
-far the covariance of twins is shrunk. The noise is that of a twin which the covariance was not made of; what adjustables
-imitate is not taken off. Some five minutes for a full bed.
+far the covariance of twins is shrunk. The noise is that of a twin which the covariance was not made of; what
+adjustables imitate is not taken off. Some five minutes for a full bed.
 """
 
 from __future__ import annotations
