@@ -429,6 +429,25 @@ class TestConstraints:
         assert 0.2 * v[0, 0] + 0.1 * v[1, 0] == pytest.approx(0.15, rel=1e-9)
         assert np.abs(v[:, 1]).max() < 1e-12
 
+    @pytest.mark.parametrize("mode", ["verlet", "python"])
+    @pytest.mark.parametrize("restitution", [0.4, 0.9])
+    @pytest.mark.parametrize("averaged", [False, True])
+    def test_attraction_on_both_sides_of_an_elastic_collision(self, mode, restitution, averaged):
+        """In at v, faster by the work of the force, out by e, slower by the same: v'^2 = e^2 (v^2 + w) - w."""
+        force, reach, v = 0.05, 1.5e-3, 0.5
+        bodies = (
+            Body("a", "free", 0.01, 0.006, initial=(0.0, 0.0, v, 0.0)),
+            Body("b", "free", 0.015, 0.018, initial=(0.05, 0.0, 0.0, 0.0)),
+        )
+        laws = use("contact_elastic", restitution=restitution), use("cohesion", force=force, range=reach)
+        # the list of near pairs is longer lived than the steps are: the disks come a long way before they meet
+        sim = Simulation(Scene(bodies, laws, time=Time(dt=2e-5)), mode=mode, averaged=averaged)
+        out = sim.sample(np.array([0.3, 0.4]))
+        gap = np.diff(out[:, :, 0], axis=1)[:, 0]
+        work = 2 * force * reach * (1 / 0.006 + 1 / 0.018)
+        expected = math.sqrt(restitution**2 * (v**2 + work) - work)
+        assert (gap[1] - gap[0]) / 0.1 == pytest.approx(expected, rel=0.01)
+
     @pytest.mark.parametrize("mode", MODES)
     def test_pin_keeps_its_length(self, mode):
         scene = free(
@@ -589,6 +608,21 @@ def test_averaged_contacts_touch_when_they_do_and_not_at_the_next_step():
     assert np.max(averaged) < 0.4 * np.max(plain)
     # the error of what is left is a smooth one of the first order in dt: no jitter between phases
     assert np.std(averaged) < 0.2 * np.std(plain)
+
+
+def test_an_averaged_attraction_begins_and_ends_at_its_reach():
+    """A path does not jump as the reach grows past the places where steps end."""
+    a = Body("a", "free", 0.01, 0.006, initial=(0.0, 0.0, 0.5, 0.0))
+    b = Body("b", "free", 0.015, 0.018, initial=(0.05, 0.004, 0.0, 0.0))
+    plain, averaged = [], []
+    for reach in np.linspace(1.0e-3, 1.4e-3, 41):
+        laws = use("contact_elastic", restitution=0.7), use("cohesion", force=0.1, range=reach)
+        scene = Scene((a, b), laws)
+        for kept, on in ((plain, False), (averaged, True)):
+            kept.append(Simulation(scene, dt=5e-4, averaged=on).sample([0.3])[0, 0, 0])
+    jumps = [np.abs(np.diff(kept, 2)).max() for kept in (plain, averaged)]
+    assert jumps[0] > 1e-4
+    assert jumps[1] < 0.05 * jumps[0]
 
 
 def test_forces_of_a_moment_are_not_those_of_a_step():

@@ -71,7 +71,7 @@ BODIES = 128
 BLOCK = 256
 WORK = ("dx", "dy", "ux", "uy", "touch", "mass", "px", "py", "ri", "rj", "wi", "wj", "ti", "tj")
 # numbers that laws may ask for
-# the last: 1 where a contact counts in its first and last step by the share of it that it lasts, else 0
+# the last: 1 where a contact or a reach counts in its first and last step by the share of it that it lasts, else 0
 SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share")
 
 
@@ -170,13 +170,19 @@ def _pair_block(law: Law, code: int) -> str:
     }  # fmt: skip
     reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
     lines = ["nx = dx / d", "ny = dy / d", "gap = d - touch", "vn = ux * nx + uy * ny"]
-    # a dashpot acts at once when bodies touch: without this its moment is rounded to steps
-    shared = ["deep = abs(vn) * step", "vn *= 0.5 - gap / deep if -gap < deep else 1.0"]
-    shared = shared if "vn" in law.arguments and not law.reach else []
+    # a dashpot acts at once when bodies touch, an attraction at its reach: without this the moment is rounded to steps
+    deep = "deep = abs(vn) * step"
+    shared, lasting = [], []
+    if law.reach:
+        shared = [deep, f"inside = touch{reach} - d", f"gap = min(gap, 0.0{reach})"]
+        lasting = ["lasts = min(max(0.5 + inside / max(deep, 1e-300), 0.0), 1.0)", "fn *= lasts", "ft *= lasts"]
+    elif "vn" in law.arguments:
+        shared = [deep, "vn *= 0.5 - gap / deep if -gap < deep else 1.0"]
     opening = len(lines)
     if spin:
         lines.append("vt = uy * nx - ux * ny - wj * rj - wi * ri")
     lines.append(f"{'fn, ft, mi, mj' if _turns(law) else 'fn, ft'} = {_call(law, available)}")
+    called = len(lines)
     lines += ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx"] if spin else ["px = fn * nx", "py = fn * ny"]
     if spin:
         lines += ["ti = -ri * ft", "tj = -rj * ft"]
@@ -219,7 +225,7 @@ def each_{law.name}(count, o, t, step, parameters, work):
     r0 = parameters[o - 1]
 {_indent(read, 1)}    for m in range(np.uint64(count)):
 {_indent(unpack, 2)}        d = math.sqrt(dx * dx + dy * dy)
-{_indent([*lines[:opening], *shared, *lines[opening:], *pack], 2)}
+{_indent([*lines[:opening], *shared, *lines[opening:called], *lasting, *lines[called:], *pack], 2)}
 
 @njit(**PLAIN)
 def sum_{law.name}(u, t, step, begin, end, seam, flat, radius, parameters, uses, mask, near_i, near_j, near_shift,
@@ -231,7 +237,8 @@ def sum_{law.name}(u, t, step, begin, end, seam, flat, radius, parameters, uses,
         {"if uses[u, 4] == 0:" if not reach else "if False:"}
             count = touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work)
         else:
-            count = reached(first, last, reach, uses[u, 4], mask[u], flat, near_i, near_j, near_shift, near_touch, which, work)
+            count = reached(first, last, reach, {'step' if law.reach else '0.0'}, uses[u, 4], mask[u], flat, near_i, near_j,
+                            near_shift, near_touch, which, work)
         count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
         each_{law.name}(count, o, t, step, parameters, work)
         scatter(count, {int(spin)}, flat, near_i, near_j, which, work)
@@ -268,8 +275,8 @@ def touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, wh
 
 
 @njit(**PLAIN)
-def reached(first, last, reach, masked, mask, flat, near_i, near_j, near_shift, near_touch, which, work):
-    """The same for a law that reaches farther, or acts on some bodies only."""
+def reached(first, last, reach, step, masked, mask, flat, near_i, near_j, near_shift, near_touch, which, work):
+    """The same for a law that reaches farther, or acts on some bodies only; half a ``step`` before or after, too."""
     m = np.uint64(0)
     begin = np.uint64(first)
     end = np.uint64(last)
@@ -283,6 +290,10 @@ def reached(first, last, reach, masked, mask, flat, near_i, near_j, near_shift, 
             work[k - begin + W_DX] = dx
             work[k - begin + W_DY] = dy
             limit = near_touch[k] + reach
+            if step > 0.0:
+                ux = flat[j + P_VX] - flat[i + P_VX]
+                uy = flat[j + P_VY] - flat[i + P_VY]
+                limit += 0.5 * step * math.sqrt(ux * ux + uy * uy)
             chosen = masked == 0 or (mask[i // P_ROW] and mask[j // P_ROW])
             word |= np.uint64(chosen and dx * dx + dy * dy < limit * limit) << (k - low)
         while word != np.uint64(0):
@@ -627,10 +638,11 @@ def finite(state):
 
 
 @njit(**PLAIN)
-def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, reach):
+def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, reach, ahead):
     """Give each body a speed limit, and so a way [m] within which its list of near pairs holds.
 
-    Returns the number of steps for which: fewer where the fastest body would go farther than ``most``.
+    Returns the number of steps for which: fewer where the fastest body would go farther than ``most``. Pairs that will
+    be within reach ``ahead`` steps later are near, too.
     """
     top = 0.0
     for i in range(n_mobile):
@@ -644,7 +656,7 @@ def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, r
         lasts = max(math.floor(most / (top * dt)), 1.0)
     # a hair more than the way at the limit: rounding in a drift and in the limit itself
     for i in range(n_mobile):
-        way = allowance[i] * (lasts * dt * 1.000001)
+        way = allowance[i] * ((lasts + ahead) * dt * 1.000001)
         allowance[i] = way
         reaching[i] = radius[i] + 0.5 * reach + way
     return lasts
@@ -676,7 +688,8 @@ def verlet_step(constraint, space):
         F[F_PRUNED] = F[F_STEP]
         most = 0.25 * F[F_SKIN]
         F[F_HEADROOM] = min(F[F_HEADROOM], 0.5 * most / ({NEAR_LASTS} * F[F_DT]))
-        F[F_LASTS] = surround(n_mobile, state, radius, allowance, reaching, F[F_HEADROOM], F[F_DT], most, F[F_REACH])
+        F[F_LASTS] = surround(n_mobile, state, radius, allowance, reaching, F[F_HEADROOM], F[F_DT], most, F[F_REACH],
+                              scalars[5])
         if I[ROOM] > 0:
             I[CUTS] += 1
             for i in range(n):

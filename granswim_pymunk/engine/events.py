@@ -55,8 +55,8 @@ def _time_to_contact(addresses, radius, group, touching, mobile, position, veloc
 @njit(cache=True, nogil=True)
 def advance_to(
     step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
-    addresses, radius, group, touching, mobile, position, velocity, length_unit, velocity_unit, last, fx, fy,
-    inverse_mass, chosen, out,
+    slot_lasts, addresses, radius, group, touching, mobile, position, velocity, length_unit, velocity_unit, last, fx,
+    fy, inverse_mass, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
@@ -88,6 +88,7 @@ def advance_to(
             floats[slot_start] = t
             floats[slot_dt] = step
             floats[slot_step] = 0.0
+            floats[slot_lasts] = 0.0  # steps of any length, none of them counted: near pairs anew in each
             # Chipmunk starts a contact from its last impulse times the ratio of the steps, but its bounds on the
             # sum leave the ratio out: equal steps for it, else a resting disk is thrown
             store_float(space + last_step, step / time_unit)

@@ -109,8 +109,8 @@ class Simulation:
     only : rows of ``scene.bodies`` that are simulated, all where not given. The others are absent; laws keep the
         numbers (mean mass, radii) of the whole scene, and ``state``, ``raw``, ``forces`` give NaN for them
     carried : rows that move at the velocities they are given, whatever pushes them: walls that move. Mode verlet
-    averaged : a contact's dashpot counts in its first and last step by the share of the step that it lasts, so that
-        the moment of touching is not rounded to steps. Mode verlet, in others without effect
+    averaged : a contact's dashpot, and a force that ends at a reach, count in their first and last step by the share
+        of the step that they last, so that no moment is rounded to steps. Mode verlet, in others without effect
 
     Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
     dampings, velocities kick (leapfrog). Runs are repeatable bit for bit.
@@ -817,9 +817,9 @@ class Simulation:
         reached, last = events.advance_to(
             step_address(), address(self._space._space), last_step_offset(), self.t, ends, self.dt, self.units.time,
             self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
-            a["bodies"], radius, a["group"], touching, a["mobile"], self._offsets.position, self._offsets.velocity,
-            self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"], a["inverse_mass"],
-            a["bodies"][rows].copy(), out,
+            _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], touching, a["mobile"], self._offsets.position,
+            self._offsets.velocity, self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"],
+            a["inverse_mass"], a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
         self.step = max(round((reached - self.scene.time.start) / self.dt), 1)

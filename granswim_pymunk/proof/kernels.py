@@ -117,7 +117,8 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
     """Contacts and the other forces between the ``count`` listed pairs.
 
     A dashpot acts at once when disks touch. A step in which they first do counts by the share of it that they touch,
-    so that its moment is not rounded to steps: of the force at its end, half that share more or less.
+    so that its moment is not rounded to steps: of the force at its end, half that share more or less. So does an
+    attraction that begins and ends at once.
     """
     period = base[PERIOD]
     half = 0.5 * period
@@ -176,8 +177,11 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
             elif c == COHESION:
                 if gap < p[1]:
                     size = p[0]
+                    deep = abs(opening) * dt
                     if p[2] == 1.0 and gap > 0.0:
                         size *= 2.0 * (1.0 - gap / p[1])
+                    elif p[1] - gap < deep:
+                        size *= 0.5 + (p[1] - gap) / deep
                     along -= size
             elif c == LUBRICATION:
                 if gap < p[2]:

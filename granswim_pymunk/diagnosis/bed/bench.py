@@ -193,7 +193,8 @@ class Bench:
         if (b, k) not in self._films:
             assert self.twin_scene is not None
             own = self.predictors[b].of(self.predictors[b].twin(*self.twin_scene, k))
-            self._films[b, k] = own, own.weigh(*self.twin_scene)
+            look = own.weigh if self.predictors[b].weighed else own
+            self._films[b, k] = own, look(*self.twin_scene)
         return self._films[b, k]
 
     def twin_views(
