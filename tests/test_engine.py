@@ -580,6 +580,27 @@ def test_part_of_a_scene_is_as_if_the_rest_were_not_there():
         part.sample([0.02])
 
 
+def test_impacts_begin_again_with_the_same_bits():
+    """Three disks that attract one another and meet: a new simulation and one begun again."""
+    bodies = [Body(f"r{r}", "free", r, 2 * r, initial=(0.0, 0.0, 0.0, 0.0)) for r in (0.01, 0.012, 0.015)]
+    laws = use("contact_elastic", restitution=0.8), use("linear_drag", c=1e-3), use("cohesion", force=0.2)
+    scene = Scene(tuple(bodies), laws, time=Time(dt=1e-3))
+    rng = np.random.default_rng(4)
+    again = None
+    t = np.linspace(0.0, 0.6, 31)
+    for _ in range(5):
+        xy = np.array([[0.0, 0.0], [0.05, 0.02], [0.1, -0.01]]) + rng.uniform(-0.01, 0.01, (3, 2))
+        v = np.array([[0.3, 0.0], [0.0, -0.1], [-0.4, 0.05]]) + rng.uniform(-0.05, 0.05, (3, 2))
+        start = np.column_stack([xy, v])
+        fresh = Simulation(scene.with_initial(dict(zip(scene.ids, map(tuple, start), strict=True))), averaged=True)
+        if again is None:
+            again = Simulation(scene.with_initial({b: (*p, 0.0, 0.0) for b, p in zip(scene.ids, xy, strict=True)}),
+                               averaged=True)  # fmt: skip
+            again.sample(t[:9])
+        again.restart(xy, v, 0.0)
+        np.testing.assert_array_equal(again.sample(t), fresh.sample(t))
+
+
 def test_parts_that_cannot_be_simulated_are_refused():
     scene = _row_of_disks(3)
     with pytest.raises(InputError, match="rows of the scene's 3 bodies"):

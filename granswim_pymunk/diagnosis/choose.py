@@ -22,6 +22,8 @@ SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apa
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
 REPLICATES = 299
+NEAR_PARTNER = 0.7  # of what one of two laws explains: how much another one must, to first order, to be its rival
+PARTNERS = 4  # such rivals that are refitted
 SINGLE = ("linear_drag", "quadratic_drag", "coulomb_substrate")  # laws of one strength, alike over a short time
 
 
@@ -371,13 +373,40 @@ def verdict_among(
     return "no_mismatch", None
 
 
+def rivals_of_pair(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float,
+    notes: list[str],
+) -> list[tuple[Trial, bool]]:  # fmt: skip
+    """Laws that may stand in place of one of the two found, best first; True where these data cannot tell.
+
+    Beside the other one alone they are ranked by signatures, and those that come near are refitted.
+    """
+    result: dict[str, tuple[Trial, bool]] = {}
+    first = len(recalibrated.values)
+    cut = first + found[0].numbers
+    for replaced, keep, rows in ((found[1], found[0], slice(first, cut)), (found[0], found[1], slice(cut, None))):
+        hypothesis = recalibrated.hypothesis.with_term(keep.term)
+        begin = np.concatenate([revised.values[:first], revised.values[rows]])
+        alone = fitter.fit(hypothesis, begin, revised.starts)
+        others = [t for t in terms if t.mechanism not in {f.mechanism for f in found}]
+        ranked = sorted(make_bank(fitter, alone, others).signatures, key=lambda s: -s.gain)
+        lost = alone.chi2 - revised.chi2
+        for signature in [s for s in ranked if s.gain > NEAR_PARTNER * lost][:PARTNERS]:
+            fit = refit(fitter, alone, signature, (1.0,))
+            trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
+            ahead = (fit.chi2 - revised.chi2) / spread + 2 * (trial.used - replaced.used)
+            best = result.get(trial.mechanism)
+            if trial.gain > 0 and (best is None or trial.gain > best[0].gain):
+                result[trial.mechanism] = trial, bool(ahead < SAME)
+                if ahead < SAME:
+                    notes.append(f"{trial.mechanism} in place of {replaced.mechanism} does as well")
+    return sorted(result.values(), key=lambda r: -r[0].gain)[:3]
+
+
 def rivals_of(found: list[Trial], alive: list[Trial], spread: float, verdict: str) -> list[tuple[Trial, bool]]:
-    """Other candidates, best first, once for each name; True where these data cannot tell them apart."""
+    """Other candidates than the one found, best first, once for each name; True where data cannot tell them apart."""
     if not found:
         return []
-    if len(found) > 1:
-        taken = {t.mechanism for t in found}
-        return [(t, False) for t in alive if t.mechanism not in taken][:3]
     winner = found[0]
     result: list[tuple[Trial, bool]] = []
     seen = {winner.mechanism}

@@ -20,6 +20,7 @@ from .choose import (
     pair_of,
     prune,
     rivals_of,
+    rivals_of_pair,
     score_inner,
     second_law,
     verdict_among,
@@ -150,7 +151,13 @@ def diagnose_bodies(
     if verdict == "unmodelled" and flexible is not None and flexible.fit is not None:
         if not found or flexible.inner < found[0].inner:
             found, revised = [flexible], flexible.fit
-    rivals = rivals_of(found, tried.alive, spread, verdict)
+    if len(found) == 2 and not late(0.76):
+        rivals = rivals_of_pair(found, revised, recalibrated, study.fitter, tried.terms, spread, notes)
+    elif len(found) == 2:
+        taken = {t.mechanism for t in found}
+        rivals = [(t, False) for t in tried.alive if t.mechanism not in taken][:3]
+    else:
+        rivals = rivals_of(found, tried.alive, spread, verdict)
 
     # innovations of short windows under the recalibrated scene
     study.progress("locating", 0.76)

@@ -208,7 +208,7 @@ class Predictor:
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
         simulation = Simulation(whole, averaged=True)
         last.key = None
-        if simulation.mode == "verlet" and not simulation.impulse:
+        if simulation.mode == "verlet":
             last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
         return simulation
 

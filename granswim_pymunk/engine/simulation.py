@@ -746,8 +746,8 @@ class Simulation:
         Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin,
         velocities at the time of the positions. Walls go where ``xy`` says. Verlet mode only.
         """
-        if self.mode != "verlet" or self.impulse:
-            raise InputError("only a simulation in mode verlet, without impulses, can begin again")
+        if self.mode != "verlet":
+            raise InputError("only a simulation in mode verlet can begin again")
         u = self.units
         rows = self._rows_of
         self._initial = np.column_stack([xy, v])[rows]
@@ -755,11 +755,16 @@ class Simulation:
         zeros = np.zeros(self._n)
         self._images[:] = 0.0
         place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
+        self._remove_shapes()  # and with them Chipmunk's contacts and their impulses
         self._set_bodies(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], zeros, zeros)
         if not self._in_place:
             for k, name in enumerate(("x", "y")):
                 self._a[name][:] = self._initial[:, k]  # walls are not read again
         self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
+        if self.impulse:
+            self._add_shapes()
+            self._event_time, self._last_step = None, self.dt
+            self._floats[_FLOAT_SLOT["dt"]] = self.dt
         self._floats[_FLOAT_SLOT["t_start"]] = t
         self._floats[_FLOAT_SLOT["step"]] = 0.0
         self._ints[_SLOT["status"]] = 0
