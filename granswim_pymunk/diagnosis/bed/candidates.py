@@ -30,6 +30,8 @@ LEAST_SCALE = 1.5e-3  # of a picture: less is not told from what the links thems
 COARSE_SCALE = 2e-3  # standard error above which links say too little
 FEWEST_SIGHTS = 10  # of a link
 ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
+# suspects of the swimmer alone from the beginning: on all bodies together they look like something else
+OWN = ("uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate")
 
 
 def bed_terms(cases: Sequence[Case]) -> list[Term]:
@@ -44,6 +46,7 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
     laws = [law for law in laws if applies(law, cases)]
     drift = mean_drift(cases)
     terms += [t for law in laws if not _far(law) for t in law_terms(law, scene, drift)[:1]]
+    terms += [t for law in laws if law.name in OWN for t in on_some(law, scene, drift, "the swimmer")[:1]]
     terms += swimmer_terms([c.recording.scene for c in cases])
     # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
     return terms + [t for law in laws if _far(law) for t in law_terms(law, scene, drift)[:1]]
@@ -128,13 +131,19 @@ def siblings(term: Term, scene: Scene) -> list[Term]:
     if law is None or law.kind not in KINDS:
         return []
     drift = term.apply.drift if isinstance(term.apply, LawAdder) else (0.0, 0.0)
-    others = [t for t in law_terms(law, scene, drift) if t.label != term.label]
+    others = law_terms(law, scene, drift)
     if law.kind == "body":
-        swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
-        grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer)
-        for label, bodies in (("the swimmer", swimmer), ("the grains", grains)):
-            others += [replace(t, label=f"{t.label} on {label}") for t in law_terms(law, scene, drift, bodies)[:1]]
-    return others
+        for whose in ("the swimmer", "the grains"):
+            others += on_some(law, scene, drift, whose)[:1]
+    return [t for t in others if t.label != term.label]
+
+
+def on_some(law: Law, scene: Scene, drift: tuple[float, float], whose: str) -> list[Term]:
+    """A law of bodies on the swimmer's disks or on the grains alone."""
+    swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
+    grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer)
+    bodies = swimmer if whose == "the swimmer" else grains
+    return [replace(t, label=f"{t.label} on {whose}") for t in law_terms(law, scene, drift, bodies)]
 
 
 def _sized(term: Term, sizes: Sequence[float]) -> Term:
@@ -275,10 +284,13 @@ def check_bed(scene: Scene, name: str) -> None:
         raise InputError("needs a swimmer and grains, listed body by body", where=f"recording {name}")
 
 
-def flexible_terms(case: Case, places: np.ndarray, speeds: np.ndarray) -> list[Term]:
+def flexible_terms(
+    case: Case, places: np.ndarray, speeds: np.ndarray, bodies: tuple[str, ...] | None = None
+) -> list[Term]:
     """The arms that name nothing: smooth in place (a force, an acceleration), in speed, in the drive's phase.
 
-    places : (k, 2) where bodies are seen [m];  speeds : (k,) how fast they go [m/s]
+    places : (k, 2) where bodies are seen [m];  speeds : (k,) how fast they go [m/s];  bodies : on which they act, all
+    that move where not given
     """
     scene = case.recording.scene
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
@@ -299,29 +311,40 @@ def flexible_terms(case: Case, places: np.ndarray, speeds: np.ndarray) -> list[T
     if cycle:
         names = ["c0", "a1", "b1", "a2", "b2"]
         arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / SPEED))
-    return [_nameless(laws[name], label, fixed, numbers, scale, mobile) for name, label, fixed, numbers, scale in arms]
+    return [
+        _nameless(laws[name], label, fixed, numbers, scale, mobile, bodies)
+        for name, label, fixed, numbers, scale in arms
+    ]
 
 
 def _nameless(
-    law: Law, label: str, fixed: dict[str, Any], numbers: Sequence[str], scale: float, mobile: tuple[str, ...]
-) -> Term:
+    law: Law, label: str, fixed: dict[str, Any], numbers: Sequence[str], scale: float, mobile: tuple[str, ...],
+    bodies: tuple[str, ...] | None = None,
+) -> Term:  # fmt: skip
     free = tuple(
         Free(f"{law.name}.{n}", law.parameter(n).unit, -math.inf, math.inf, 0.0, scale, None, 0.0) for n in numbers
     )
     groups = tuple((n, (k,)) for k, n in enumerate(numbers))
-    return Term("unknown", label, free, LawAdder(law, fixed, groups, ""), mobile, law.expression, {}, groups)
+    adder = LawAdder(law, fixed, groups, "", bodies=bodies)
+    return Term("unknown", label, free, adder, bodies or mobile, law.expression, {}, groups)
 
 
 def nameless_terms(cases: Sequence[Case]) -> list[Term]:
     """Forces that nothing with a name imitates, so that the search has to hold them from the beginning.
 
-    One across the motion, and, where all swimmers are driven alike, a drag that follows the drive.
+    One across the motion, of all bodies and of the swimmer's, and, where all swimmers are driven alike, a drag that
+    follows the drive.
     """
     scene = cases[0].recording.scene
     mass, mobile = mean_grain_mass(scene), tuple(b.id for b in scene.bodies if b.mobile)
     laws = all_laws()
     scale = mass * ACCELERATION / SPEED
-    terms = [_nameless(laws["flexible_across"], "a force across the motion", {}, ["s"], scale, mobile)]
+    across, label = laws["flexible_across"], "a force across the motion"
+    swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
+    terms = [
+        _nameless(across, label, {}, ["s"], scale, mobile),
+        _nameless(across, f"{label} on the swimmer", {}, ["s"], scale, mobile, swimmer),
+    ]
     cycles = [_cycle(c.recording.scene) for c in cases]
     if cycles[0] and all(c == cycles[0] for c in cycles):
         label, numbers = "a drag in time with the drive", ["c0", "a1", "b1"]

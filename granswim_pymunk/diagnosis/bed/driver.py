@@ -214,7 +214,7 @@ def diagnose_windows(
         laws, answer.unexplained, bench, naive_base, search.base, search.values, start.naive_values,
         answer.covariance, search.used,
     )  # fmt: skip
-    strayed = astray(bench) if not laws else None
+    strayed = astray(bench, seen.predicted.get("recalibrated")) if not laws else None
     p = null.p
     if strayed is not None:
         verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
@@ -485,7 +485,8 @@ def _beyond_names(
         notes.append("flexible arms were not tried: the time was up")
         return None
     search.progress("flexible arms", 0.84)
-    arm = flexible_arm(search)
+    own = tuple(search.bench.beds[0].scene.bodies[int(r)].id for r in search.bench.beds[0].rows)
+    arm = flexible_arm(search, answer.found is not None and answer.found.term.bodies == own)
     best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
     best_named += answer.partner.worth if answer.partner is not None else 0.0
     first = answer.alone or answer

@@ -83,7 +83,7 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
                 )
             )  # fmt: skip
     elif d.verdict == "unmodelled":
-        what = "the windows" if d.strayed is None else "the pace of the whole film"
+        what = "the windows" if d.strayed is None else d.strayed.what
         verdict["mechanisms"] = [
             mechanism_entry("unknown", f"no law that was tried explains {what}", [], {}, None, None)
         ]
@@ -281,7 +281,7 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
         f"{float(d.null.max()):.0f} in {len(d.null)} repeats (p = {_number(d.p, 2)})."
     )
     if d.strayed is not None:
-        sure = f"Its pace is {d.strayed.place.z:.0f} standard errors from that of its twins (p = {_number(d.p, 2)})."
+        sure = f"That is {d.strayed.place.z:.0f} standard errors from what its twins show (p = {_number(d.p, 2)})."
     same = [plainly(t.mechanism) for t, equal in d.rivals if equal]
     if same:
         sure += f" On these data it cannot be told from {html.unescape(listed(same))}."

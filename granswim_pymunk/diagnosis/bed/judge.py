@@ -14,6 +14,7 @@ from ..choose import ALARM, SAME
 from .bench import Bench, Prediction, Windows
 from .places import Place
 from .trial import CHAOS, SURE, BedTrial
+from .windows import BedCase
 
 UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
 LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
@@ -29,43 +30,72 @@ class Errors:
 
 @dataclass(frozen=True)
 class Strayed:
-    """Where a film as a whole is unlike its twins, and in words."""
+    """Where a film as a whole is unlike its twins, in words, and what no law explains."""
 
     place: Place
     text: str
+    what: str = "the pace of the whole film"
 
 
-def astray(bench: Bench) -> Strayed | None:
+def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
     """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
 
-    Windows start from what was seen: a swimmer that is stuck stays stuck in them. Student's t of the logarithm of the
-    rms speed among those of twins, corrected for the number of looks; None where all is as it should be.
+    Windows start from what was seen: a swimmer that is stuck stays stuck in them, and one that is pushed against grains
+    is held by forces that no start shows. With ``predicted``, of all windows, also whether the swimmer's disks end
+    farther from their prediction than those of twins. Student's t of the logarithm of the rms speed, or error, among
+    those of twins, corrected for the number of looks; None where all is as it should be.
     """
-    worst: Strayed | None = None
-    looks = 2 * len(bench.beds)
-    for bed, predictor, paces in zip(bench.beds, bench.predictors, bench.paces, strict=True):
-        number, seen = len(paces), predictor.pace()
-        if number < 3 or not bed.training.any():
+    found: list[Strayed] = []
+    looks = (2 if predicted is None else 3) * len(bench.beds)
+    innovations = [None] * len(bench.beds) if predicted is None else bench.innovations(predicted)
+    for number, (bed, predictor, paces, rows) in enumerate(
+        zip(bench.beds, bench.predictors, bench.paces, innovations, strict=True)
+    ):
+        if not bed.training.any():
             continue
+        pace = predictor.pace()
         swimmer = tuple(bed.scene.bodies[int(r)].id for r in bed.rows)
         movers = (("swimmer", swimmer, "the swimmer moves"), ("grains farther from the swimmer", (), "the grains move"))
         for k, (region, ids, what) in enumerate(movers):
-            if not (seen[k] > 0 and (paces[:, k] > 0).all()):
-                continue
-            logs = np.log(paces[:, k])
-            away = math.log(seen[k]) - float(logs.mean())
-            t = away / (max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number))
-            p = min(2.0 * float(stats.t.sf(abs(t), number - 1)) * looks, 1.0)
-            if p > 0.1 * ALARM or (worst is not None and p >= worst.place.p):
-                continue
+            away, p = _beside_twins(pace[k], paces[:, k])
             low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
-            worst = Strayed(
-                Place(ids, region, None, None, None, abs(t), p),
-                f"{bed.name}: over the whole film {what} at {1e3 * seen[k]:.3g} mm/s rms, "
+            text = (
+                f"{bed.name}: over the whole film {what} at {1e3 * pace[k]:.3g} mm/s rms, "
                 f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
-                "with what was seen, do not show why",
+                "with what was seen, do not show why"
             )
-    return worst
+            found.append(Strayed(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
+        if rows is None:
+            continue
+        error, those = _disk_errors(rows, bed), np.array([_disk_errors(r, bed) for r in bench.noises[number].residuals])
+        away, p = _beside_twins(error, those)
+        text = (
+            f"{bed.name}: the swimmer's disks end {1e6 * error:.3g} um rms from where they are predicted, in films "
+            f"simulated from the same start {1e6 * those.min():.3g} to {1e6 * those.max():.3g} um, and no law that was "
+            "tried says why"
+        )
+        if away > 0:
+            place = Place(swimmer, "swimmer", None, None, None, away, min(p * looks, 1.0))
+            found.append(Strayed(place, text, "how far the swimmer ends from where it is predicted"))
+    worst = min(found, key=lambda s: s.place.p, default=None)
+    return worst if worst is not None and worst.place.p <= 0.1 * ALARM else None
+
+
+def _beside_twins(seen: float, twins: np.ndarray) -> tuple[float, float]:
+    """Student's t, and its p on both sides, of the logarithm of a number among those of twins (N,); 0 and 1 for few."""
+    number = len(twins)
+    if number < 3 or not (seen > 0 and (twins > 0).all()):
+        return 0.0, 1.0
+    logs = np.log(twins)
+    spread = max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number)
+    away = (math.log(seen) - float(logs.mean())) / spread
+    return away, 2.0 * float(stats.t.sf(abs(away), number - 1))
+
+
+def _disk_errors(rows: np.ndarray, bed: BedCase) -> float:
+    """Root mean square [m] of innovations (W, D) of the swimmer's disks after the start."""
+    disks = rows[:, : bed.swimmer_size].reshape(len(rows), len(bed.looks), -1)[:, 1:]
+    return float(np.sqrt(np.nanmean(disks**2))) if np.isfinite(disks).any() else 0.0
 
 
 def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:

@@ -233,13 +233,17 @@ class Search:
     def with_siblings(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials and, of the two that lead, other exponents and fewer bodies, to first order; best first."""
         more: list[BedTrial] = []
+        known = {t.term.label for t in trials}
         apart, left = self.apart(), self.few_left
         for t in trials[:2]:
             for term in siblings(t.term, bed.scene):
                 if self.clock.late(0.7):
                     break
+                if term.label in known:
+                    continue
                 signature = self.signature(term, apart)
                 if signature is not None:
+                    known.add(term.label)
                     more.append(first_order(signature, left))
         return sorted([*trials, *more], key=lambda t: -t.linear)
 
@@ -413,17 +417,22 @@ def second_law(
     return max(done, key=lambda t: t.worth, default=None)
 
 
-def flexible_arm(search: Search) -> BedTrial | None:
-    """The best of the arms that name nothing, refitted by simulation; None where none could be."""
+def flexible_arm(search: Search, swimmer: bool = False) -> BedTrial | None:
+    """The best of the arms that name nothing, refitted by simulation; None where none could be.
+
+    swimmer : whether they act on its disks alone
+    """
     bench, used, clock = search.bench, search.used, search.clock
     bed, predictor = bench.beds[0], bench.predictors[0]
     frames = bed.starts[used[0]]
-    seen = bed.film.xy[frames][:, [*bed.rows, *bed.grains]].reshape(-1, 2)
+    seen = bed.film.xy[frames][:, [*bed.rows, *([] if swimmer else bed.grains)]].reshape(-1, 2)
+    bodies = tuple(bed.scene.bodies[int(r)].id for r in bed.rows) if swimmer else None
     speeds = np.concatenate([predictor.sums(int(w)).speed for w in used[0]])
     left = search.few_left
     apart = search.apart()
     arms: list[BedTrial] = []
-    for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], speeds if len(speeds) else np.array([0.1])):
+    fast = speeds if len(speeds) else np.array([0.1])
+    for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], fast, bodies):
         if arms and clock.late(0.9):
             break
         signature = search.signature(term, apart)
