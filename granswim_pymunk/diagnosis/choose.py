@@ -21,6 +21,7 @@ ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
+MOST_LEFT = 0.5  # of the misfit: an apparatus that leaves more is not what is wrong
 REPLICATES = 299
 NEAR_PARTNER = 0.7  # of what one of two laws explains: how much another one must, to first order, to be its rival
 PARTNERS = 4  # such rivals that are refitted
@@ -341,7 +342,9 @@ def verdict_among(
     named_gain = recalibrated.chi2 - revised.chi2
     if arm is not None and arm.fit is not None:
         more = arm.numbers - sum(t.numbers for t in found)
-        ahead = (arm.gain - named_gain) / spread - 2 * more
+        # where the size of the noise is given, what a law leaves beyond it does not excuse the law
+        level = min(spread, spread_of(arm.fit, training)) if all(c.sigma_known for c in training) else spread
+        ahead = (arm.gain - named_gain) / level - 2 * more
         # a margin in prediction and in fit, so that a spline of the same law does not win by chance
         clear = ahead > (25 if more > 0 else 12) and arm.inner < 0.9 * named_inner
         clear = clear and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
@@ -354,7 +357,7 @@ def verdict_among(
         left = left_over(revised, recalibrated, named_inner, base, training)
         if spread > 1.0 and left > POOR:
             notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
-            if all(is_apparatus(t) for t in found):
+            if all(is_apparatus(t) for t in found) and left < MOST_LEFT:
                 notes.append("until the apparatus is put right these data say nothing about the physics")
                 return "measurement", None
             return "unmodelled", arm

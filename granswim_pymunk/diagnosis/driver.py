@@ -151,11 +151,12 @@ def diagnose_bodies(
     if verdict == "unmodelled" and flexible is not None and flexible.fit is not None:
         if not found or flexible.inner < found[0].inner:
             found, revised = [flexible], flexible.fit
-    if len(found) == 2 and not late(0.76):
-        rivals = rivals_of_pair(found, revised, recalibrated, study.fitter, tried.terms, spread, notes)
-    elif len(found) == 2:
-        taken = {t.mechanism for t in found}
-        rivals = [(t, False) for t in tried.alive if t.mechanism not in taken][:3]
+    if len(found) == 2:
+        near = [] if late(0.76) else rivals_of_pair(
+            found, revised, recalibrated, study.fitter, tried.terms, spread, notes
+        )  # fmt: skip
+        taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
+        rivals = [*near, *((t, False) for t in tried.alive if t.mechanism not in taken)][:3]
     else:
         rivals = rivals_of(found, tried.alive, spread, verdict)
 
