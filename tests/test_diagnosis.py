@@ -3,16 +3,17 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import diagnose_bodies, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis import choose, diagnose_bodies, revised_scene, verdict_dict, write_verdict
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
+from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term
 from granswim_pymunk.diagnosis.innovations import standard_deviations
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.signatures import Signature
@@ -275,6 +276,50 @@ def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
         n = entry["parameters"]["n"]
         assert 2.2 < n["low"] < 3.0 < n["high"] < 3.8
         assert entry["parameters"]["top"]["unit"] == "m/s"
+
+
+@pytest.mark.parametrize(("known", "verdict"), [(True, "unmodelled"), (False, "missing_physics")])
+def test_an_arm_is_held_against_the_noise_where_that_is_given(monkeypatch, known, verdict):
+    """A law that leaves 1.8 times the noise, and an arm with one number more that leaves the noise alone."""
+    law, arm = _tried("quadratic_drag", 1, 6900.0, 120.0, 2.0), _tried("unknown", 2, 6950.0, 70.0, 0.95)
+    base = _tried("recalibrated", 0, 0.0, 7020.0, 170.0).fit
+    monkeypatch.setattr(choose, "spread_of", lambda fit, cases: 1.0 if fit is arm.fit else 6.0)
+    inner = {"recalibrated": 170.0, "quadratic_drag": 2.0}
+    found = choose.verdict_among(
+        [law], [arm], inner, None, base, base, law.fit, 6.0, False, [SimpleNamespace(sigma_known=known)], []
+    )  # fmt: skip
+    assert found == (verdict, arm if known else None)
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.1, "measurement"), (0.9, "unmodelled")])
+def test_an_apparatus_that_leaves_most_of_the_misfit_is_not_what_is_wrong(monkeypatch, left, verdict):
+    tilt = _tried("camera_tilt", 1, 50.0, 810.0, 20.0)
+    base = _tried("recalibrated", 0, 0.0, 860.0, 22.0).fit
+    monkeypatch.setattr(choose, "left_over", lambda *a: left)
+    found, _ = choose.verdict_among(
+        [tilt], [], {"recalibrated": 22.0}, None, base, base, tilt.fit, 100.0, False, [], []
+    )
+    assert found == verdict
+
+
+def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> Trial:
+    free = tuple(Free(f"{name}.{k}", "1", -math.inf, math.inf, 0.0, 1.0) for k in range(numbers))
+    term = Term(name, name, free, lambda scene, camera, values: (scene, camera))
+    fit = Fit(Hypothesis((term,)), np.ones(numbers), {}, {}, {}, chi2, 66, np.eye(numbers))
+    return Trial(Signature(term, np.zeros((1, 0)), 1.0, gain), fit, gain, inner)
+
+
+@pytest.mark.long
+def test_an_attraction_of_disks_that_meet_is_not_a_loss_in_the_impact():
+    """It speeds them up before the impact and slows them after, which a restitution and a scale nearly imitate."""
+    belief = collision(0.5, adjustable=(Adjustable("contact_elastic", "restitution", 0.3, 1.0),))
+    truth = collision(0.9).with_laws(use("cohesion", force=0.12, range=2.5e-3))
+    t = np.arange(0.0, 0.6, 0.006)
+    found = diagnose_bodies([filmed(truth, belief, t, np.random.default_rng(25))])
+    assert [x.mechanism for x in found.found] == ["cohesion"]
+    assert found.verdict == "missing_physics"
+    wide = verdict_dict(found)["mechanisms"][0]["parameters"]["range"]  # strength and range lie along a valley
+    assert wide["low"] < 2.5e-3 < wide["high"]
 
 
 def test_bodies_that_are_all_driven_have_no_push():
