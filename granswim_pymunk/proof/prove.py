@@ -31,7 +31,7 @@ REAL = ("pendulum", "falling_balls", "two_disk_spin")
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 FULL = {
     "bodies": range(1499, 1639),
-    "bed": range(1049, 1085),
+    "bed": range(1061, 1097),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1008),
     "small-unseen": range(1000, 1032),
