@@ -245,6 +245,11 @@ class Scene:
         return tuple(i for i, b in enumerate(self.bodies) if b.role in ("head", "tail"))
 
     @property
+    def swimmer_ids(self) -> tuple[str, ...]:
+        """Ids of the swimmer's disks, in the order of ``swimmer``."""
+        return tuple(self.bodies[i].id for i in self.swimmer)
+
+    @property
     def chains(self) -> tuple[tuple[int, ...], ...]:
         """Rows of each swimmer's disks, head first."""
         chains: list[list[int]] = []

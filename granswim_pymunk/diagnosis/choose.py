@@ -401,8 +401,9 @@ def rivals_of_pair(
             best = result.get(trial.mechanism)
             if trial.gain > 0 and (best is None or trial.gain > best[0].gain):
                 result[trial.mechanism] = trial, bool(ahead < SAME)
-                if ahead < SAME:
-                    notes.append(f"{trial.mechanism} in place of {replaced.mechanism} does as well")
+                note = f"{trial.mechanism} in place of {replaced.mechanism} does as well"
+                if ahead < SAME and note not in notes:
+                    notes.append(note)
     return sorted(result.values(), key=lambda r: -r[0].gain)[:3]
 
 

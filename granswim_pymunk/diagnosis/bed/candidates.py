@@ -46,7 +46,7 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
     laws = [law for law in laws if applies(law, cases)]
     drift = mean_drift(cases)
     terms += [t for law in laws if not _far(law) for t in law_terms(law, scene, drift)[:1]]
-    terms += [t for law in laws if law.name in OWN for t in on_some(law, scene, drift, "the swimmer")[:1]]
+    terms += [t for law in laws if law.name in OWN for t in on_some(law, scene, drift)[:1]]
     terms += swimmer_terms([c.recording.scene for c in cases])
     # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
     return terms + [t for law in laws if _far(law) for t in law_terms(law, scene, drift)[:1]]
@@ -133,17 +133,17 @@ def siblings(term: Term, scene: Scene) -> list[Term]:
     drift = term.apply.drift if isinstance(term.apply, LawAdder) else (0.0, 0.0)
     others = law_terms(law, scene, drift)
     if law.kind == "body":
-        for whose in ("the swimmer", "the grains"):
-            others += on_some(law, scene, drift, whose)[:1]
+        others += on_some(law, scene, drift)
     return [t for t in others if t.label != term.label]
 
 
-def on_some(law: Law, scene: Scene, drift: tuple[float, float], whose: str) -> list[Term]:
-    """A law of bodies on the swimmer's disks or on the grains alone."""
-    swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
+def on_some(law: Law, scene: Scene, drift: tuple[float, float]) -> list[Term]:
+    """A law of bodies, in its usual form, on the swimmer alone and on the grains alone."""
+    swimmer = scene.swimmer_ids
     grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer)
-    bodies = swimmer if whose == "the swimmer" else grains
-    return [replace(t, label=f"{t.label} on {whose}") for t in law_terms(law, scene, drift, bodies)]
+    usual = {whose: law_terms(law, scene, drift, bodies)[0] for whose, bodies in
+             (("the swimmer", swimmer), ("the grains", grains))}  # fmt: skip
+    return [replace(t, label=f"{t.label} on {whose}") for whose, t in usual.items()]
 
 
 def _sized(term: Term, sizes: Sequence[float]) -> Term:
@@ -340,10 +340,9 @@ def nameless_terms(cases: Sequence[Case]) -> list[Term]:
     laws = all_laws()
     scale = mass * ACCELERATION / SPEED
     across, label = laws["flexible_across"], "a force across the motion"
-    swimmer = tuple(scene.bodies[k].id for k in scene.swimmer)
     terms = [
         _nameless(across, label, {}, ["s"], scale, mobile),
-        _nameless(across, f"{label} on the swimmer", {}, ["s"], scale, mobile, swimmer),
+        _nameless(across, f"{label} on the swimmer", {}, ["s"], scale, mobile, scene.swimmer_ids),
     ]
     cycles = [_cycle(c.recording.scene) for c in cases]
     if cycles[0] and all(c == cycles[0] for c in cycles):

@@ -485,8 +485,8 @@ def _beyond_names(
         notes.append("flexible arms were not tried: the time was up")
         return None
     search.progress("flexible arms", 0.84)
-    own = tuple(search.bench.beds[0].scene.bodies[int(r)].id for r in search.bench.beds[0].rows)
-    arm = flexible_arm(search, answer.found is not None and answer.found.term.bodies == own)
+    swimmer = search.bench.beds[0].scene.swimmer_ids
+    arm = flexible_arm(search, answer.found is not None and answer.found.term.bodies == swimmer)
     best_named = max((t.worth for t in trials if t.gain is not None), default=0.0)
     best_named += answer.partner.worth if answer.partner is not None else 0.0
     first = answer.alone or answer

@@ -148,8 +148,7 @@ def _place_of(
         bounded = trial.mechanism not in ("distance_force", "cohesion", "pair_lubrication")
         return [mismatch_entry([], z, p, region="contacts", before_contact=False if bounded else None,
                                frequency=frequency)]  # fmt: skip
-    swimmer = {scene.bodies[k].id for k in scene.swimmer}
-    if not set(acting) <= swimmer:
+    if not set(acting) <= set(scene.swimmer_ids):
         return []
     region = "swimmer"
     if len(acting) == 1:

@@ -48,7 +48,7 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
     found: list[Strayed] = []
     looks = (2 if predicted is None else 3) * len(bench.beds)
     innovations = [None] * len(bench.beds) if predicted is None else bench.innovations(predicted)
-    for number, (bed, predictor, paces, rows) in enumerate(
+    for b, (bed, predictor, paces, rows) in enumerate(
         zip(bench.beds, bench.predictors, bench.paces, innovations, strict=True)
     ):
         if not bed.training.any():
@@ -67,7 +67,8 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
             found.append(Strayed(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
         if rows is None:
             continue
-        error, those = _disk_errors(rows, bed), np.array([_disk_errors(r, bed) for r in bench.noises[number].residuals])
+        error, *others = (_rms([_disks(r, bed)]) or 0.0 for r in (rows, *bench.noises[b].residuals))
+        those = np.array(others)
         away, p = _beside_twins(error, those)
         text = (
             f"{bed.name}: the swimmer's disks end {1e6 * error:.3g} um rms from where they are predicted, in films "
@@ -92,24 +93,25 @@ def _beside_twins(seen: float, twins: np.ndarray) -> tuple[float, float]:
     return away, 2.0 * float(stats.t.sf(abs(away), number - 1))
 
 
-def _disk_errors(rows: np.ndarray, bed: BedCase) -> float:
-    """Root mean square [m] of innovations (W, D) of the swimmer's disks after the start."""
-    disks = rows[:, : bed.swimmer_size].reshape(len(rows), len(bed.looks), -1)[:, 1:]
-    return float(np.sqrt(np.nanmean(disks**2))) if np.isfinite(disks).any() else 0.0
+def _disks(rows: np.ndarray, bed: BedCase) -> np.ndarray:
+    """(..., L - 1, n) of numbers (..., D): the swimmer's disks after the start."""
+    return rows[..., : bed.swimmer_size].reshape(*rows.shape[:-1], len(bed.looks), 2 * len(bed.rows))[..., 1:, :]
+
+
+def _rms(parts: Sequence[np.ndarray]) -> float | None:
+    """Root mean square of all that was seen, None where nothing was."""
+    flat = np.concatenate([part.ravel() for part in parts])
+    flat = flat[np.isfinite(flat)]
+    return float(np.sqrt(np.mean(flat**2))) if len(flat) else None
 
 
 def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
     """Of the swimmer's disks after the start, in the chosen windows."""
-    parts = []
-    for bed, rows, chosen in zip(bench.beds, bench.innovations(predicted), windows, strict=True):
-        disks = rows[chosen][:, : bed.swimmer_size].reshape(len(chosen), len(bed.looks), 2 * len(bed.rows))
-        parts.append(disks[:, 1:].ravel())
-    flat = np.concatenate(parts)
-    flat = flat[np.isfinite(flat)]
-    if not len(flat):
+    innovations = zip(bench.beds, bench.innovations(predicted), windows, strict=True)
+    rms = _rms([_disks(rows[chosen], bed) for bed, rows, chosen in innovations])
+    if rms is None:
         return Errors(None, None)
-    white = bench.white(predicted, windows)
-    return Errors(float(np.sqrt(np.mean(flat**2))), float(np.mean(white**2)))
+    return Errors(rms, float(np.mean(bench.white(predicted, windows) ** 2)))
 
 
 def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
@@ -119,13 +121,9 @@ def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
 
 def noise_floor(bench: Bench, windows: Windows) -> float:
     """What perfect knowledge of the physics would leave [m rms]: the twins' own errors, of the disks."""
-    parts = []
-    for bed, noise, chosen in zip(bench.beds, bench.noises, windows, strict=True):
-        rows = noise.residuals[:, chosen][:, :, : bed.swimmer_size]
-        parts.append(rows.reshape(*rows.shape[:2], len(bed.looks), 2 * len(bed.rows))[:, :, 1:].ravel())
-    flat = np.concatenate(parts)
-    flat = flat[np.isfinite(flat)]
-    return float(np.sqrt(np.mean(flat**2))) if len(flat) else float("nan")
+    twins = zip(bench.beds, bench.noises, windows, strict=True)
+    rms = _rms([_disks(noise.residuals[:, chosen], bed) for bed, noise, chosen in twins])
+    return math.nan if rms is None else rms
 
 
 def verdict_among(
