@@ -12,9 +12,9 @@ import sys
 
 import numpy as np
 
+from granswim_pymunk.diagnosis.bed.chance import REPLICATES, own_answers
 from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, signatures_in_time
 from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
-from granswim_pymunk.diagnosis.bed.search import REPLICATES, own_answers
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.diagnosis.choose import ALARM
@@ -36,7 +36,8 @@ def main(folder: str, twins: int = TWINS) -> None:
     films = off(nuisance, whole_films(bench.noises, few))
     drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, np.random.default_rng(1)))
     plain = np.max([s.best(drawn)[1] for s in signatures], axis=0)
-    trials, null = screened(search, signatures, np.random.default_rng(2), notes)
+    trials, by_chance = screened(search, signatures, np.random.default_rng(2), notes)
+    null = by_chance.null(trials[0])
     asked = trials[:ASKED]
     cross, own = [], []
     for t, (answers, shapes) in zip(asked, own_answers(bench, asked, few, nuisance, plan.screening), strict=True):

@@ -20,24 +20,20 @@ from ..choose import ALARM
 from ..data import choose_held_out
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
-from ..nulls import Null
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
+from .chance import REPLICATES, Chance, as_in_twins, chance
 from .cut import REACH
 from .experiment import Proposal, propose
 from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
 from .places import Place, locate, locate_law
-from .plan import LEADERS, LEANING, TWINS, Clock, Plan, make_plan
+from .plan import LEADERS, TWINS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
-    REPLICATES,
     Progress,
     Search,
-    as_in_twins,
-    beyond_chance,
     clock_before_motor,
     flexible_arm,
-    gains_in_nulls,
     plainer_first,
     positions,
     second_law,
@@ -85,6 +81,7 @@ class BedDiagnosis:
     runs: int = 0
     seed: int = 0
     strayed: Strayed | None = None
+    level: float = 0.0  # how far a law is ahead by chance in few searches, see ``BedTrial.ahead``
 
     @property
     def beds(self) -> list[BedCase]:
@@ -183,8 +180,9 @@ def diagnose_windows(
 
     search, naive_base, noise = recalibrated(start, rng, progress)
     signatures = signatures_in_time(search, start.terms, notes)
-    trials, null = screened(search, signatures, rng, notes)
-    trials, leading = _leading(search, trials, null)
+    trials, by_chance = screened(search, signatures, rng, notes)
+    null = by_chance.null(trials[0] if trials else None)
+    trials, leading = _leading(search, trials, by_chance, null.p)
 
     progress("refining what was found", 0.78)
     plain = _without_law(search, noise)
@@ -238,6 +236,7 @@ def diagnose_windows(
         answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null.gains,
         null.case, p, seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
         _excess(search, start, answer, seen, noise), notes, clock.spent, bench.runs, seed, strayed,
+        by_chance.level,
     )  # fmt: skip
 
 
@@ -379,37 +378,36 @@ def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) 
 
 def screened(
     search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator, notes: list[str]
-) -> tuple[list[BedTrial], Null]:
-    """All candidates to first order, best first; what the same search gains in nulls, and here."""
-    gains = gains_in_nulls(search, signatures, rng)
+) -> tuple[list[BedTrial], Chance]:
+    """All candidates to first order, the farthest ahead of chance first; what the same search gains by chance."""
     left = search.few_left
-    trials = sorted((first_order(s, left) for s in signatures), key=lambda t: -t.linear)
-    score = trials[0].linear if trials else 0.0
-    if 0.0 < score < DOUBTFUL and not search.clock.late(0.6):
+    by_chance = chance(search.bench, search.few, search.few_nuisance, signatures, rng)
+    trials = [first_order(s, left, by_chance.spreads[s.term.label]) for s in signatures]
+    trials.sort(key=lambda t: -t.ahead)
+    if trials and 0.0 < trials[0].linear < DOUBTFUL and not search.clock.late(0.6):
         search.progress("leaders in twins", 0.64)
         try:
-            trials, wider = as_in_twins(
-                search.bench, trials, search.few, search.few_nuisance, left, search.plan.screening
-            )
+            trials = as_in_twins(
+                search.bench, trials, search.few, search.few_nuisance, left, search.plan.screening,
+                lambda: search.clock.late(0.6),
+            )  # fmt: skip
         except Failed:
             notes.append("twins could not be run with the laws that lead: their gains are not corrected")
-        else:
-            gains = gains * wider
-            score = max(t.linear for t in trials[:LEANING])
-            trials.sort(key=lambda t: -t.linear)
-    return trials, Null(gains, score)
+    return trials, by_chance
 
 
-def _leading(search: Search, trials: list[BedTrial], null: Null) -> tuple[list[BedTrial], list[BedTrial]]:
+def _leading(
+    search: Search, trials: list[BedTrial], by_chance: Chance, p: float
+) -> tuple[list[BedTrial], list[BedTrial]]:
     """Leaders refitted by simulation, best first; and those among them that are beyond the nulls."""
-    if null.p <= 0.1:
+    if p <= 0.1:
         trials = search.leaders(trials, search.bench.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
-    threshold = beyond_chance(null.gains)
-    if null.p > ALARM or null.case < threshold:
+    if p > ALARM:
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
-    return trials, [t for t in trials if t.gain is not None and t.gain >= SURE and t.linear >= threshold]
+    sure = [t for t in trials if t.gain is not None and t.gain >= SURE]
+    return trials, [t for t in sure if t.linear >= by_chance.threshold(t)]
 
 
 def _without_law(search: Search, noise: NoiseChi2) -> Answer:
@@ -456,7 +454,7 @@ def _refined(
         assert named is not None
         if beyond_nothing(named):
             break
-        notes.append(f"{found.term.label}: in the last fit its numbers are within three standard errors of none")
+        notes.append(f"{found.term.label}: its 95 % interval in the last fit reaches to none of it")
     else:
         return plain
     first = left(first)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from .chance import LEANING
 from .windows import MEMBERS, MOST_WINDOWS
 
 TWINS = 8
 LEADERS = 7
-LEANING = 4  # leaders that are held against what twins give them
 MINUTES = 10.0  # where no budget is given
 
 

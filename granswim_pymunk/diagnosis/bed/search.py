@@ -1,4 +1,4 @@
-"""The search for the law that is missing: signatures, nulls, leaders refitted by simulation, a second law, arms."""
+"""The search for the law that is missing: signatures, leaders refitted by simulation, a second law, arms."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..choose import ALARM, SAME
+from ..choose import SAME
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
 from ..name import SPECIAL_CASES
 from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings
-from .plan import LEANING, Clock, Plan
-from .signatures import BedSignature, coherence, limits, make_signature, off, recombined, to_values, whole_films
-from .trial import CHAOS, SURE, BedTrial, first_order, smooth_minimum, trial_of
+from .chance import chance
+from .plan import Clock, Plan
+from .signatures import BedSignature, limits, make_signature, off, to_values
+from .trial import CHAOS, BedTrial, first_order, smooth_minimum, trial_of
 from .windows import BedCase
 
-REPLICATES = 499
-SCANTY = 40  # windows of twins, less one of each
 # rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
 # whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
 # near linear (taken to one side, and three times as far as need be, they had a tenth, too)
@@ -90,65 +89,6 @@ def signature_of(
     return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
 
 
-def own_answers(
-    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, members: int
-) -> list[tuple[np.ndarray, list[np.ndarray]]]:
-    """Of each trial the amounts (N, k) that twins, which lack nothing, show, with columns (n, k) of their own starts.
-
-    Raises Failed.
-    """
-    assert bench.twin_scene is not None
-    hypothesis, values = bench.twin_scene
-    wanted = [(hypothesis, values)]
-    ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
-    for t in trials:
-        mine = []
-        for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
-            at = []
-            for amount in pair:
-                at.append(len(wanted) if amount else 0)
-                if amount:
-                    numbers = to_values(t.term, amount * np.eye(len(t.amounts))[k])
-                    wanted.append((hypothesis.with_term(t.term), np.concatenate([values, numbers])))
-            mine.append((at[0], at[1]))
-        ends.append(mine)
-    views = bench.twin_views(wanted, windows, members, bench.members)
-    films = off(nuisance, whole_films(bench.noises, windows))
-    found = []
-    for t, pairs in zip(trials, ends, strict=True):
-        after, before = np.array(pairs).T
-        spans = t.signature.tried - t.signature.other
-        shapes = [off(nuisance, (view[:, after] - view[:, before]) / spans) for view in views[: films.shape[1]]]
-        answers = [np.linalg.lstsq(c, film, rcond=1e-8)[0] for c, film in zip(shapes, films.T, strict=False)]
-        found.append((np.array(answers), shapes))
-    return found
-
-
-def as_in_twins(
-    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int
-) -> tuple[list[BedTrial], float]:
-    """The first trials with what the same columns, made of each twin's own starts, give in twins taken off.
-
-    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
-    nothing, the mean amount is that bias. Returns the trials in their order, and by how much the gains of twins are
-    wider so than with the columns of the film (1 at least). Raises Failed.
-    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
-    """
-    done, own, cross = [], 0.0, 0.0
-    leading = list(trials[:LEANING])
-    films = off(nuisance, whole_films(bench.noises, windows))
-    for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
-        number = len(answers)
-        bias = answers.mean(axis=0)
-        done.append(first_order(t.signature, left - t.signature.clear @ bias))
-        scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
-        # of a mean of so many, and of the film's own answer beside it
-        own += float(np.mean(scatter)) * (number + 1) / (number - 1)
-        q = basis(t.signature.clear)
-        cross += float(np.mean(np.sum((q.T @ films) ** 2, axis=0)))
-    return [*done, *trials[LEANING:]], max(own / cross, 1.0) if cross > 0 else 1.0
-
-
 def thinned(windows: Windows, share: float) -> list[np.ndarray]:
     """About that share of the windows of each recording, spread evenly, four at least."""
     result = []
@@ -166,18 +106,6 @@ def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
         rows.append(index[np.isin(every, some)].ravel())
         start += len(every) * bed.size
     return np.concatenate(rows)
-
-
-def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
-    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
-
-    nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
-    Source: Hotelling 1931, Ann. Math. Stat. 2, 360. Fewer than ``SCANTY`` tell one direction, but not the covariance
-    of some hundred numbers: a budget that leaves no more has to see an effect twice as strong.
-    """
-    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
-    known = max(known, 3)
-    return known / rng.chisquare(known, REPLICATES) * (4.0 if known < SCANTY else 1.0)
 
 
 @dataclass
@@ -244,15 +172,15 @@ class Search:
                 signature = self.signature(term, apart)
                 if signature is not None:
                     known.add(term.label)
-                    more.append(first_order(signature, left))
-        return sorted([*trials, *more], key=lambda t: -t.linear)
+                    more.append(first_order(signature, left, t.spread))
+        return sorted([*trials, *more], key=lambda t: -t.ahead)
 
     def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials with the gains of those that were refitted, in all training windows."""
         self.progress("siblings of the leaders", 0.64)
         trials = self.with_siblings(trials, bed)
         span = basis(np.column_stack([t.signature.clear for t in trials]))
-        most = trials[0].linear
+        most = max(t.linear for t in trials)
         chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
         chosen = _with_clock(_two_forms(chosen)[: 2 * self.plan.leaders], trials)
         rough = []
@@ -326,7 +254,7 @@ class Search:
             return replace(trial, gain=0.0)
         share, lowest = smooth_minimum(chi2)
         amounts = np.clip(start * (share or 1e-3), low, high)
-        return trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest)
+        return trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.spread)
 
     def turned(self, trial: BedTrial) -> BedTrial | None:
         """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
@@ -345,21 +273,6 @@ class Search:
         signature = replace(trial.signature, columns=columns, clear=clear)
         moved = replace(trial, amounts=amounts, signature=signature)
         return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
-
-
-def gains_in_nulls(search: Search, signatures: Sequence[BedSignature], rng: np.random.Generator) -> np.ndarray:
-    """(REPLICATES,) what the best of these gains in windows of twins in new order, which lack nothing."""
-    bench, few, nuisance = search.bench, search.few, search.few_nuisance
-    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, rng))
-    null = np.zeros(REPLICATES)
-    for s in signatures:
-        null = np.maximum(null, s.best(drawn)[1])
-    return null * (coherence(signatures, off(nuisance, whole_films(bench.noises, few)), drawn) * unsure(bench, rng))
-
-
-def beyond_chance(gains: np.ndarray) -> float:
-    """What a law has to gain in chi2, given the gains of nulls."""
-    return max(float(np.quantile(gains, 1 - ALARM)), SURE)
 
 
 def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
@@ -395,25 +308,24 @@ def second_law(
         for s in signatures
         if s.term.label != found.term.label and s.term.mechanism != "unknown"
     ]
-    order = sorted((first_order(s, left) for s in others), key=lambda t: -t.worth)
-    null = gains_in_nulls(search, others, rng)
-    threshold = beyond_chance(null)
+    by_chance = chance(search.bench, search.few, search.few_nuisance, others, rng)
+    order = sorted((first_order(s, left, by_chance.spreads[s.term.label]) for s in others), key=lambda t: -t.ahead)
     try:
         apart = search.apart()
     except Failed:
         return None
     trials = []
     for rough in order[:SECONDS]:
-        if rough.worth < 0.5 * threshold or search.clock.late(0.82):
+        if rough.ahead < 0.5 * by_chance.level or search.clock.late(0.82):
             break
         search.progress(f"beside it: {rough.term.label}", 0.80)
         signature = search.signature(rough.term, apart)
         if signature is not None:
-            trials.append(first_order(signature, left))
+            trials.append(first_order(signature, left, rough.spread))
     span = basis(np.column_stack([s.clear for s in others])) if others and search.whole else None
-    trials = sorted((t for t in trials if t.linear > threshold), key=lambda t: -t.worth)[:3]
+    trials = sorted((t for t in trials if t.linear > by_chance.threshold(t)), key=lambda t: -t.worth)[:3]
     done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE, span) for t in trials]
-    done = [t for t in done if (t.gain or 0.0) > threshold]
+    done = [t for t in done if (t.gain or 0.0) > by_chance.threshold(t)]
     return max(done, key=lambda t: t.worth, default=None)
 
 

@@ -12,6 +12,7 @@ from ..hypothesis import Term
 from .signatures import BedSignature, to_values
 
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
+FURTHER = 3.0  # by which every further number moves the tail of chi2, about one in a thousand
 CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 
 
@@ -21,6 +22,7 @@ class BedTrial:
 
     amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
     linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
+    spread : what one of its numbers gains by chance, 1 in noise that is white and known
     """
 
     signature: BedSignature
@@ -29,6 +31,7 @@ class BedTrial:
     covariance: np.ndarray
     linear: float
     gain: float | None
+    spread: float = 1.0
 
     @property
     def term(self) -> Term:
@@ -43,27 +46,45 @@ class BedTrial:
         """Gain less what as many numbers gain by chance."""
         return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
 
+    @property
+    def ahead(self) -> float:
+        """Gain to first order, as if of one number in white noise: laws whose noise differs become comparable."""
+        return float(surplus(np.array(self.linear / self.spread), len(self.term.free)))
 
-def first_order(signature: BedSignature, left: np.ndarray) -> BedTrial:
+    def gain_at(self, ahead: np.ndarray) -> np.ndarray:
+        """The gains at which this trial would be so far ahead."""
+        gains: np.ndarray = self.spread * (ahead + FURTHER * (len(self.term.free) - 1))
+        return gains
+
+
+def surplus(ratio: np.ndarray, numbers: int) -> np.ndarray:
+    """Of gains over their spread, what is comparable between laws of one number and of several."""
+    left: np.ndarray = ratio - FURTHER * (numbers - 1)
+    return left
+
+
+def first_order(signature: BedSignature, left: np.ndarray, spread: float = 1.0) -> BedTrial:
     """What a candidate gains to first order in what is left (n,)."""
     amounts, gain = signature.best(left[:, None])
-    return trial_of(signature, amounts[:, 0], float(gain[0]), None)
+    return trial_of(signature, amounts[:, 0], float(gain[0]), None, spread)
 
 
-def trial_of(signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None) -> BedTrial:
+def trial_of(
+    signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None, spread: float = 1.0
+) -> BedTrial:
     term = signature.term
     scales = np.array([f.scale for f in term.free])
     covariance = np.linalg.pinv(signature.clear.T @ signature.clear) * np.outer(scales, scales)
-    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain)
+    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain, spread)
 
 
 def beyond_nothing(trial: BedTrial) -> bool:
-    """Whether the numbers of a law are three standard errors from those with which it is absent."""
+    """Whether the 95 % region of the numbers of a law leaves out those with which it is absent."""
     away = trial.values - np.array([f.neutral for f in trial.term.free])
     if not np.isfinite(trial.covariance).all():
         return True
     chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
-    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(3.0), len(away)))
+    return chi2 > float(stats.chi2.isf(0.05, len(away)))
 
 
 def moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:

@@ -1,0 +1,158 @@
+"""What candidates gain where nothing is missing: in twins, by the columns of the film and by columns of their own.
+
+Noise is neither white nor known for sure, so a candidate gains more by chance than its numbers say, and not all gain
+alike: grains that a bed scrambles lend a loss at contacts more than they lend a bent joint. Gains are therefore held
+against the spread of each candidate's own before the best is taken; with one spread for all, those that scatter most
+set the level for the rest. Source: Westfall & Young 1993, Resampling-Based Multiple Testing, ch. 2 (balanced tests).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..choose import ALARM
+from ..fit import basis
+from ..nulls import Null
+from .bench import Bench, Windows
+from .signatures import BedSignature, coherence, off, recombined, to_values, whole_films
+from .trial import SURE, BedTrial, surplus, trial_of
+
+REPLICATES = 499
+SCANTY = 40  # windows of twins, less one of each
+LEANING = 4  # leaders that are held against what twins give them, and how many more where others come to lead
+MORE, MOST = 2, 8
+ALIKE = 21  # degrees of freedom that the middle of all leaders is worth for the spread of one
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What candidates gain in twins.
+
+    spreads : of each by its label, the mean gain of one of its numbers: 1 where noise is white and known
+    best : (REPLICATES,) the most that one of them is ahead there, see ``BedTrial.ahead``
+    """
+
+    spreads: Mapping[str, float]
+    best: np.ndarray
+
+    @property
+    def level(self) -> float:
+        """How far a law is ahead by chance in few searches."""
+        return float(np.quantile(self.best, 1 - ALARM))
+
+    def threshold(self, trial: BedTrial) -> float:
+        """What a trial has to gain in chi2."""
+        return max(float(trial.gain_at(np.array(self.level))), SURE)
+
+    def null(self, leader: BedTrial | None) -> Null:
+        """The nulls in chi2 of the trial that leads."""
+        return Null(self.best, 0.0) if leader is None else Null(leader.gain_at(self.best), leader.linear)
+
+
+def chance(
+    bench: Bench, windows: Windows, nuisance: np.ndarray, signatures: Sequence[BedSignature],
+    rng: np.random.Generator,
+) -> Chance:  # fmt: skip
+    """Of windows of twins in new order; the spread of a spread is that of a few twins with columns of their own."""
+    drawn = off(nuisance, recombined(bench.noises, windows, REPLICATES, rng))
+    films = off(nuisance, whole_films(bench.noises, windows))
+    coherent = coherence(signatures, films, drawn)
+    spreads: dict[str, float] = {}
+    best = np.zeros(REPLICATES)
+    for s in signatures:
+        q = basis(s.clear)
+        number = max(q.shape[1], 1)
+        alone = float(np.mean(np.sum((q.T @ drawn) ** 2, axis=0))) / number
+        spreads[s.term.label] = max(coherent * alone, 1.0)
+        known = ALIKE + number * (films.shape[1] - 1)
+        ratio = s.best(drawn)[1] / max(alone, 1e-12) * known / rng.chisquare(known, REPLICATES)
+        best = np.maximum(best, surplus(ratio, number))
+    return Chance(spreads, best * unsure(bench, rng))
+
+
+def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
+    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
+
+    nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
+    Source: Hotelling 1931, Ann. Math. Stat. 2, 360. Fewer than ``SCANTY`` tell one direction, but not the covariance
+    of some hundred numbers: a budget that leaves no more has to see an effect twice as strong.
+    """
+    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
+    known = max(known, 3)
+    return known / rng.chisquare(known, REPLICATES) * (4.0 if known < SCANTY else 1.0)
+
+
+def own_answers(
+    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, members: int
+) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+    """Of each trial the amounts (N, k) that twins, which lack nothing, show, with columns (n, k) of their own starts.
+
+    Raises Failed.
+    """
+    assert bench.twin_scene is not None
+    hypothesis, values = bench.twin_scene
+    wanted = [(hypothesis, values)]
+    ends: list[list[tuple[int, int]]] = []  # of each number of each trial: the views that its column is made of
+    for t in trials:
+        mine = []
+        for k, pair in enumerate(zip(t.signature.tried, t.signature.other, strict=True)):
+            at = []
+            for amount in pair:
+                at.append(len(wanted) if amount else 0)
+                if amount:
+                    numbers = to_values(t.term, amount * np.eye(len(t.amounts))[k])
+                    wanted.append((hypothesis.with_term(t.term), np.concatenate([values, numbers])))
+            mine.append((at[0], at[1]))
+        ends.append(mine)
+    views = bench.twin_views(wanted, windows, members, bench.members)
+    films = off(nuisance, whole_films(bench.noises, windows))
+    found = []
+    for t, pairs in zip(trials, ends, strict=True):
+        after, before = np.array(pairs).T
+        spans = t.signature.tried - t.signature.other
+        shapes = [off(nuisance, (view[:, after] - view[:, before]) / spans) for view in views[: films.shape[1]]]
+        answers = [np.linalg.lstsq(c, film, rcond=1e-8)[0] for c, film in zip(shapes, films.T, strict=False)]
+        found.append((np.array(answers), shapes))
+    return found
+
+
+def as_in_twins(
+    bench: Bench, trials: Sequence[BedTrial], windows: Windows, nuisance: np.ndarray, left: np.ndarray, members: int,
+    late: Callable[[], bool] = lambda: False,
+) -> list[BedTrial]:  # fmt: skip
+    """The trials, best first; of those that lead, what the same columns made of each twin's own starts give is off.
+
+    A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
+    nothing, the mean amount is that bias, and the scatter about it tells the spread; what the middle one of the
+    leaders has counts beside it, as few twins tell little. It goes on until what leads was held against twins,
+    ``MOST`` were, or it is ``late``.
+    Raises Failed.
+    Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
+    """
+    rest = sorted(trials, key=lambda t: -t.ahead)
+    done: list[BedTrial] = []  # without their spreads in twins
+    ratios: list[float] = []
+    count = LEANING
+    while True:
+        leading, rest = rest[:count], rest[count:]
+        for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
+            number = len(answers)
+            bias = answers.mean(axis=0)
+            amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
+            done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None, t.spread))
+            scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
+            # of a mean of so many, and of the film's own answer beside it
+            own = float(np.mean(scatter)) * (number + 1) / (number - 1)
+            ratios.append(own / (len(bias) * t.spread))
+        alike = max(float(np.median(ratios)), 1.0)
+        weights = [(number - 1) * len(t.amounts) for t in done]
+        wider = [(ALIKE * alike + w * r) / (ALIKE + w) for w, r in zip(weights, ratios, strict=True)]
+        held = [replace(t, spread=t.spread * max(w, 1.0)) for t, w in zip(done, wider, strict=True)]
+        others = [replace(t, spread=t.spread * alike) for t in rest]
+        every = sorted([*held, *others], key=lambda t: -t.ahead)
+        if any(every[0] is t for t in held) or len(held) + MORE > MOST or late():
+            return every
+        count = MORE
