@@ -132,6 +132,7 @@ def as_in_twins(
     Raises Failed.
     Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
     """
+    films = off(nuisance, whole_films(bench.noises, windows))
     rest = sorted(trials, key=lambda t: -t.ahead)
     done: list[BedTrial] = []  # without their spreads in twins
     ratios: list[float] = []
@@ -139,16 +140,16 @@ def as_in_twins(
     while True:
         leading, rest = rest[:count], rest[count:]
         for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
-            number = len(answers)
             bias = answers.mean(axis=0)
             amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
             done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None, t.spread))
-            scatter = [float(np.sum((c @ (a - bias)) ** 2)) for a, c in zip(answers, shapes, strict=True)]
-            # of a mean of so many, and of the film's own answer beside it
-            own = float(np.mean(scatter)) * (number + 1) / (number - 1)
-            ratios.append(own / (len(bias) * t.spread))
+            away = answers - bias
+            # each twin is judged by the others, so its errors along common columns are as wide as the film's, and are
+            # none on the mean; what columns of its own add is in the bias, too
+            own = away - np.linalg.lstsq(t.signature.clear, films, rcond=1e-8)[0].T[: len(away)]
+            ratios.append((_size(shapes, away) + 2 / (len(away) - 1) * _size(shapes, own)) / (len(bias) * t.spread))
         alike = max(float(np.median(ratios)), 1.0)
-        weights = [(number - 1) * len(t.amounts) for t in done]
+        weights = [(films.shape[1] - 1) * len(t.amounts) for t in done]
         wider = [(ALIKE * alike + w * r) / (ALIKE + w) for w, r in zip(weights, ratios, strict=True)]
         held = [replace(t, spread=t.spread * max(w, 1.0)) for t, w in zip(done, wider, strict=True)]
         others = [replace(t, spread=t.spread * alike) for t in rest]
@@ -156,3 +157,8 @@ def as_in_twins(
         if any(every[0] is t for t in held) or len(held) + MORE > MOST or late():
             return every
         count = MORE
+
+
+def _size(shapes: Sequence[np.ndarray], answers: np.ndarray) -> float:
+    """Mean length squared of what answers (N, k) make of columns (n, k) each."""
+    return float(np.mean([np.sum((c @ a) ** 2) for c, a in zip(shapes, answers, strict=True)]))
