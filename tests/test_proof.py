@@ -184,7 +184,7 @@ def test_a_right_answer_scores_in_every_column():
     row = score_case(result(rivals={"quadratic_drag": 4.0}))
     assert (row.right_name, row.right_class, row.located, row.eligible) == (True, True, True, True)
     assert row.covered == (True,) and row.errors["c"] == pytest.approx(0.01)
-    assert held_out([row]) == {"n": 1.0, "naive": 9.0, "recalibrated": 6.0, "revised": 1.05}
+    assert held_out([row]) == {"n": 1.0, "naive": 9.0, "recalibrated": 6.0, "revised": 1.05, "revised_known": 1.05}
     assert not is_failure(row)
 
 

@@ -168,7 +168,13 @@ def write_page(
     held = held_out(rows)
     if "revised" in held:
         mark = "reached" if held["revised"] <= 1.1 else "<strong>not reached</strong>"
-        shown = f"{held['revised']:.2f} (naive {held['naive']:.1f}, recalibrated {held['recalibrated']:.1f})"
+        forms = [
+            f"{label} {held[key]:.2f}"
+            for key, label in (("revised_known", "of a known form"), ("revised_other", "of another form"))
+            if key in held
+        ]
+        beside = [f"naive {held['naive']:.1f}", f"recalibrated {held['recalibrated']:.1f}", *forms]
+        shown = f"{held['revised']:.2f} ({', '.join(beside)})"
         rows_of_merit.append(
             ["held-out error over the floor, median", "at most 1.1", f"{held['n']:.0f} cases", shown, mark]
         )

@@ -238,13 +238,21 @@ def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
 
 
 def held_out(rows: Sequence[Row]) -> dict[str, float]:
-    """Medians of held-out errors over the floor, of the cases whose physics was named right."""
+    """Medians of held-out errors over the floor, of the cases whose physics was named right.
+
+    ``revised_known``, ``revised_other``: of effects that have the form that a diagnosis knows, and of the others,
+    whose exponent or smoothing no revised scene has.
+    """
     good = [r for r in rows if r.category == "mechanism" and r.right_name and r.held.get("noise_floor")]
     result: dict[str, float] = {"n": float(len(good))}
     for key in ("naive", "recalibrated", "revised"):
         ratios = [r.held[key] / r.held["noise_floor"] for r in good if r.held.get(key)]  # type: ignore[operator]
         if ratios:
             result[key] = float(np.median(ratios))
+    for key, other in (("revised_known", False), ("revised_other", True)):
+        mine = [r.held for r in good if r.other_form == other and r.held.get("revised")]
+        if mine:
+            result[key] = float(np.median([h["revised"] / h["noise_floor"] for h in mine]))  # type: ignore[operator]
     return result
 
 
