@@ -13,8 +13,9 @@ from granswim_pymunk.diagnosis import choose, diagnose_bodies, revised_scene, ve
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
-from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term
+from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.innovations import standard_deviations
+from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.engine import Simulation
@@ -230,6 +231,33 @@ def test_wind_over_the_table_is_an_ambient_flow():
     entry = verdict_dict(found)["mechanisms"][0]
     assert entry["name"] == "ambient_flow"
     np.testing.assert_allclose(entry["parameters"]["u"]["value"], (0.1, -0.05), atol=5e-3)
+
+
+def test_limits_of_numbers_that_are_known_only_together():
+    """Beside an adjustable drag a flow shows as c u and as the sum of both c: profiles go along that valley."""
+    truth = table(use("linear_drag", c=0.006), use("ambient_flow", c=0.004, u=(0.2, -0.1)))
+    naive = table(use("linear_drag", c=0.009))
+    naive = replace(naive, adjustable=(Adjustable("linear_drag", "c", 1e-3, 0.03),))
+    case = prepare(filmed(truth, naive, SHORT, np.random.default_rng(16)), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 1e-3}))
+    (flow,) = (t for t in named_terms([case], each=False) if t.label == "ambient_flow")
+    flow = replace(flow, free=tuple(replace(f, scale=1e-4 if k == 0 else 1e-3) for k, f in enumerate(flow.free)))
+    hypothesis = Hypothesis(adjustable_terms([case])).with_term(flow)
+    fit = fitter.fit(hypothesis, [0.002, 0.008, 0.1, -0.05], evaluations=60)
+    assert fit.chi2 < fit.count + 4 * math.sqrt(2 * fit.count)
+    limited = with_limits(fitter, fit, 1, 1.0)
+    assert sorted(limited.limits) == [1, 2, 3]
+    for k, true in enumerate((0.004, 0.2, -0.1), start=1):
+        _, low, high = limited.interval(k)
+        assert low < true < high, hypothesis.free[k].name
+    # the sum of both drags is no less than that of the flow; without a flow nothing pushes
+    _, low, high = limited.interval(1)
+    assert low < 0.001 and 0.0085 < high < 0.0105
+    _, low, high = limited.interval(2)
+    assert 0.05 < low < 0.1 and high > 2.0
+    # where every number is known alone nothing is profiled
+    alone = fitter.fit(Hypothesis().with_term(flow), [0.01, 0.1, -0.05])
+    assert not with_limits(fitter, alone, 0, 1.0).limits
 
 
 def test_force_outside_the_library_is_not_given_a_confident_name():

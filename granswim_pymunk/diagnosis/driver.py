@@ -31,6 +31,7 @@ from .fit import Fit, Fitter
 from .held_out import Errors, held_out_errors, learn_memory, noise_floor, training_errors
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
+from .intervals import with_limits
 from .name import InnerSplit, Trial, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .signatures import Bank, make_bank
@@ -160,6 +161,11 @@ def diagnose_bodies(
     else:
         rivals = rivals_of(found, tried.alive, spread, verdict)
 
+    if found and verdict in ("missing_physics", "measurement"):
+        revised = with_limits(study.fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
+        if revised.limits:
+            names = ", ".join(revised.hypothesis.free[k].name for k in revised.limits)
+            notes.append(f"{names} and the adjustables are known only together: their intervals are profiles of chi2")
     # innovations of short windows under the recalibrated scene
     study.progress("locating", 0.76)
     windows, places = _located(study, verdict, naive, recalibrated, revised, found)

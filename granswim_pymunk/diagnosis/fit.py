@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ class Fit:
     covariance : (p, p) of the values, noise taken as known and white
     chi2, count : sum of squared innovations and how many there are
     jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers
+    limits : of numbers whose 95 % interval was found by profiles, see ``intervals.py``
     """
 
     hypothesis: Hypothesis
@@ -40,10 +42,13 @@ class Fit:
     count: int
     covariance: np.ndarray
     jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]
+        if k in self.limits:
+            return float(self.values[k]), *self.limits[k]
         half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
         value = float(self.values[k])
         return value, max(value - half, free.low), min(value + half, free.high)
@@ -97,8 +102,9 @@ class Fitter:
         fixed: bool = False,
         stages: Sequence[float] = (1.0,),
         evaluations: int = 25,
+        held: Collection[int] = (),
     ) -> Fit:
-        """Fit starts, and the free numbers unless ``fixed``, on the training frames.
+        """Fit starts, and the free numbers unless ``fixed``, on the training frames; those ``held`` stay.
 
         ``stages``: shares of the frames taken in one after the other, so that a long oscillation is not
         caught a period off. ``values``, ``starts``: where to begin.
@@ -110,7 +116,7 @@ class Fitter:
             for c in self.cases
         }
         for share in stages:
-            x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations)
+            x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
 
     def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
@@ -161,13 +167,13 @@ class Fitter:
     def _bears(self, free: Free) -> bool:
         return free.cases is None or any(c.name in free.cases for c in self.cases)
 
-    def _solve(self, hypothesis, x, numbers, fixed, share, evaluations):
+    def _solve(self, hypothesis, x, numbers, fixed, share, evaluations, held):
         free = hypothesis.free
         cases = self.cases
         parts = {c.name: self._part(c, share) for c in cases}
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
         # a number that bears on none of these recordings would only run into its bounds and shorten every step
-        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f)]
+        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
         p = len(active)
         place = {k: n for n, k in enumerate(active)}
         sizes = [len(numbers[c.name]) for c in cases]
@@ -205,7 +211,9 @@ class Fitter:
                 residuals(z)
             for k, c in enumerate(cases):
                 here = last["seen"][c.name]
-                columns, block = self._jacobian(c, hypothesis, values, starts[c.name], parts[c.name], fixed, here)
+                columns, block = self._jacobian(
+                    c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
+                )
                 span = slice(rows[k], rows[k + 1])
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
@@ -228,16 +236,17 @@ class Fitter:
         values, starts = unpack(solution.x)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
 
-    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed, here):
+    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed, here, held=()):
         """d(predicted/sigma) by the numbers that bear on this recording: (indices, list of (T, c)).
 
         Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand.
+        Numbers that are ``held`` have none.
         """
         columns: list[int] = []
         changes: list[tuple[np.ndarray, np.ndarray, float]] = []
         if not fixed:
             for k, f in enumerate(hypothesis.free):
-                if f.cases is not None and case.name not in f.cases:
+                if k in held or (f.cases is not None and case.name not in f.cases):
                     continue
                 # a scale may be wider than the bounds: into the wider room, and no further than there is
                 step = min(0.1 * f.scale, max(f.high - values[k], values[k] - f.low))
@@ -256,6 +265,48 @@ class Fitter:
         found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
+    def sharpened(self, fit: Fit) -> Fit:
+        """The fit with derivatives and covariance from central differences, over steps that change chi2 by about one.
+
+        A search does with steps of a tenth of a scale to one side; where two numbers nearly make up for one another,
+        the curvature over such a step looks like a difference between them.
+        """
+        size = np.sqrt(sum(np.sum(by_value**2, axis=0) for by_value, _ in fit.jacobian.values()))
+        jacobian: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        p = len(fit.values)
+        for c in self.cases:
+            frames, numbers = self.frames[c.name], fit.starts[c.name]
+            use = np.isfinite(c.values[frames])
+            old = fit.jacobian[c.name]
+            ends: list[tuple[np.ndarray, np.ndarray]] = []
+            spans: list[float] = []
+            for k, f in enumerate(fit.hypothesis.free):
+                step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
+                low, high = (float(np.clip(fit.values[k] + side * step, f.low, f.high)) for side in (-1.0, 1.0))
+                for end in (low, high):
+                    moved = fit.values.copy()
+                    moved[k] = end
+                    ends.append((moved, numbers))
+                spans.append(high - low)
+            for k, scale in enumerate(number_scales(self.described[c.name])):
+                told = float(np.linalg.norm(old[1][:, k]))
+                step = min(1.0 / told, 0.1 * scale) if told > 0 else 0.1 * scale
+                for side in (-1.0, 1.0):
+                    shifted = numbers.copy()
+                    shifted[k] += side * step
+                    ends.append((fit.values, shifted))
+                spans.append(2 * step)
+            seen = list(_POOL.map(partial(self._at, c, fit.hypothesis, frames), ends))
+            columns = [
+                (low - high)[use] / span if span > 0 else np.zeros(int(use.sum()))
+                for low, high, span in zip(seen[::2], seen[1::2], spans, strict=True)
+            ]
+            jacobian[c.name] = np.column_stack(columns[:p]) if p else old[0], np.column_stack(columns[p:])
+        return replace(fit, jacobian=jacobian, covariance=np.linalg.pinv(information_of(jacobian, p)))
+
+    def _at(self, case: Case, hypothesis: Hypothesis, frames: np.ndarray, where: tuple[np.ndarray, np.ndarray]):
+        return self._innovations(case, hypothesis, where[0], where[1], frames)
+
     def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed, here) -> tuple[np.ndarray, np.ndarray]:
         """d(predicted/sigma) of what was seen in ``frames``, by all values (n, p) and by the numbers of the start."""
         use = np.isfinite(case.values[frames])
@@ -272,21 +323,17 @@ class Fitter:
     def _finish(self, hypothesis, x, numbers, fixed) -> Fit:
         innovations, jacobian = {}, {}
         p = len(hypothesis.free)
-        information = np.zeros((p, p))
         chi2, count = 0.0, 0
         for c in self.cases:
             frames = self.frames[c.name]
             full = np.full(c.values.shape, np.nan)
             full[frames] = self._innovations(c, hypothesis, x, numbers[c.name], frames)
             innovations[c.name] = full
-            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed, full[frames])
-            jacobian[c.name] = (by_value, by_start)
-            projected = by_value - project(by_start, by_value)
-            information += projected.T @ projected
+            jacobian[c.name] = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed, full[frames])
             used = full[np.isfinite(full)]
             chi2 += float(used @ used)
             count += len(used)
-        covariance = np.linalg.pinv(information) if p and not fixed else np.zeros((p, p))
+        covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
         return Fit(hypothesis, np.array(x), numbers, self.described, innovations, chi2, count, covariance, jacobian)
 
     def predict(self, fit: Fit, case: Case, frames: np.ndarray) -> np.ndarray:
@@ -299,6 +346,15 @@ class Fitter:
             fit.hypothesis, case, fit.values, fit.described[case.name], fit.starts[case.name], t0, case.t[wanted]
         )
         return out
+
+
+def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:
+    """(p, p) of the values, the starts projected out."""
+    information = np.zeros((p, p))
+    for by_value, by_start in jacobian.values():
+        projected = by_value - project(by_start, by_value)
+        information += projected.T @ projected
+    return information
 
 
 def basis(columns: np.ndarray) -> np.ndarray:

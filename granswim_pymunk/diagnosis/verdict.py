@@ -73,7 +73,9 @@ def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int
         if r < 0:  # a component that these recordings do not show
             found.append((0.0, None, None))
         else:
-            found.append(fit.interval(offset + r, diagnosis.spread))
+            value, *ends = fit.interval(offset + r, diagnosis.spread)
+            low, high = (end if math.isfinite(end) else None for end in ends)
+            found.append((value, low, high))
     unit = next(term.free[r].unit for r in rows if r >= 0)
     if len(found) == 1:
         value, low, high = found[0]

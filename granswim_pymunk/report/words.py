@@ -103,7 +103,13 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def interval(value: float, low: float, high: float, unit: str = "") -> tuple[str, str]:
-    """Value with its unit, and "low to high", with the digits that the width of the interval allows."""
+    """Value with its unit, and "low to high", with the digits that the width of the interval allows.
+
+    An interval without an end is "above low" or "below high".
+    """
+    if math.isfinite(low) != math.isfinite(high):
+        end = f"above {number(low)}" if math.isfinite(low) else f"below {number(high)}"
+        return _with_unit(number(value), unit), end
     half = (high - low) / 2
     largest = max(abs(v) for v in (value, low, high))
     if not math.isfinite(half) or half <= 0 or largest == 0:
