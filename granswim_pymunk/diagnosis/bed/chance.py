@@ -21,7 +21,7 @@ from .signatures import BedSignature, coherence, off, recombined, to_values, who
 from .trial import SURE, BedTrial, surplus, trial_of
 
 REPLICATES = 499
-SCANTY = 40  # windows of twins, less one of each
+SCANTY = 60  # windows of twins, less one of each
 LEANING = 4  # leaders that are held against what twins give them, and how many more where others come to lead
 MORE, MOST = 2, 8
 ALIKE = 21  # degrees of freedom that the middle of all leaders is worth for the spread of one
@@ -142,7 +142,8 @@ def as_in_twins(
         for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
             bias = answers.mean(axis=0)
             amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
-            done.append(trial_of(t.signature, amounts[:, 0], float(gain[0]), None, t.spread))
+            mine = trial_of(t.signature, amounts[:, 0], float(gain[0]), None, t.spread)
+            done.append(replace(mine, lent=max(t.linear - mine.linear, 0.0)))
             away = answers - bias
             # each twin is judged by the others, so its errors along common columns are as wide as the film's, and are
             # none on the mean; what columns of its own add is in the bias, too

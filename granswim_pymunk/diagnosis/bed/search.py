@@ -254,7 +254,8 @@ class Search:
             return replace(trial, gain=0.0)
         share, lowest = smooth_minimum(chi2)
         amounts = np.clip(start * (share or 1e-3), low, high)
-        return trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.spread)
+        found = trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.spread)
+        return replace(found, lent=trial.lent)
 
     def turned(self, trial: BedTrial) -> BedTrial | None:
         """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""

@@ -12,6 +12,7 @@ from ..hypothesis import Term
 from .signatures import BedSignature, to_values
 
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
+CLEARLY = 2.5  # standard errors, as few twins and windows widen them, that the last fit has to be from none
 FURTHER = 3.0  # by which every further number moves the tail of chi2, about one in a thousand
 CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 
@@ -23,6 +24,7 @@ class BedTrial:
     amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
     linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
     spread : what one of its numbers gains by chance, 1 in noise that is white and known
+    lent : part of a simulated gain that errors of the starts lend it, see ``chance.as_in_twins``
     """
 
     signature: BedSignature
@@ -32,6 +34,7 @@ class BedTrial:
     linear: float
     gain: float | None
     spread: float = 1.0
+    lent: float = 0.0
 
     @property
     def term(self) -> Term:
@@ -43,8 +46,8 @@ class BedTrial:
 
     @property
     def worth(self) -> float:
-        """Gain less what as many numbers gain by chance."""
-        return (self.linear if self.gain is None else self.gain) - 2.0 * len(self.term.free)
+        """Gain less what as many numbers gain by chance, and less what errors of the starts lend it."""
+        return (self.linear if self.gain is None else self.gain - self.lent) - 2.0 * len(self.term.free)
 
     @property
     def ahead(self) -> float:
@@ -79,12 +82,12 @@ def trial_of(
 
 
 def beyond_nothing(trial: BedTrial) -> bool:
-    """Whether the 95 % region of the numbers of a law leaves out those with which it is absent."""
+    """Whether the numbers of a law are ``CLEARLY`` standard errors from those with which it is absent."""
     away = trial.values - np.array([f.neutral for f in trial.term.free])
     if not np.isfinite(trial.covariance).all():
         return True
     chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
-    return chi2 > float(stats.chi2.isf(0.05, len(away)))
+    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(CLEARLY), len(away)))
 
 
 def moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:

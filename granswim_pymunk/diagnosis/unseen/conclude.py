@@ -230,6 +230,9 @@ def _without(s: Search) -> Finding:
     verdict = "recalibrate" if s.adjust and s.p_recalibration <= ALARM else "no_mismatch"
     if left[0] <= ALARM and left[1] < LEFT_ALARM:
         verdict = "unmodelled"
+    elif verdict == "no_mismatch" and s.p_search <= ALARM:
+        verdict = "unmodelled"
+        s.notes.append("the recordings ask for a law more than other packings do, but none that was tried stands")
     return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
 
 

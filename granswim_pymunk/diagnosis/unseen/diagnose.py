@@ -13,10 +13,14 @@ from ..outcome import Outcome
 from .conclude import confirm, locate, propose, score, search_and_conclude
 from .conditions import conditions_of
 from .runs import Runner, workers
-from .search import Sizes, begin
+from .search import Search, Sizes, begin
 from .tell import outcome_of
 
 Progress = Callable[[str, float], None]
+
+ROOM = 240.0  # s that more runs than usual may take
+ROOM_SHARE = 0.4  # of the budget
+NOMINAL = 1.5e-8  # s that a step of one body takes, two at a time
 
 
 def diagnose_unseen(
@@ -53,6 +57,10 @@ def diagnose_unseen(
         if s.sizes != chosen:
             s.notes.append(f"the budget of {minutes:g} minutes allowed {s.sizes} instead of {chosen} runs a scene")
         runner.deadline = began + 0.8 * (deadline - began) if deadline else None
+    if sizes is None and s.sizes == chosen:
+        more = generous(chosen, s, min(ROOM, ROOM_SHARE * 60 * minutes) if minutes is not None else ROOM)
+        if more != chosen:  # runs that are done are not done again
+            s = begin(conditions, runner, more, rng, progress)
     finding = search_and_conclude(s, late)
     runner.deadline = deadline
     confirm(finding)
@@ -78,25 +86,38 @@ def sizes_for(conditions: int, curve: bool) -> Sizes:
     return Sizes(true=8, soft=6, adjustable=3, screen=1, more=2, leader=3, final=4, leaders=5, duel=8)
 
 
-def affordable(sizes: Sizes, s, seconds: float) -> Sizes:
+def generous(sizes: Sizes, s: Search, seconds: float) -> Sizes:
+    """More runs of everything where runs are cheap: means of few packings blur what a refit gains.
+
+    Told from the size of a run, not from its time: a diagnosis that was interrupted plans the same again.
+    """
+    more = replace(
+        sizes, true=3 * sizes.true, soft=2 * sizes.soft, adjustable=2 * sizes.adjustable, screen=2 * sizes.screen,
+        more=3 * sizes.more, leader=4 * sizes.leader, final=2 * sizes.final, duel=round(2.4 * sizes.duel),
+    )  # fmt: skip
+    steps = float(np.mean([s.runner.steps(c) for c in s.conditions]))
+    return more if planned(more, s, NOMINAL * steps) <= seconds else sizes
+
+
+def planned(z: Sizes, s: Search, cost: float) -> float:
+    """Seconds that the runs of a search take, about; ``cost`` [s] of one."""
+    count = 32 * len(s.training) * z.screen + len(s.training) * (
+        z.soft * bool(s.adjust) + z.adjustable * len(s.adjust) + 6 * z.more + 2 * z.leaders * z.leader + 2 * z.duel
+    )
+    return cost * (0.7 * count + z.final * len(s.conditions) * 1.5)
+
+
+def affordable(sizes: Sizes, s: Search, seconds: float) -> Sizes:
     """Sizes cut down to ``seconds`` that are left."""
     cost = s.runner.cost
     if cost <= 0:
         return sizes
-    suspects = 32 * len(s.training)
-
-    def planned(z: Sizes) -> float:
-        count = suspects * z.screen + len(s.training) * (
-            z.soft * bool(s.adjust) + z.adjustable * len(s.adjust) + 6 * z.more + 2 * z.leaders * z.leader + 2 * z.duel
-        )
-        return cost * (0.7 * count + z.final * len(s.conditions) * 1.5)
-
     for smaller in (
         sizes,
         replace(sizes, more=1, leader=3, final=3, leaders=4, duel=6),
         replace(sizes, screen=1, more=1, leader=2, final=2, leaders=3, soft=4, adjustable=2, duel=4),
         replace(sizes, screen=1, more=0, leader=2, final=2, leaders=2, soft=3, adjustable=2, duel=2),
     ):
-        if planned(smaller) <= seconds:
+        if planned(smaller, s, cost) <= seconds:
             return smaller
     return smaller

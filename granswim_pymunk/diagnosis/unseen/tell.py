@@ -41,7 +41,7 @@ def outcome_of(f: Finding, seconds: float, seed: int) -> Outcome:
     if s.nulls is not None:
         p = s.p_recalibration if f.verdict == "recalibrate" else s.p_search
         if f.verdict == "unmodelled" and not f.found:
-            p = f.left[0]
+            p = min(f.left[0], s.p_search)
         verdict["null"] = {"p_false_alarm": p, "replicates": len(s.nulls.best)}
     if f.proposal is not None:
         change, names, d = f.proposal
