@@ -36,6 +36,7 @@ STRONGER = (10.0, 20.0, 40.0)  # of pairs and of what lies outside the library
 CALIBRATED = 0.7  # share of the cases whose adjustable numbers were fitted to the tracks beforehand
 SCALE, OFFSET = 0.01, 4e-3  # of a wrong picture; s, of a wrong clock
 NEAR = 0.8  # of the standard errors of a truth: rivals that leave less are looked at again, at the amount that fits
+CLEAR = 12.0  # standard errors, from which on few windows tell rivals apart
 BENT = 1.5  # times its usual amount, beyond which a rival is not taken for linear
 TWO_SIDED = ("added_mass", "uniform_force", "head_force", "restitution", "weak_joint", "resting_curvature",
              "nonlinear_bending")  # fmt: skip
@@ -150,11 +151,14 @@ def rivals(setup: BedSetup, bench: Bench, plan: Plan, amount: float) -> tuple[fl
     Linear in the amounts, about those that come nearest to the truth where that is near; drags and their like only
     push one way.
     """
-    truth, known = bench.change([plan.at(amount)], True), bench.adjustable(True)
+    sigma = _sigma(bench, [plan.at(amount)])
+    # half of the windows and fewer members are off by some two standard errors, which is much beside a weak effect
+    few = not sigma < CLEAR
+    truth, known = bench.change([plan.at(amount)], few), bench.adjustable(few)
     sigma = beyond(truth, known)[0]
 
     def fitted(plans: Sequence[Plan], sizes: Sequence[float], one_sided: bool) -> tuple[float, np.ndarray]:
-        columns = [bench.change([p.at(size)], True) / size for p, size in zip(plans, sizes, strict=True)]
+        columns = [bench.change([p.at(size)], few) / size for p, size in zip(plans, sizes, strict=True)]
         left, amounts = beyond(truth, [*columns, *known])
         if one_sided and amounts[0] < 0:
             left, others = beyond(truth, [*columns[1:], *known])

@@ -195,16 +195,7 @@ def diagnose_windows(
 
     # held-out windows are looked at only now
     progress("held-out windows", 0.88)
-    labels = [t.term.label for t in leading]
-    refused = answer.found.term.label if answer.found is not None else ""
     answer, seen = _held_out(search, start, plain, answer, notes)
-    if answer is plain and refused in labels and not clock.late(0.8):
-        # what they refuse gives way to the next, once
-        rest = leading[labels.index(refused) + 1 :]
-        progress("refining the next law", 0.88)
-        second = _refined(search, plain, rest, signatures, noise, start.wrong is None, rng, notes)
-        if second.found is not None:
-            answer, seen = _held_out(search, start, plain, second, notes)
     floor = (noise_floor(bench, search.used), noise_floor(bench, bench.held))
     partner = answer.partner
     rivals = [r for r in rivals_of(answer.found, trials) if partner is None or r[0].mechanism != partner.mechanism]
@@ -224,7 +215,6 @@ def diagnose_windows(
     strayed = astray(bench, seen.predicted.get("recalibrated")) if not laws else None
     p = null.p
     if verdict == "no_mismatch" and p <= ALARM:
-        verdict = "unmodelled"
         notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
     if strayed is not None:
         verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))

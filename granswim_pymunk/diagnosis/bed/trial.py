@@ -12,7 +12,7 @@ from ..hypothesis import Term
 from .signatures import BedSignature, to_values
 
 SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-CLEARLY = 2.5  # standard errors, as few twins and windows widen them, that the last fit has to be from none
+CLEARLY = 3.0  # standard errors, as few twins and windows widen them, that the last fit has to be from none
 FURTHER = 3.0  # by which every further number moves the tail of chi2, about one in a thousand
 CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 
