@@ -19,7 +19,7 @@ import pytest
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
-from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance
+from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import diagnose_windows
 from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
@@ -303,6 +303,16 @@ def test_a_law_in_loud_noise_does_not_hide_one_in_quiet_noise():
         for left in (noise.whiten(f - noise.bias).ravel() for f in films(600))
     ]
     assert np.mean(beyond) < 3.0 * ALARM
+
+
+def test_what_one_window_asks_for_is_told_from_what_all_do():
+    rng = np.random.default_rng(6)
+    column = rng.normal(size=(80, 1))
+    signature = make_signature(one_number(low=-np.inf, scale=1.0), np.ones(1), column, np.zeros((80, 0)))
+    everywhere = 2.0 * column[:, 0]
+    once = np.where(np.arange(80) // 10 == 3, 6.0 * column[:, 0], 0.0)
+    assert share_of_most(signature, everywhere, [10] * 8) < 0.35
+    assert share_of_most(signature, once, [10] * 8) > 0.9
 
 
 def test_budget_gives_up_the_least_first():

@@ -24,6 +24,8 @@ REPLICATES = 499
 SCANTY = 60  # windows of twins, less one of each
 LEANING = 4  # leaders that are held against what twins give them, and how many more where others come to lead
 MORE, MOST = 2, 8
+ONE_WINDOW = 0.5  # share of a gain that one window of several may bring where a law is named
+SEVERAL = 6  # windows
 ALIKE = 21  # degrees of freedom that the middle of all leaders is worth for the spread of one
 
 
@@ -71,6 +73,25 @@ def chance(
         ratio = s.best(drawn)[1] / max(alone, 1e-12) * known / rng.chisquare(known, REPLICATES)
         best = np.maximum(best, surplus(ratio, number))
     return Chance(spreads, best * unsure(bench, rng))
+
+
+def share_of_most(signature: BedSignature, left: np.ndarray, windows: Sequence[int]) -> float:
+    """The share of what a candidate gains in left (n,) that one window, the one it owes most, brings.
+
+    windows : how many numbers each window has, in their order. A bed that jams or slips once looks like any law that
+    pushes there; what is missing shows in all windows in which it acts.
+    """
+    whole = float(signature.best(left[:, None])[1][0])
+    if whole <= 0.0:
+        return 0.0
+    least, end = whole, 0
+    for size in windows:
+        kept = np.ones(len(left), dtype=bool)
+        kept[end : end + size] = False
+        end += size
+        part = replace(signature, clear=signature.clear[kept])
+        least = min(least, float(part.best(left[kept][:, None])[1][0]))
+    return 1.0 - least / whole
 
 
 def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:

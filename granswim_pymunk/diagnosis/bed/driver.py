@@ -22,7 +22,7 @@ from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
-from .chance import REPLICATES, Chance, as_in_twins, chance
+from .chance import ONE_WINDOW, REPLICATES, SEVERAL, Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
 from .experiment import Proposal, propose
 from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
@@ -182,7 +182,7 @@ def diagnose_windows(
     signatures = signatures_in_time(search, start.terms, notes)
     trials, by_chance = screened(search, signatures, rng, notes)
     null = by_chance.null(trials[0] if trials else None)
-    trials, leading = _leading(search, trials, by_chance, null.p)
+    trials, leading = _leading(search, trials, by_chance, null.p, notes)
 
     progress("refining what was found", 0.78)
     plain = _without_law(search, noise)
@@ -399,7 +399,7 @@ def screened(
 
 
 def _leading(
-    search: Search, trials: list[BedTrial], by_chance: Chance, p: float
+    search: Search, trials: list[BedTrial], by_chance: Chance, p: float, notes: list[str]
 ) -> tuple[list[BedTrial], list[BedTrial]]:
     """Leaders refitted by simulation, best first; and those among them that are beyond the nulls."""
     if p <= 0.1:
@@ -409,7 +409,17 @@ def _leading(
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
     sure = [t for t in trials if t.gain is not None and t.gain - t.lent >= SURE]
-    return trials, [t for t in sure if t.linear >= by_chance.threshold(t)]
+    sure = [t for t in sure if t.linear >= by_chance.threshold(t)]
+    windows = [b.size for b, w in zip(search.bench.beds, search.few, strict=True) for _ in w]
+    left = search.few_left
+    named = []
+    for t in sure:
+        weak = t.linear < DOUBTFUL and len(windows) >= SEVERAL
+        if weak and share_of_most(t.signature, left, windows) > ONE_WINDOW:
+            notes.append(f"{t.term.label} is not named: a single window brings most of what it gains")
+        else:
+            named.append(t)
+    return trials, named
 
 
 def _without_law(search: Search, noise: NoiseChi2) -> Answer:
