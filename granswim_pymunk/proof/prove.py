@@ -31,10 +31,10 @@ REAL = ("pendulum", "falling_balls", "two_disk_spin")
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 FULL = {
     "bodies": range(1569, 1709),
-    "bed": range(1061, 1097),
+    "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1008),
-    "small-unseen": range(1000, 1032),
+    "small-unseen": range(1014, 1046),
     "curve": range(1000, 1004),
     "small-curve": range(1002, 1018),
 }
