@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -272,40 +271,43 @@ class Fitter:
         the curvature over such a step looks like a difference between them.
         """
         size = np.sqrt(sum(np.sum(by_value**2, axis=0) for by_value, _ in fit.jacobian.values()))
-        jacobian: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        p = len(fit.values)
-        for c in self.cases:
-            frames, numbers = self.frames[c.name], fit.starts[c.name]
-            use = np.isfinite(c.values[frames])
-            old = fit.jacobian[c.name]
-            ends: list[tuple[np.ndarray, np.ndarray]] = []
-            spans: list[float] = []
-            for k, f in enumerate(fit.hypothesis.free):
-                step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
-                low, high = (float(np.clip(fit.values[k] + side * step, f.low, f.high)) for side in (-1.0, 1.0))
-                for end in (low, high):
-                    moved = fit.values.copy()
-                    moved[k] = end
-                    ends.append((moved, numbers))
-                spans.append(high - low)
-            for k, scale in enumerate(number_scales(self.described[c.name])):
-                told = float(np.linalg.norm(old[1][:, k]))
-                step = min(1.0 / told, 0.1 * scale) if told > 0 else 0.1 * scale
-                for side in (-1.0, 1.0):
-                    shifted = numbers.copy()
-                    shifted[k] += side * step
-                    ends.append((fit.values, shifted))
-                spans.append(2 * step)
-            seen = list(_POOL.map(partial(self._at, c, fit.hypothesis, frames), ends))
-            columns = [
-                (low - high)[use] / span if span > 0 else np.zeros(int(use.sum()))
-                for low, high, span in zip(seen[::2], seen[1::2], spans, strict=True)
-            ]
-            jacobian[c.name] = np.column_stack(columns[:p]) if p else old[0], np.column_stack(columns[p:])
-        return replace(fit, jacobian=jacobian, covariance=np.linalg.pinv(information_of(jacobian, p)))
+        jacobian = {c.name: self._central(c, fit, size) for c in self.cases}
+        return replace(fit, jacobian=jacobian, covariance=np.linalg.pinv(information_of(jacobian, len(fit.values))))
 
-    def _at(self, case: Case, hypothesis: Hypothesis, frames: np.ndarray, where: tuple[np.ndarray, np.ndarray]):
-        return self._innovations(case, hypothesis, where[0], where[1], frames)
+    def _central(self, case: Case, fit: Fit, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As ``_sensitivity``, by central differences; ``size`` (p,): of derivatives by values, in all recordings."""
+        frames, numbers = self.frames[case.name], fit.starts[case.name]
+        use = np.isfinite(case.values[frames])
+        p = len(fit.values)
+        result = np.zeros((int(use.sum()), p + len(numbers)))
+        columns: list[int] = []
+        ends: list[tuple[np.ndarray, np.ndarray]] = []
+        spans: list[float] = []
+        for k, f in enumerate(fit.hypothesis.free):
+            if f.cases is not None and case.name not in f.cases:
+                continue
+            step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
+            low, high = (float(np.clip(fit.values[k] + side * step, f.low, f.high)) for side in (-1.0, 1.0))
+            for end in (low, high):
+                moved = fit.values.copy()
+                moved[k] = end
+                ends.append((moved, numbers))
+            columns.append(k)
+            spans.append(high - low)
+        for k, scale in enumerate(number_scales(self.described[case.name])):
+            told = float(np.linalg.norm(fit.jacobian[case.name][1][:, k]))
+            step = min(1.0 / told, 0.1 * scale) if told > 0 else 0.1 * scale
+            for side in (-1.0, 1.0):
+                shifted = numbers.copy()
+                shifted[k] += side * step
+                ends.append((fit.values, shifted))
+            columns.append(p + k)
+            spans.append(2 * step)
+        seen = list(_POOL.map(lambda e: self._innovations(case, fit.hypothesis, e[0], e[1], frames), ends))
+        for column, before, after, span in zip(columns, seen[::2], seen[1::2], spans, strict=True):
+            if span > 0:
+                result[:, column] = (before - after)[use] / span
+        return result[:, :p], result[:, p:]
 
     def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed, here) -> tuple[np.ndarray, np.ndarray]:
         """d(predicted/sigma) of what was seen in ``frames``, by all values (n, p) and by the numbers of the start."""

@@ -31,33 +31,33 @@ def with_limits(
     spread : inflation of variances by what the fit leaves;  late : stops between two numbers
     """
     fit = fitter.sharpened(fit)
+    told = information_of(fit.jacobian, len(fit.values))
     limits = {}
-    for k in unknown_alone(fit):
+    for k in unknown_alone(told):
         if k < first or late():
             continue
-        limits[k] = _end(fitter, fit, k, spread, -1.0), _end(fitter, fit, k, spread, 1.0)
+        step = 1.96 / math.sqrt(told[k, k])
+        limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
     return replace(fit, limits=limits) if limits else fit
 
 
-def unknown_alone(fit: Fit) -> list[int]:
-    """Numbers whose information the others take nearly all of."""
-    found = information_of(fit.jacobian, len(fit.values))
-    size = np.sqrt(np.diag(found))
+def unknown_alone(information: np.ndarray) -> list[int]:
+    """Numbers of an information matrix (p, p) of whose information the others take nearly all."""
+    size = np.sqrt(np.diag(information))
     shown = np.flatnonzero(size > 0)
     if len(shown) < 2:
         return []
-    part = (found / np.outer(size, size).clip(1e-300))[np.ix_(shown, shown)]
+    part = (information / np.outer(size, size).clip(1e-300))[np.ix_(shown, shown)]
     # of a singular matrix the inverse of what it lacks is huge
     inverse = np.linalg.inv(part + 1e-9 * np.eye(len(part)))
     return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * ALONE > 1.0]
 
 
-def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float) -> float:
-    """Where chi2, with all others refitted, has risen by ``LEVEL``; the bound where it never does."""
+def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: float) -> float:
+    """Where chi2, all others refitted, has risen by ``LEVEL``; the bound where it never does; ``first``: a step."""
     free = fit.hypothesis.free[k]
     bound = free.high if side > 0 else free.low
-    step = 1.96 / math.sqrt(information_of(fit.jacobian, len(fit.values))[k, k])
-    first, here, failed = step, fit, False
+    step, here, failed = first, fit, False
     for _ in range(MOST):
         at = float(here.values[k]) + side * step
         if (at - bound) * side >= 0:
