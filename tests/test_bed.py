@@ -266,7 +266,7 @@ def test_gains_that_columns_have_from_errors_of_their_starts_are_taken_off():
         nothing = np.zeros((len(left), 0))
         signature = make_signature(one_number(low=-np.inf, scale=1.0), np.ones(1), column, nothing)
         amounts, gain = signature.best(left[:, None])
-        trial = BedTrial(signature, amounts[:, 0], np.zeros(1), np.eye(1), float(gain[0]), None)
+        trial = BedTrial(signature, amounts[:, 0], np.zeros(1), np.eye(1), float(gain[0]), None, float(gain[0]))
         (corrected,) = as_in_twins(bench, [trial], windows, nothing, left, 2)
         before.append(trial.linear)
         after.append(corrected.linear / corrected.spread)
@@ -308,11 +308,28 @@ def test_a_law_in_loud_noise_does_not_hide_one_in_quiet_noise():
 def test_what_one_window_asks_for_is_told_from_what_all_do():
     rng = np.random.default_rng(6)
     column = rng.normal(size=(80, 1))
-    signature = make_signature(one_number(low=-np.inf, scale=1.0), np.ones(1), column, np.zeros((80, 0)))
+    any_law = one_number(low=-np.inf, scale=1.0)
+    signature = make_signature(any_law, np.ones(1), column, np.zeros((80, 0)), windows=[10] * 8)
     everywhere = 2.0 * column[:, 0]
     once = np.where(np.arange(80) // 10 == 3, 6.0 * column[:, 0], 0.0)
-    assert share_of_most(signature, everywhere, [10] * 8) < 0.35
-    assert share_of_most(signature, once, [10] * 8) > 0.9
+    assert share_of_most(first_order(signature, everywhere)) < 0.35
+    assert share_of_most(first_order(signature, once)) > 0.9
+
+
+def test_without_a_window_gains_are_those_of_the_other_windows():
+    rng = np.random.default_rng(8)
+    sizes = [7, 9, 8, 10, 6, 12, 5]
+    ends = np.cumsum([0, *sizes])
+    columns, left = rng.normal(size=(ends[-1], 1)), rng.normal(size=(ends[-1], 3))
+    any_law, nothing = one_number(low=-np.inf, scale=1.0), np.zeros((ends[-1], 0))
+    signature = make_signature(any_law, np.ones(1), columns, nothing, windows=sizes)
+    gains = []
+    for a, b in pairwise(ends):
+        rest = np.delete(np.arange(ends[-1]), np.arange(a, b))
+        part = make_signature(any_law, np.ones(1), columns[rest], nothing[rest])
+        gains.append(part.best(left[rest])[1])
+    assert signature.firm(left) == pytest.approx(np.min(gains, axis=0))
+    assert (signature.firm(left) < signature.best(left)[1]).all()
 
 
 def test_budget_gives_up_the_least_first():

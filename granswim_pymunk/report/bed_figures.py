@@ -181,7 +181,8 @@ def candidates(d: BedDiagnosis, most: int = 20) -> Figure:
             axis.barh(k, max(t.linear, 0.0), height=0.62, facecolor="none", edgecolor=MUTED, linewidth=0.9)
         else:
             axis.barh(k, max(t.gain, 0.0), height=0.62, color=colour)
-        limit = float(t.gain_at(np.array(d.level)))
+        # the level is that of gains without the window that brings most
+        limit = float(t.gain_at(np.array(d.level))) * (t.linear / t.firm if t.firm > 0 else 1.0)
         axis.plot([limit, limit], [k - 0.45, k + 0.45], color=FLOOR, linewidth=1.2)
         side.plot([0, t.signature.surviving], [k, k], color=MUTED, linewidth=0.8)
         side.plot(t.signature.surviving, k, "o", color=colour if t.gain is not None else MUTED, markersize=4)
@@ -197,7 +198,7 @@ def candidates(d: BedDiagnosis, most: int = 20) -> Figure:
 
 @styled
 def null_histogram(d: BedDiagnosis) -> Figure:
-    """The best gain in windows of twins, and that of the case."""
+    """The best gain in windows of twins, and that of the case, each without the window that brings most of it."""
     figure = Figure(figsize=(WIDTH, 2.3), layout="constrained")
     axis = figure.subplots()
     far = d.score > 3 * max(float(d.null.max()), 1.0)

@@ -18,14 +18,13 @@ from ..fit import basis
 from ..nulls import Null
 from .bench import Bench, Windows
 from .signatures import BedSignature, coherence, off, recombined, to_values, whole_films
-from .trial import SURE, BedTrial, surplus, trial_of
+from .trial import SURE, BedTrial, first_order, surplus
 
 REPLICATES = 499
 SCANTY = 60  # windows of twins, less one of each
 LEANING = 4  # leaders that are held against what twins give them, and how many more where others come to lead
 MORE, MOST = 2, 8
 ONE_WINDOW = 0.5  # share of a gain that one window of several may bring where a law is named
-SEVERAL = 6  # windows
 ALIKE = 21  # degrees of freedom that the middle of all leaders is worth for the spread of one
 
 
@@ -34,7 +33,8 @@ class Chance:
     """What candidates gain in twins.
 
     spreads : of each by its label, the mean gain of one of its numbers: 1 where noise is white and known
-    best : (REPLICATES,) the most that one of them is ahead there, see ``BedTrial.ahead``
+    best : (REPLICATES,) the most that one of them is ahead there, see ``BedTrial.ahead``; without the window that
+        brings most of it, there as in the film
     """
 
     spreads: Mapping[str, float]
@@ -46,12 +46,16 @@ class Chance:
         return float(np.quantile(self.best, 1 - ALARM))
 
     def threshold(self, trial: BedTrial) -> float:
-        """What a trial has to gain in chi2."""
-        return max(float(trial.gain_at(np.array(self.level))), SURE)
+        """What a trial gains in chi2 by chance, without the window that brings most, in few searches."""
+        return float(trial.gain_at(np.array(self.level)))
+
+    def beyond(self, trial: BedTrial) -> bool:
+        """Whether a trial gains more to first order than chance gives it, and enough to be sure of."""
+        return trial.linear >= SURE and trial.firm >= self.threshold(trial)
 
     def null(self, leader: BedTrial | None) -> Null:
         """The nulls in chi2 of the trial that leads."""
-        return Null(self.best, 0.0) if leader is None else Null(leader.gain_at(self.best), leader.linear)
+        return Null(self.best, 0.0) if leader is None else Null(leader.gain_at(self.best), leader.firm)
 
 
 def chance(
@@ -70,28 +74,14 @@ def chance(
         alone = float(np.mean(np.sum((q.T @ drawn) ** 2, axis=0))) / number
         spreads[s.term.label] = max(coherent * alone, 1.0)
         known = ALIKE + number * (films.shape[1] - 1)
-        ratio = s.best(drawn)[1] / max(alone, 1e-12) * known / rng.chisquare(known, REPLICATES)
+        ratio = s.firm(drawn) / max(alone, 1e-12) * known / rng.chisquare(known, REPLICATES)
         best = np.maximum(best, surplus(ratio, number))
     return Chance(spreads, best * unsure(bench, rng))
 
 
-def share_of_most(signature: BedSignature, left: np.ndarray, windows: Sequence[int]) -> float:
-    """The share of what a candidate gains in left (n,) that one window, the one it owes most, brings.
-
-    windows : how many numbers each window has, in their order. A bed that jams or slips once looks like any law that
-    pushes there; what is missing shows in all windows in which it acts.
-    """
-    whole = float(signature.best(left[:, None])[1][0])
-    if whole <= 0.0:
-        return 0.0
-    least, end = whole, 0
-    for size in windows:
-        kept = np.ones(len(left), dtype=bool)
-        kept[end : end + size] = False
-        end += size
-        part = replace(signature, clear=signature.clear[kept])
-        least = min(least, float(part.best(left[kept][:, None])[1][0]))
-    return 1.0 - least / whole
+def share_of_most(trial: BedTrial) -> float:
+    """The share of what a trial gains to first order that one window, the one it owes most, brings."""
+    return 1.0 - trial.firm / trial.linear if trial.linear > 0.0 else 0.0
 
 
 def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
@@ -162,8 +152,7 @@ def as_in_twins(
         leading, rest = rest[:count], rest[count:]
         for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
             bias = answers.mean(axis=0)
-            amounts, gain = t.signature.best((left - t.signature.clear @ bias)[:, None])
-            mine = trial_of(t.signature, amounts[:, 0], float(gain[0]), None, t.spread)
+            mine = first_order(t.signature, left - t.signature.clear @ bias, t.spread)
             done.append(replace(mine, lent=max(t.linear - mine.linear, 0.0)))
             away = answers - bias
             # each twin is judged by the others, so its errors along common columns are as wide as the film's, and are

@@ -22,7 +22,7 @@ from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
-from .chance import ONE_WINDOW, REPLICATES, SEVERAL, Chance, as_in_twins, chance, share_of_most
+from .chance import ONE_WINDOW, REPLICATES, Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
 from .experiment import Proposal, propose
 from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
@@ -39,7 +39,7 @@ from .search import (
     second_law,
     thinned,
 )
-from .signatures import BedSignature, make_signature, off, recombined
+from .signatures import SEVERAL, BedSignature, make_signature, off, recombined
 from .trial import CLEARLY, SURE, BedTrial, beyond_nothing, first_order, moved_to
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
@@ -409,13 +409,11 @@ def _leading(
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
     sure = [t for t in trials if t.gain is not None and t.gain - t.lent >= SURE]
-    sure = [t for t in sure if t.linear >= by_chance.threshold(t)]
-    windows = [b.size for b, w in zip(search.bench.beds, search.few, strict=True) for _ in w]
-    left = search.few_left
     named = []
     for t in sure:
-        weak = t.linear < DOUBTFUL and len(windows) >= SEVERAL
-        if weak and share_of_most(t.signature, left, windows) > ONE_WINDOW:
+        if not by_chance.beyond(t):
+            continue
+        if t.linear < DOUBTFUL and len(t.signature.windows) >= SEVERAL and share_of_most(t) > ONE_WINDOW:
             notes.append(f"{t.term.label} is not named: a single window brings most of what it gains")
         else:
             named.append(t)

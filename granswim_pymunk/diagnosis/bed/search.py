@@ -17,7 +17,7 @@ from .candidates import flexible_terms, siblings
 from .chance import chance
 from .plan import Clock, Plan
 from .signatures import BedSignature, limits, make_signature, off, to_values
-from .trial import CHAOS, BedTrial, first_order, smooth_minimum, trial_of
+from .trial import CHAOS, SURE, BedTrial, first_order, smooth_minimum, trial_of
 from .windows import BedCase
 
 # rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
@@ -86,7 +86,8 @@ def signature_of(
         tried.append(kept[0])
         other.append(kept[1])
         columns.append(kept[2])
-    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other))
+    sizes = [bed.size for bed, w in zip(bench.beds, windows, strict=True) for _ in w]
+    return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other), sizes)
 
 
 def thinned(windows: Windows, share: float) -> list[np.ndarray]:
@@ -254,7 +255,7 @@ class Search:
             return replace(trial, gain=0.0)
         share, lowest = smooth_minimum(chi2)
         amounts = np.clip(start * (share or 1e-3), low, high)
-        found = trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.spread)
+        found = trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.firm, trial.spread)
         return replace(found, lent=trial.lent)
 
     def turned(self, trial: BedTrial) -> BedTrial | None:
@@ -305,7 +306,7 @@ def second_law(
     """
     left = search.few_left
     others = [
-        make_signature(s.term, s.tried, s.columns, search.few_nuisance, s.other)
+        make_signature(s.term, s.tried, s.columns, search.few_nuisance, s.other, s.windows)
         for s in signatures
         if s.term.label != found.term.label and s.term.mechanism != "unknown"
     ]
@@ -324,9 +325,9 @@ def second_law(
         if signature is not None:
             trials.append(first_order(signature, left, rough.spread))
     span = basis(np.column_stack([s.clear for s in others])) if others and search.whole else None
-    trials = sorted((t for t in trials if t.linear > by_chance.threshold(t)), key=lambda t: -t.worth)[:3]
+    trials = sorted((t for t in trials if by_chance.beyond(t)), key=lambda t: -t.worth)[:3]
     done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE, span) for t in trials]
-    done = [t for t in done if (t.gain or 0.0) > by_chance.threshold(t)]
+    done = [t for t in done if (t.gain or 0.0) > max(by_chance.threshold(t), SURE)]
     return max(done, key=lambda t: t.worth, default=None)
 
 

@@ -18,6 +18,7 @@ from ..hypothesis import Term
 FINEST = 1e-8  # m, a spread below this is not believed
 UNKNOWN = 1.0  # m, a spread that nobody knows
 FEWEST = 8  # windows of twins that tell a spread
+SEVERAL = 6  # windows, of which one may be left out
 SHRUNK = 0.5  # with a tenth, laws show 1.1 to 1.25 times more weakly (benchmarks/bed_numbers.py)
 
 
@@ -132,6 +133,7 @@ class BedSignature:
     columns : (n, k) whitened change of the prediction for one unit of each amount
     clear : (n, k) what the adjustables cannot imitate;  surviving : its share of the length
     tried : (k,) amounts used;  other : (k,) amounts at the other end of the change, 0 where that is no law
+    windows : how many of the n rows each window has, in their order; may be left out where none is ever left out
     """
 
     term: Term
@@ -140,6 +142,7 @@ class BedSignature:
     columns: np.ndarray
     clear: np.ndarray
     surviving: float
+    windows: tuple[int, ...] = ()
 
     def best(self, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Amounts (k, m) inside the bounds and the fall in chi2 (m,) for whitened innovations (n, m)."""
@@ -151,16 +154,39 @@ class BedSignature:
         explained = self.clear @ amounts
         return amounts, np.maximum(np.sum(2 * white * explained - explained**2, axis=0), 0.0)
 
+    def firm(self, white: np.ndarray) -> np.ndarray:
+        """The fall in chi2 (m,) without the window that brings most of it, for whitened innovations (n, m).
+
+        A bed that jams or slips once looks like any law that pushes there; what is missing shows in all windows in
+        which it acts. As ``best`` gives it where ``SEVERAL`` windows are not there to be told apart.
+        Source: Hampel et al. 1986, Robust Statistics, ch. 2 (the influence of one observation).
+        """
+        gain = self.best(white)[1]
+        if len(self.windows) < SEVERAL or self.surviving < 0.05:
+            return gain
+        low, high = limits(self.term)
+        parts = np.split(np.arange(len(white)), np.cumsum(self.windows)[:-1])
+        squares = [self.clear[p].T @ self.clear[p] for p in parts]
+        products = [self.clear[p].T @ white[p] for p in parts]
+        square, product = sum(squares), sum(products)
+        for mine, shown in zip(squares, products, strict=True):
+            rest, toward = square - mine, product - shown
+            amounts = np.clip(np.linalg.pinv(rest, rcond=1e-12, hermitian=True) @ toward, low[:, None], high[:, None])
+            gain = np.minimum(gain, np.sum(amounts * (2 * toward - rest @ amounts), axis=0))
+        return np.maximum(gain, 0.0)
+
 
 def make_signature(
-    term: Term, tried: np.ndarray, columns: np.ndarray, nuisance: np.ndarray, other: np.ndarray | None = None
-) -> BedSignature:
+    term: Term, tried: np.ndarray, columns: np.ndarray, nuisance: np.ndarray, other: np.ndarray | None = None,
+    windows: Sequence[int] = (),
+) -> BedSignature:  # fmt: skip
     """``nuisance`` (n, p): whitened changes of the prediction for the adjustables."""
     q = basis(nuisance)
     clear = columns - q @ (q.T @ columns)
     before = float(np.linalg.norm(columns))
     surviving = float(np.linalg.norm(clear)) / before if before > 0 else 0.0
-    return BedSignature(term, tried, np.zeros(len(tried)) if other is None else other, columns, clear, surviving)
+    other = np.zeros(len(tried)) if other is None else other
+    return BedSignature(term, tried, other, columns, clear, surviving, tuple(windows))
 
 
 def off(nuisance: np.ndarray, white: np.ndarray) -> np.ndarray:
