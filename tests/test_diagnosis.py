@@ -330,6 +330,17 @@ def test_an_apparatus_that_leaves_most_of_the_misfit_is_not_what_is_wrong(monkey
     assert found == verdict
 
 
+def test_a_push_on_one_body_gives_way_to_the_same_on_all_that_does_as_well():
+    def on(gain: float, *bodies: str) -> Trial:
+        trial = _tried("uniform_force", 2, gain, 66.0, 1.1)
+        term = replace(trial.term, bodies=bodies)
+        return replace(trial, signature=replace(trial.signature, term=term))
+
+    one, every = on(62.0, "a"), on(59.0, "a", "b")
+    assert choose.choose([one, every], 1.0, 20.0) is every
+    assert choose.choose([one, on(50.0, "a", "b")], 1.0, 20.0) is one
+
+
 def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> Trial:
     free = tuple(Free(f"{name}.{k}", "1", -math.inf, math.inf, 0.0, 1.0) for k in range(numbers))
     term = Term(name, name, free, lambda scene, camera, values: (scene, camera))

@@ -60,7 +60,8 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
 
     Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
     training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
-    one with fewest numbers, apparatus before physics.
+    one with fewest numbers, apparatus before physics, and a law on all bodies before the same law on one of them,
+    which had as many chances as there are bodies.
     """
     trials = [t for t in trials if _worth(t, spread) > 8 and t.inner < base_inner]
     if not trials:
@@ -79,7 +80,13 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
         same = [t for t in near if t.inner < 1.02 * best.inner]
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
-    return min(same, key=lambda t: (t.used, not is_apparatus(t), -t.gain))
+    return min(same, key=lambda t: (t.used, not is_apparatus(t), _is_part(t, same), -t.gain))
+
+
+def _is_part(trial: Trial, others: Sequence[Trial]) -> bool:
+    """Whether one of the others is the same law on these bodies and more."""
+    mine = set(trial.term.bodies or ())
+    return any(t.mechanism == trial.mechanism and mine < set(t.term.bodies or ()) for t in others)
 
 
 def prune(
