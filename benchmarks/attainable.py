@@ -9,41 +9,15 @@ fitted to the training part of each such repeat: nothing is wrong there, and yet
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.driver import Diagnosis, diagnose_bodies
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Failed, Predictor
+from granswim_pymunk.diagnosis.driver import diagnose_bodies
+from granswim_pymunk.diagnosis.held_out import right_law_errors
+from granswim_pymunk.diagnosis.hypothesis import Predictor
 from granswim_pymunk.recording import read_recording
 
 REPEATS = 12
-
-
-def repeats(d: Diagnosis, rng: np.random.Generator, count: int = REPEATS) -> np.ndarray:
-    """Held-out errors (count,) [m or rad, rms] where the law is right and its numbers are fitted."""
-    predictor, fit = Predictor(d.dt), d.revised
-    fitter = Fitter(d.cases, predictor)
-    whole = {c.name: fitter.predict(fit, c, np.ones(len(c.t), dtype=bool)) for c in d.cases if c.scored.any()}
-    result = []
-    for _ in range(count):
-        twins = []
-        for case in d.cases:
-            if case.name in whole:
-                noisy = whole[case.name] + rng.normal(size=whole[case.name].shape) * case.sigma
-                noisy[~np.isfinite(case.values)] = np.nan
-                case = replace(case, values=noisy)
-            twins.append(case)
-        again = Fitter(twins, predictor)
-        try:
-            found = again.fit(fit.hypothesis, fit.values, fit.starts, evaluations=20)
-            parts = [(c.values - again.predict(found, c, c.training | c.scored))[c.scored] for c in twins]
-        except Failed:
-            continue
-        errors = np.concatenate([p.ravel() for p in parts])
-        result.append(float(np.sqrt(np.nanmean(errors**2))))
-    return np.array(result)
 
 
 def main(argv: list[str]) -> int:
@@ -60,7 +34,11 @@ def main(argv: list[str]) -> int:
         if d.verdict != "missing_physics" or rms is None or not floor:
             print(f"| {recording.name} | {d.verdict} | – | – |", flush=True)
             continue
-        alike = repeats(d, np.random.default_rng(0)) / floor
+        predictor, fit = Predictor(d.dt), d.revised
+        rng = np.random.default_rng(0)
+        alike = right_law_errors(fit.hypothesis, fit, d.cases, predictor, lambda: False, rng, REPEATS) / floor
+        if not len(alike):
+            continue
         rows.append((rms / floor, float(np.median(alike)), float(np.mean(alike < rms / floor))))
         named = " + ".join(t.term.label for t in d.found)
         most = float(np.quantile(alike, 0.9))

@@ -13,6 +13,7 @@ from granswim_pymunk.diagnosis import choose, diagnose_bodies, revised_scene, ve
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
+from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.innovations import standard_deviations
 from granswim_pymunk.diagnosis.intervals import with_limits
@@ -385,6 +386,24 @@ def test_a_lubrication_of_wide_range_is_found_where_it_is_far_from_small():
     assert entry["name"] == "pair_lubrication"
     width = entry["parameters"]["range"]
     assert 3e-3 < width["low"] < 4e-3 < width["high"] < 5e-3
+
+
+def test_what_a_right_law_leaves_where_its_numbers_are_found():
+    """A constant push gives parabolas, so the variance of what a fit of the first frames foretells is known."""
+    body = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.2, 0.1))
+    scene = Scene((body,), ())
+    truth = scene.with_laws(use("uniform_force", a=(0.1, 0.0)))
+    case = prepare(filmed(truth, scene, SHORT, np.random.default_rng(3)), held_out=False, split=True)
+    predictor = Predictor({"r": 1e-3})
+    push = next(t for t in named_terms([case]) if t.label == "uniform_force")
+    fit = Fitter([case], predictor).fit(Hypothesis((push,)))
+    errors = right_law_errors(fit.hypothesis, fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
+    powers = np.vander(case.t / case.t[-1], 3)
+    learnt, scored = powers[case.training], powers[case.scored]
+    leverage = np.sum((scored @ np.linalg.inv(learnt.T @ learnt)) * scored, axis=1)
+    assert np.mean(errors**2) == pytest.approx(NOISE**2 * (1 + leverage.mean()), rel=0.2)
+    _, floor = noise_floor(fit.hypothesis, fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
+    assert floor is not None and floor**2 < 0.7 * np.mean(errors**2)
 
 
 def test_the_inner_test_is_the_density_of_what_follows():

@@ -28,7 +28,7 @@ from .choose import (
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
-from .held_out import Errors, held_out_errors, learn_memory, noise_floor, training_errors
+from .held_out import Errors, held_out_errors, learn_memory, noise_floor, right_law_errors, training_errors
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
 from .intervals import with_limits
@@ -38,6 +38,7 @@ from .signatures import Bank, make_bank
 from .steps import time_steps
 
 Progress = Callable[[str, float], None]
+BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
 
 
 def _silent(text: str, share: float) -> None:
@@ -68,6 +69,7 @@ class Diagnosis:
     held: dict[str, Errors]
     rival_held: dict[str, Errors]
     floor: tuple[float | None, float | None]
+    right_law: np.ndarray  # held-out errors where the law is right and its numbers are found from noisy frames
     inner: dict[str, float]
     proposal: Proposal | None
     notes: list[str] = field(default_factory=list)
@@ -179,6 +181,11 @@ def diagnose_bodies(
     study.progress("noise floor", 0.92)
     floor = noise_floor(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
 
+    right_law = np.zeros(0)
+    rms = held["revised"].rms
+    # beyond the floor there may be the errors of the numbers that were found, too
+    if rms is not None and floor[1] and rms > BEYOND_FLOOR * floor[1] and len(revised.values) and not late(0.9):
+        right_law = right_law_errors(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
     proposal = _proposed(study, found, rivals)
     study.progress("done", 1.0)
     failures = study.predictor.failures
@@ -190,7 +197,7 @@ def diagnose_bodies(
         flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),
         null=null, white_naive=whites[0], white_recalibrated=whites[1], white_revised=whites[2],
         windows=windows, places=places, spread=spread, train=train, held=held, rival_held=rival_held,
-        floor=floor, inner=tried.inner, proposal=proposal, notes=notes,
+        floor=floor, right_law=right_law, inner=tried.inner, proposal=proposal, notes=notes,
         seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed, dropped_bodies=dropped,
         dt=dict(study.predictor.dt),
     )  # fmt: skip

@@ -181,32 +181,21 @@ def noise_floor(
     """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise."""
     squares = {"train": [0.0, 0], "heldout": [0.0, 0]}
     for case in cases:
-        frames = case.start if case.held_out else case.training
-        fitter = Fitter([case], predictor, {case.name: frames}, stop)
-        # what belongs to a held-out recording alone has to be found from its first frames in repeats, too
-        reduced, own = own_numbers(hypothesis, training.values, case)
-        alone = case.held_out and len(own) > 0
         try:
-            starts = None if case.held_out else training.starts
-            if alone:
-                fit = fitter.fit(reduced, training.values[own], starts)
-            else:
-                fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
-            truth = fitter.predict(fit, case, np.ones(len(case.t), dtype=bool))
+            truth, fit, alone = _as_explained(hypothesis, training, case, predictor, stop)
         except Failed:
             continue
+        frames = case.start if case.held_out else case.training
         # a number found from few frames moves the floor more than noise does
         for _ in range(4 * repeats if alone else repeats):
-            noisy = truth + rng.normal(size=truth.shape) * case.sigma
-            noisy[~np.isfinite(case.values)] = np.nan
-            twin = replace(case, values=noisy)
+            twin = _filmed_again(case, truth, rng)
             inner = Fitter([twin], predictor, {case.name: frames}, stop)
             try:
                 found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=6)
                 seen = inner.predict(found, twin, np.ones(len(case.t), dtype=bool))
             except Failed:
                 continue
-            error = noisy - seen
+            error = twin.values - seen
             for key, mask in (("train", case.training), ("heldout", case.scored)):
                 used = error[mask]
                 used = used[np.isfinite(used)]
@@ -214,3 +203,63 @@ def noise_floor(
                 squares[key][1] += len(used)
     train, held = (float(np.sqrt(s / n)) if n else None for s, n in squares.values())
     return train, held
+
+
+def right_law_errors(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    rng: np.random.Generator,
+    repeats: int = 10,
+) -> np.ndarray:
+    """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
+
+    The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
+    that is a little off has carried the bodies away. Repeats that fail are left out.
+    """
+    truths = {}
+    for case in cases:
+        try:
+            truths[case.name] = _as_explained(hypothesis, training, case, predictor, stop)[0]
+        except Failed:
+            continue
+    result = []
+    for _ in range(repeats):
+        twins = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
+        again = Fitter(twins, predictor, None, stop)
+        try:
+            fit = again.fit(hypothesis, training.values, training.starts, evaluations=20)
+        except Failed:
+            continue
+        rms = held_out_errors(hypothesis, fit, twins, predictor, stop, whole=False).rms
+        if rms is not None:
+            result.append(rms)
+    return np.array(result)
+
+
+def _as_explained(
+    hypothesis: Hypothesis, training: Fit, case: Case, predictor: Predictor, stop: Callable[[], bool]
+) -> tuple[np.ndarray, Fit, bool]:
+    """What a recording (T, c) would be without noise, the fit of its start, and whether numbers of its own are in it.
+
+    What belongs to a held-out recording alone has to be found from its first frames. Raises Failed.
+    """
+    frames = case.start if case.held_out else case.training
+    fitter = Fitter([case], predictor, {case.name: frames}, stop)
+    reduced, own = own_numbers(hypothesis, training.values, case)
+    alone = case.held_out and len(own) > 0
+    starts = None if case.held_out else training.starts
+    if alone:
+        fit = fitter.fit(reduced, training.values[own], starts)
+    else:
+        fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+    return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, alone
+
+
+def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator) -> Case:
+    """The recording with noise of its own, seen where it was."""
+    noisy = truth + rng.normal(size=truth.shape) * case.sigma
+    noisy[~np.isfinite(case.values)] = np.nan
+    return replace(case, values=noisy)

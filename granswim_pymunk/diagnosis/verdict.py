@@ -159,8 +159,17 @@ def _remaining(d: Diagnosis) -> list[str]:
     revised, floor = d.held["revised"].rms, d.floor[1]
     if revised and floor and revised > 1.5 * floor:
         unit = next(c.unit for c in d.cases)
-        return [f"a held-out misfit of {revised:.3g} {unit} remains, {revised / floor:.0f} times the noise floor"]
+        text = f"a held-out misfit of {revised:.3g} {unit} remains, {revised / floor:.1f} times the noise floor"
+        if len(d.right_law):
+            text += f"; where the law is right, numbers found from as noisy frames leave {told_range(d)} {unit}"
+        return [text]
     return []
+
+
+def told_range(diagnosis: Diagnosis) -> str:
+    """The smallest and largest held-out error that numbers found from noisy frames leave where the law is right."""
+    least, most = float(diagnosis.right_law.min()), float(diagnosis.right_law.max())
+    return f"{least:.2g} to {most:.2g}"
 
 
 def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:

@@ -214,7 +214,8 @@ def summary(diagnosis: Diagnosis) -> str:
         parts.append(f"The {part} error of the scene is <strong>{length(final, unit)}</strong> rms.")
     if final is not None:
         quiet = diagnosis.white_revised.p > 1e-3
-        parts.append(remainder(final, naive, floor, part, quiet))
+        left = diagnosis.right_law.tolist() if part == "held-out" else []
+        parts.append(remainder(final, naive, floor, part, quiet, left))
     if diagnosis.verdict in ("missing_physics", "measurement") and diagnosis.null is not None:
         null = diagnosis.null
         reach = int(np.sum(null.gains >= null.case))
@@ -256,17 +257,26 @@ def _shows_most(diagnosis: Diagnosis) -> str:
     return text + (f" (z = {place.z:.1f})." if place.z <= 37 else " (z over 37).")
 
 
-def remainder(final: float, naive: float | None, floor: float | None, part: str, quiet: bool) -> str:
+def remainder(
+    final: float, naive: float | None, floor: float | None, part: str, quiet: bool, right_law: Sequence[float] = ()
+) -> str:
     """What is left, held against the noise floor, said plainly (HTML).
 
     ``quiet``: what remains in training looks like noise. A held-out error starts from a fitted state, so that
-    in a single recording it may well be twice its mean.
+    in a single recording it may well be twice its mean. ``right_law``: what is left of simulated recordings in which
+    nothing else is wrong, when the numbers are found from frames as noisy as these.
     """
     if not floor:
         return "How large the noise alone would be is not known."
     ratio = final / floor
     if ratio < NOISE:
         return "That is what noise alone would leave: nothing is left to explain."
+    if quiet and len(right_law) and final <= max(right_law):
+        return (
+            f"That is {times(ratio)} times what noise alone would leave, and no more than is left where the law is "
+            f"right and its numbers are found from frames as noisy as these ({times(min(right_law) / floor)} to "
+            f"{times(max(right_law) / floor)} times): nothing more is claimed."
+        )
     if ratio < 2 and quiet:
         return (
             f"That is {times(ratio)} times what noise alone would leave on average, and what remains in "
@@ -402,6 +412,9 @@ def _error_table(diagnosis: Diagnosis) -> str:
         length(diagnosis.floor[1], unit),
     ]
     rows.append(floor + (["–"] if whole else []))
+    if len(diagnosis.right_law):
+        middle = length(float(np.median(diagnosis.right_law)), unit)
+        rows.append(["right law, numbers fitted", "–", middle] + (["–"] if whole else []))
     return table(head, rows, numeric=range(1, len(head)), kind="errors")
 
 
@@ -419,6 +432,8 @@ def _error_text(diagnosis: Diagnosis) -> str:
     text += (
         "The noise floor is what the final scene leaves on recordings simulated with it and the same noise."
     )
+    if len(diagnosis.right_law):
+        text += " Where its numbers, too, are found from the training part of such recordings, more is left."
     if any(not c.sigma_known for c in diagnosis.cases):
         text += " The noise was not given for all recordings; it is estimated from how rough the tracks are."
     return f'<p class="note">{text}</p>'
