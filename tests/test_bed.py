@@ -391,6 +391,7 @@ class Bent:
     """In place of a bench: predictions that go with an amount and with its square, and a bound."""
 
     members = 1
+    beds = ()
 
     def __init__(self, linear: np.ndarray, even: np.ndarray) -> None:
         self.linear, self.even = linear, even
