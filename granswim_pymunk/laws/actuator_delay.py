@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from .base import AUTOMATIC, Parameter, law
+from .base import Parameter, law
+from .bending import of_bending
 
 
 def delayed(t, value, tau):
@@ -18,46 +19,7 @@ def delayed(t, value, tau):
     reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 5 (time delay)",
     parameters=[
         Parameter("tau", "s", "delay", low=0.0, typical=1.0e-3),
-        Parameter(
-            "stiffness",
-            "N",
-            "bending force per radian; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "amplitude",
-            "rad",
-            "amplitude of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "frequency",
-            "Hz",
-            "frequency of the head axis; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "phase",
-            "rad",
-            "phase of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "form",
-            "",
-            "form of the bending; the scene's where not given",
-            default=AUTOMATIC,
-            choices=("leader", "elastic", "head_axis"),
-        ),
-        Parameter(
-            "length",
-            "m",
-            "resting distance of disks (form = elastic); the scene's where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
+        *of_bending("stiffness", "amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("tau",),
     candidate="named",

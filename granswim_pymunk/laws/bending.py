@@ -4,6 +4,38 @@ import math
 
 from .base import AUTOMATIC, Parameter, law
 
+FORMS = ("leader", "elastic", "head_axis")
+
+
+def of_bending(*names: str) -> list[Parameter]:
+    """Declarations of numbers that a law which acts on the bending shares with it, and takes from it where not given.
+
+    ``names`` : of ``stiffness`` [N], ``amplitude`` [rad], ``frequency`` [Hz], ``phase`` [rad], ``form``, ``length`` [m]
+    """
+    axis = "of the head axis; that of the scene's bending where not given"
+    shared = (
+        Parameter(
+            "stiffness",
+            "N",
+            "bending force per radian; that of the scene's bending where not given",
+            low=0.0,
+            default=AUTOMATIC,
+        ),
+        Parameter("amplitude", "rad", f"amplitude {axis}", default=AUTOMATIC),
+        Parameter("frequency", "Hz", f"frequency {axis}", low=0.0, default=AUTOMATIC),
+        Parameter("phase", "rad", f"phase {axis}", default=AUTOMATIC),
+        Parameter("form", "", "form of the bending; the scene's where not given", default=AUTOMATIC, choices=FORMS),
+        Parameter(
+            "length",
+            "m",
+            "resting distance of disks (form = elastic); the scene's where not given",
+            low=0.0,
+            default=AUTOMATIC,
+        ),
+    )
+    declared = {p.name: p for p in shared}
+    return [declared[name] for name in names]
+
 
 @law(
     kind="chain",
@@ -23,7 +55,7 @@ from .base import AUTOMATIC, Parameter, law
             "leader: phi_i acts on the pair i, i+1; elastic: forces of the energy k_B d/2 sum phi^2 on "
             "the trimer; head_axis: phi_i = alpha_i - theta_head",
             default="leader",
-            choices=("leader", "elastic", "head_axis"),
+            choices=FORMS,
         ),
         Parameter(
             "length",

@@ -2,7 +2,8 @@
 
 import math
 
-from .base import AUTOMATIC, Parameter, law
+from .base import Parameter, law
+from .bending import of_bending
 
 
 @law(
@@ -16,25 +17,7 @@ from .base import AUTOMATIC, Parameter, law
         Parameter(
             "axis", "", "fixed in space, or along the head's axis", default="fixed", choices=("fixed", "head")
         ),
-        Parameter(
-            "amplitude",
-            "rad",
-            "amplitude of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "frequency",
-            "Hz",
-            "frequency of the head axis; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "phase",
-            "rad",
-            "phase of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
+        *of_bending("amplitude", "frequency", "phase"),
     ],
     strength=("force",),
     candidate="named",

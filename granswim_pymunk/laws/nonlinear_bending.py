@@ -2,7 +2,8 @@
 
 import math
 
-from .base import AUTOMATIC, Parameter, law
+from .base import Parameter, law
+from .bending import of_bending
 
 
 @law(
@@ -12,39 +13,7 @@ from .base import AUTOMATIC, Parameter, law
     reference="Landau & Lifshitz, Theory of Elasticity, ch. II, with the next even power of the bend",
     parameters=[
         Parameter("k_3", "N/rad^3", "cubic bending force", typical=1.0e-3),
-        Parameter(
-            "amplitude",
-            "rad",
-            "amplitude of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "frequency",
-            "Hz",
-            "frequency of the head axis; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "phase",
-            "rad",
-            "phase of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "form",
-            "",
-            "form of the bending; the scene's where not given",
-            default=AUTOMATIC,
-            choices=("leader", "elastic", "head_axis"),
-        ),
-        Parameter(
-            "length",
-            "m",
-            "resting distance of disks (form = elastic); the scene's where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
+        *of_bending("amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("k_3",),
     candidate="named",

@@ -2,7 +2,8 @@
 
 import math
 
-from .base import AUTOMATIC, Parameter, law
+from .base import Parameter, law
+from .bending import of_bending
 
 
 @law(
@@ -20,27 +21,7 @@ from .base import AUTOMATIC, Parameter, law
             choices=("all", *range(32)),
             default="all",
         ),
-        Parameter(
-            "stiffness",
-            "N",
-            "bending force per radian; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "form",
-            "",
-            "form of the bending; the scene's where not given",
-            default=AUTOMATIC,
-            choices=("leader", "elastic", "head_axis"),
-        ),
-        Parameter(
-            "length",
-            "m",
-            "resting distance of disks (form = elastic); the scene's where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
+        *of_bending("stiffness", "form", "length"),
     ],
     strength=("phi_0",),
     candidate="named",

@@ -2,7 +2,8 @@
 
 import math
 
-from .base import AUTOMATIC, Parameter, law
+from .base import Parameter, law
+from .bending import of_bending
 
 
 @law(
@@ -22,46 +23,7 @@ from .base import AUTOMATIC, Parameter, law
             choices=tuple(range(32)),
             default=0,
         ),
-        Parameter(
-            "stiffness",
-            "N",
-            "bending force per radian; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "amplitude",
-            "rad",
-            "amplitude of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "frequency",
-            "Hz",
-            "frequency of the head axis; that of the scene's bending where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "phase",
-            "rad",
-            "phase of the head axis; that of the scene's bending where not given",
-            default=AUTOMATIC,
-        ),
-        Parameter(
-            "form",
-            "",
-            "form of the bending; the scene's where not given",
-            default=AUTOMATIC,
-            choices=("leader", "elastic", "head_axis"),
-        ),
-        Parameter(
-            "length",
-            "m",
-            "resting distance of disks (form = elastic); the scene's where not given",
-            low=0.0,
-            default=AUTOMATIC,
-        ),
+        *of_bending("stiffness", "amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("factor",),
     candidate="named",
