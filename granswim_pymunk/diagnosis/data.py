@@ -162,8 +162,13 @@ def choose_held_out(recordings: Sequence[Recording]) -> set[str]:
     return chosen
 
 
-def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()) -> list[Case]:
-    """Cases of all recordings, training first. Raises InputError where no training recording is left."""
+def divided(
+    recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()
+) -> tuple[list[Recording], list[Recording]]:
+    """Recordings to learn from and held-out ones: as given, or as ``choose_held_out`` chooses.
+
+    Raises InputError where none is left to learn from.
+    """
     if hold_out:
         training, held = list(recordings), list(hold_out)
     else:
@@ -172,5 +177,11 @@ def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] =
         held = [r for r in recordings if r.name in names]
     if not training:
         raise InputError("every recording is held out: nothing is left to learn from")
+    return training, held
+
+
+def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()) -> list[Case]:
+    """Cases of all recordings, training first. Raises InputError where no training recording is left."""
+    training, held = divided(recordings, hold_out)
     cases = [prepare(r, held_out=False, split=not held) for r in training]
     return cases + [prepare(r, held_out=True, split=False) for r in held]

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError
 from ...recording import Recording
 from ..choose import ALARM
-from ..data import choose_held_out
+from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
@@ -623,14 +623,7 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
     """Windows of all recordings, training first."""
     for r in (*recordings, *hold_out):
         check_bed(r.scene, r.name)
-    if hold_out:
-        training, held = list(recordings), list(hold_out)
-    else:
-        names = choose_held_out(recordings)
-        training = [r for r in recordings if r.name not in names]
-        held = [r for r in recordings if r.name in names]
-    if not training:
-        raise InputError("every recording is held out: nothing is left to learn from")
+    training, held = divided(recordings, hold_out)
     beds = [bed_case(r, split=not held, seed=seed, most=most) for r in training]
     return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
 
