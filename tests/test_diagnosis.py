@@ -18,6 +18,7 @@ from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Te
 from granswim_pymunk.diagnosis.innovations import standard_deviations
 from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
+from granswim_pymunk.diagnosis.pairs import any_field
 from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import Recording, see, write_recording
@@ -201,6 +202,30 @@ def test_two_laws_that_are_needed_together():
     found = diagnose_bodies([filmed(truth, cart(), SWING, np.random.default_rng(10), noise=1e-4)])
     assert {e["name"] for e in verdict_dict(found)["mechanisms"]} == {"linear_drag", "coulomb_substrate"}
     assert heldout(found)["revised"] < 1.5 * heldout(found)["noise_floor"]
+
+
+def test_two_laws_where_neither_alone_comes_near():
+    """Dry friction and a wind, beside a drag of unknown size: what explains most alone is no part of it."""
+    drag = use("linear_drag", c=0.005)
+    truth = table(drag, use("coulomb_substrate", mu=0.003), use("ambient_flow", c=0.001, u=(-0.02, -0.1)))
+    naive = replace(table(drag), adjustable=(Adjustable("linear_drag", "c", 5e-4, 0.05),))
+    t = np.arange(0.0, 2.0, 0.025)
+    found = diagnose_bodies([filmed(truth, naive, t, np.random.default_rng(31), noise=3e-5)])
+    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    assert set(entries) == {"coulomb_substrate", "ambient_flow"}
+    assert entries["coulomb_substrate"]["mu"]["low"] < 0.003 < entries["coulomb_substrate"]["mu"]["high"]
+    assert heldout(found)["revised"] < 2 * heldout(found)["noise_floor"] < 0.1 * heldout(found)["recalibrated"]
+
+
+def test_pushes_from_body_to_body_are_no_pair():
+    """A wind and a push on one disk besides would follow a pull to a point, which is neither."""
+    film = filmed(table(), table(), SHORT, np.random.default_rng(32))
+    terms = named_terms([prepare(film, held_out=False, split=True)])
+    named = {t.label: t for t in terms}
+    wind, push, drag = named["ambient_flow"], named["uniform_force"], named["quadratic_drag p=0"]
+    assert any_field(wind, push, terms) and any_field(push, wind, terms)
+    assert any_field(drag, named["uniform_force on 1"], terms) and any_field(named["uniform_force on 1"], drag, terms)
+    assert not any_field(wind, drag, terms) and not any_field(drag, push, terms)
 
 
 def meeting(*laws) -> Scene:

@@ -11,20 +11,7 @@ from scipy import stats
 
 from ..recording import Recording
 from .candidates import flexible_terms, named_terms
-from .choose import (
-    ALARM,
-    POOR,
-    REPLICATES,
-    choose,
-    left_over,
-    pair_of,
-    prune,
-    rivals_of,
-    rivals_of_pair,
-    score_inner,
-    second_law,
-    verdict_among,
-)
+from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, verdict_among
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
@@ -34,6 +21,7 @@ from .innovations import Place, Whiteness, WindowMap, locate, standard_deviation
 from .intervals import with_limits
 from .name import InnerSplit, Trial, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
+from .pairs import Exchange, pair_of, rivals_of_pair, second_law, settled
 from .signatures import Bank, make_bank
 from .steps import time_steps
 
@@ -144,7 +132,7 @@ def diagnose_bodies(
     tried = _tried(study, *_calibrated(study))
     naive, recalibrated = tried.naive, tried.recalibrated
     null, chosen = _beyond_nulls(study, tried)
-    found, revised, dropped = _explained(study, tried, chosen)
+    found, revised, dropped, others = _explained(study, tried, chosen)
     spread = spread_of(revised, training) if found else tried.spread
     whites = [whiteness(fit, training, _numbers(fit)) for fit in (naive, recalibrated, revised)]
     verdict, flexible = verdict_among(
@@ -155,9 +143,7 @@ def diagnose_bodies(
         if not found or flexible.inner < found[0].inner:
             found, revised = [flexible], flexible.fit
     if len(found) == 2:
-        near = [] if late(0.76) else rivals_of_pair(
-            found, revised, recalibrated, study.fitter, tried.terms, spread, notes
-        )  # fmt: skip
+        near = rivals_of_pair(others, notes)
         taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
         rivals = [*near, *((t, False) for t in tried.alive if t.mechanism not in taken)][:3]
     else:
@@ -286,10 +272,12 @@ def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None
     return null, chosen if null.p <= ALARM else None
 
 
-def _explained(study: Study, tried: Tried, chosen: Trial | None) -> tuple[list[Trial], Fit, dict[str, str]]:
+def _explained(
+    study: Study, tried: Tried, chosen: Trial | None
+) -> tuple[list[Trial], Fit, dict[str, str], list[Exchange]]:
     """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
 
-    Also, for each body that the law was not kept for, why.
+    Also, for each body that the law was not kept for, why, and what could stand in place of one of two.
     """
     fitter, inner, predictor, recalibrated = study.fitter, study.inner, study.predictor, tried.recalibrated
     found: list[Trial] = []
@@ -303,7 +291,7 @@ def _explained(study: Study, tried: Tried, chosen: Trial | None) -> tuple[list[T
             found, revised = [chosen], chosen.fit
     if study.late(0.6):
         study.notes.append("pairs were not tried: the time was up")
-        return found, revised, dropped
+        return found, revised, dropped, []
     study.progress("pairs", 0.7)
     scores, training = tried.inner, study.training
     found, revised = second_law(
@@ -313,13 +301,19 @@ def _explained(study: Study, tried: Tried, chosen: Trial | None) -> tuple[list[T
     now = scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
-    if spread_of(revised, training) > 1.0 and left > POOR and all(c.sigma_known for c in training):
+    if spread_of(revised, training) > 1.0 and left > POOR:
         pair = pair_of(
-            recalibrated, fitter, tried.terms, inner, scores, now, predictor, study.rng, training, study.stop
-        )
+            recalibrated, fitter, tried.terms, tried.alive, inner, scores, now, predictor, study.rng, training,
+            study.stop,
+        )  # fmt: skip
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
-    return found, revised, dropped
+    others: list[Exchange] = []
+    if len(found) == 2 and not study.late(0.7):
+        found, revised, others = settled(
+            found, revised, recalibrated, fitter, tried.terms, inner, scores, training
+        )
+    return found, revised, dropped, others
 
 
 def _located(

@@ -1,0 +1,305 @@
+"""Two laws together: a second one beside the first, two that explain only together, and what could stand in place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from .choose import ALARM, SAME, choose, worth
+from .data import Case
+from .fit import Fit, Fitter
+from .hypothesis import Predictor, Term
+from .name import InnerSplit, Trial, pair_gains, refit, spread_of
+from .nulls import noise_of, search_nulls
+from .signatures import Signature, make_bank
+
+NEAR_PARTNER = 0.7  # of what one of two laws explains: how much another one must, to first order, to be its rival
+PARTNERS = 4  # such rivals that are refitted
+PAIRS = 6  # that are refitted, of each way to look for them
+FIRSTS = 8  # laws beside which a second one is looked for,
+VARIANTS = 2  # so many of one name
+PUSHES = ("uniform_force", "ambient_flow")
+ROUNDS = 2  # in which one of two laws may be exchanged
+SINGLE = ("linear_drag", "quadratic_drag", "coulomb_substrate")  # laws of one strength, alike over a short time
+
+
+def second_law(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], rng: np.random.Generator, training: Sequence[Case],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """Add a second law where it is significant and predicts better."""
+    if found:
+        first = found[0]
+        rest = [t for t in terms if t.mechanism != first.mechanism]
+        beside = make_bank(fitter, revised, rest)
+        # where something else is wrong too, a law with many numbers fits whatever that is
+        spread = spread_of(revised, training)
+        open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
+        order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
+        second_trials = []
+        for signature in order:
+            fit = refit(fitter, revised, signature, (1.0,))
+            second_trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
+        if not second_trials:
+            return found, revised
+        best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
+        spread = spread_of(best_fit, training)
+        base_inner, base_by = inner.score(revised)
+        scored = []
+        for t in second_trials:
+            if worth(t, spread) > 8:
+                assert t.fit is not None
+                score, by_case = inner.score(t.fit)
+                better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
+                scored.append((replace(t, inner=score), float(better)))
+        good = (
+            [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
+            if spread > 1.0
+            else [t for t, _ in scored if t.inner < base_inner]
+        )
+        if not good:
+            return found, revised
+        best = choose(good, spread, base_inner)
+        if best is None or best.fit is None:
+            return found, revised
+        null = search_nulls(
+            beside, noise_of(best.fit, fitter.cases, spread),
+            np.array([s.surviving > 0.02 for s in beside.signatures]),
+            best.gain, 99, rng,
+        )  # fmt: skip
+        if null.p > ALARM:
+            return found, revised
+        # the first may only have been stuck: refitted alone from where the two ended
+        alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
+        if alone.chi2 < revised.chi2:
+            first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
+            found, revised = [first], alone
+        gain = (alone.chi2 - best.fit.chi2) / spread
+        if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
+            return found, revised
+        inner_scores[f"{first.term.label} + {best.term.label}"] = best.inner
+        # beside the second law another drag than the one that came first alone may do better
+        both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
+        pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
+        if pair is not both and pair[0].fit is not None:
+            return pair, pair[0].fit
+        return [first, best], best.fit
+    return found, revised
+
+
+def pair_of(
+    base: Fit, fitter: Fitter, terms: Sequence[Term], alive: Sequence[Trial], inner: InnerSplit,
+    inner_scores: dict[str, float], best: float, predictor: Predictor, rng: np.random.Generator,
+    training: Sequence[Case], stop: Callable[[], bool],
+) -> list[Trial]:  # fmt: skip
+    """Two laws that explain together what neither does alone, none where there is no such pair.
+
+    ``alive``: laws fitted alone, beside which others are looked for.  ``best``: the inner score that they have to beat.
+    """
+    winner: list[Trial] = []
+    begun = chain(
+        _from_the_first_third(base, fitter, terms, predictor, stop), _beside_each(alive, fitter, terms, training)
+    )
+    for a, b, fit in begun:
+        gain = base.chi2 - fit.chi2
+        spread = spread_of(fit, training)
+        if gain / spread < 12 + 2 * len(fit.hypothesis.free):
+            continue
+        score, _ = inner.score(fit)
+        # the first pair has to beat what there is by a margin, the next ones only that pair
+        if not score < (best if winner else 0.5 * best):
+            continue
+        whole = make_bank(fitter, base, [a.term, b.term])
+        null = search_nulls(whole, noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
+        if null.p <= ALARM:
+            best = score
+            inner_scores[f"{a.term.label} + {b.term.label}"] = score
+            winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
+    if winner and winner[0].fit is not None:
+        # strength and shape of a law lie along a valley: walk it to its end
+        fit = winner[0].fit
+        fit = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
+        winner = [replace(t, fit=fit, gain=base.chi2 - fit.chi2) for t in winner]
+        winner = _partners(winner, base, fitter, terms, inner, inner_scores, training)
+    return winner
+
+
+def _from_the_first_third(
+    base: Fit, fitter: Fitter, terms: Sequence[Term], predictor: Predictor, stop: Callable[[], bool]
+) -> Iterator[tuple[Signature, Signature, Fit]]:
+    """Two laws that help only together (a repulsion at a distance and a drag), best first.
+
+    Signatures of the first third of each track rank the pairs, where the prediction is still linear in them;
+    the best are refitted on growing parts.
+    """
+    third = {}
+    for case in fitter.cases:
+        rows = np.flatnonzero(fitter.frames[case.name])
+        third[case.name] = np.zeros(len(case.t), dtype=bool)
+        third[case.name][rows[: max(len(rows) // 3, min(12, len(rows)))]] = True
+    short = Fitter(fitter.cases, predictor, third, stop)
+    start = short.fit(base.hypothesis, base.values)
+    bank = make_bank(short, start, [t for t in terms if len(t.free) <= 2])
+    tried: set[tuple[str, str]] = set()
+    for extra, i, j in pair_gains(bank):
+        a, b = bank.signatures[i], bank.signatures[j]
+        names = (a.term.mechanism, b.term.mechanism)
+        if extra <= 20 or len(tried) == PAIRS:
+            return
+        if names not in tried:  # the best of their variants comes first
+            tried.add(names)
+            hypothesis = base.hypothesis.with_term(a.term, b.term)
+            yield a, b, fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
+
+
+def _beside_each(
+    alive: Sequence[Trial], fitter: Fitter, terms: Sequence[Term], training: Sequence[Case]
+) -> Iterator[tuple[Signature, Signature, Fit]]:
+    """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first."""
+    firsts: list[Trial] = []
+    for t in alive:
+        if t.fit is not None and sum(t.mechanism == f.mechanism for f in firsts) < VARIANTS and len(firsts) < FIRSTS:
+            firsts.append(t)
+    ranked = []
+    for first in firsts:
+        assert first.fit is not None
+        spread = spread_of(first.fit, training)
+        others = [t for t in terms if t.mechanism != first.mechanism and not any_field(first.term, t, terms)]
+        bank = make_bank(fitter, first.fit, others)
+        beside = [s for s in bank.signatures if s.surviving > 0.02 and s.gain / spread > 8]
+        ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside]
+    tried: set[frozenset[str]] = set()
+    for _, first, second in sorted(ranked, key=lambda r: r[0]):
+        names = frozenset((first.term.label, second.term.label))
+        if len(tried) == PAIRS:
+            return
+        if names not in tried:
+            tried.add(names)
+            assert first.fit is not None
+            yield first.signature, second, refit(fitter, first.fit, second, (1.0,))
+
+
+def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
+    """Whether both push, or one of them on some of the bodies only: together they imitate any force in space."""
+    pushes = [t for t in (a, b) if t.mechanism in PUSHES]
+    widest = {t.mechanism: max(len(u.bodies or ()) for u in terms if u.mechanism == t.mechanism) for t in pushes}
+    return len(pushes) == 2 or any(t.bodies and len(t.bodies) < widest[t.mechanism] for t in pushes)
+
+
+def _partners(
+    pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], training: Sequence[Case],
+) -> list[Trial]:  # fmt: skip
+    """The pair with its drag (a law of one strength on single bodies) exchanged for every other, the best of them.
+
+    The signatures that found the pair were those of a short first part, where one drag looks like another.
+    Each begins at the amount that moves the bodies as the present one does.
+    """
+    best, fit = pair, pair[0].fit
+    assert fit is not None
+    offset = len(base.values)
+    for which in (0, 1):
+        term, keep = pair[which].term, pair[1 - which]
+        at = offset + (len(pair[0].term.free) if which else 0)
+        if len(term.free) != 1 or term.mechanism not in SINGLE:
+            continue
+        rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
+        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
+        others = [t for t in terms if t.mechanism in SINGLE and len(t.free) == 1 and t.label != term.label]
+        others = [t for t in others if t.mechanism != keep.mechanism]
+        for other in make_bank(fitter, fit, others).signatures:
+            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
+            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
+            power = float(column @ column)
+            if power == 0.0:
+                continue
+            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
+            hypothesis = base.hypothesis.with_term(keep.term, other.term)
+            begin = [*fit.values[:offset], *fit.values[rows], amount]
+            found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
+            gain = base.chi2 - found.chi2
+            if gain > best[0].gain + SAME * spread_of(found, training):
+                score, _ = inner.score(found)
+                inner_scores[f"{keep.term.label} + {other.term.label}"] = score
+                best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
+    return best
+
+
+def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
+    """Whether the interval of at least one strength of the last term leaves out where the law is absent."""
+    offset = len(fit.values) - trial.numbers
+    for k, free in enumerate(trial.term.free):
+        _, low, high = fit.interval(offset + k, spread)
+        if not free.inner and not low <= free.neutral <= high:
+            return True
+    return False
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A law refitted in place of one of two, how far it is ``ahead`` of it in chi2 over the spread, less AIC."""
+
+    keep: Trial
+    replaced: Trial
+    trial: Trial
+    ahead: float
+
+
+def exchanges(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float
+) -> list[Exchange]:
+    """Laws in place of one of the two found, the best of each name, best first.
+
+    Beside the other one alone they are ranked by signatures, and those that come near are refitted.
+    """
+    result: dict[str, Exchange] = {}
+    first = len(recalibrated.values)
+    cut = first + found[0].numbers
+    for replaced, keep, rows in ((found[1], found[0], slice(first, cut)), (found[0], found[1], slice(cut, None))):
+        hypothesis = recalibrated.hypothesis.with_term(keep.term)
+        begin = np.concatenate([revised.values[:first], revised.values[rows]])
+        alone = fitter.fit(hypothesis, begin, revised.starts)
+        others = [t for t in terms if t.mechanism not in {f.mechanism for f in found}]
+        ranked = sorted(make_bank(fitter, alone, others).signatures, key=lambda s: -s.gain)
+        lost = alone.chi2 - revised.chi2
+        for signature in [s for s in ranked if s.gain > NEAR_PARTNER * lost][:PARTNERS]:
+            fit = refit(fitter, alone, signature, (1.0,))
+            trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
+            ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
+            best = result.get(trial.mechanism)
+            if trial.gain > 0 and (best is None or trial.gain > best.trial.gain):
+                result[trial.mechanism] = Exchange(keep, replaced, trial, float(ahead))
+    return sorted(result.values(), key=lambda e: -e.trial.gain)
+
+
+def settled(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], training: Sequence[Case],
+) -> tuple[list[Trial], Fit, list[Exchange]]:  # fmt: skip
+    """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
+    score = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner)
+    for _ in range(ROUNDS):
+        spread = spread_of(revised, training)
+        others = exchanges(found, revised, recalibrated, fitter, terms, spread)
+        open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, terms)]
+        better = max(open_, key=lambda e: e.ahead, default=None)
+        if better is None or better.ahead <= SAME or better.trial.fit is None:
+            return found, revised, others
+        now, _ = inner.score(better.trial.fit)
+        if not now < score:
+            return found, revised, others
+        score, revised = now, better.trial.fit
+        found = [replace(t, fit=revised, gain=better.trial.gain, inner=now) for t in (better.keep, better.trial)]
+        inner_scores[" + ".join(t.term.label for t in found)] = now
+    return found, revised, exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+
+
+def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
+    """Laws that may stand in place of one of the two found, best first; True where these data cannot tell."""
+    for e in others:
+        if e.ahead > -SAME:
+            notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
+    return [(e.trial, e.ahead > -SAME) for e in others[:3]]
