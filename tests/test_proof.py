@@ -12,7 +12,7 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof import prove as runner
 from granswim_pymunk.proof.cases import _belief, _public, bodies_case, rivals, strength_of
 from granswim_pymunk.proof.conceal import MOMENT, conceal
-from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove_cases
+from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove_cases, table_text
 from granswim_pymunk.proof.score import (
     confusion,
     detection,
@@ -20,6 +20,7 @@ from granswim_pymunk.proof.score import (
     held_out,
     is_failure,
     proportion,
+    read_rows,
     score_case,
 )
 from granswim_pymunk.proof.seal import commitment, opened, read_secret
@@ -27,6 +28,7 @@ from granswim_pymunk.proof.setups import SETUPS
 from granswim_pymunk.proof.suspects import Sizes, typical
 from granswim_pymunk.proof.world import World
 from granswim_pymunk.recording import read_recording
+from granswim_pymunk.validation import proof_pictures
 
 SECRET = b"a secret of the tests"
 
@@ -206,6 +208,25 @@ def test_wrong_answers_score_as_such():
     assert lost.verdict == "failed" and is_failure(lost)
     outside = score_case(result("outside", effect="attraction", named="unknown", verdict="unmodelled"))
     assert outside.right_name and not outside.physics_named
+
+
+def test_a_table_of_scores_is_read_as_it_was_written(tmp_path, capsys):
+    rows = [
+        score_case(result(rivals={"quadratic_drag": 4.0})),
+        score_case(result("null", effect="", named="", verdict="no_mismatch")),
+        score_case({**result(), "verdict": None, "failed": "it fell over"}),
+    ]
+    table = tmp_path / "score.csv"
+    table.write_text(table_text(rows))
+    read = read_rows(table)
+    assert table_text(read) == table_text(rows)
+    assert read[0].eligible and read[0].covered == (True,) and read[1].located is None
+    # its figures, and an error that says where
+    assert proof_pictures.main([str(table), "--bodies", str(table), "--out", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("proof_bodies_*.png"))) == 4 and not list(tmp_path.glob("proof_beds_*.png"))
+    table.write_text(table_text(rows).replace(",20,", ",twenty,"))
+    assert proof_pictures.main([str(table), "--bodies", str(table), "--out", str(tmp_path)]) == 2
+    assert "score.csv: row 2: " in capsys.readouterr().err
 
 
 def test_figures_count_the_cases_they_speak_of():

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from ..report.sheet import STYLE_SHEET
-from ..report.style import COLOURS, MUTED, REVISED, SEEN, styled
+from ..report.style import COLOURS, MUTED, REVISED, SEEN, legend_above, styled
 from .score import (
     NULLS,
     STRONG,
@@ -49,7 +49,7 @@ def draw_detection(rows: Sequence[Row]) -> Drawing:
         xscale="log", ylim=(-0.18, 1.08), xlabel="standard errors of the concealed effect", ylabel="share of cases"
     )
     _plain_ticks(axis)
-    axis.legend(loc="center right")
+    legend_above(figure, axis.get_legend_handles_labels()[0])
     return figure
 
 
@@ -92,7 +92,7 @@ def draw_held_out(rows: Sequence[Row]) -> Drawing:
     axis.axhline(1.0, color=COLOURS["floor"], lw=0.8)
     axis.set(xscale="log", yscale="log", xlabel="standard errors of the effect", ylabel="held-out error / floor")
     _plain_ticks(axis)
-    axis.legend(loc="upper left")
+    legend_above(figure, axis.get_legend_handles_labels()[0])
     return figure
 
 

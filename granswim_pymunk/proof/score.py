@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
+from ..errors import InputError
 from .suspects import APPARATUS, fitted
 from .world import Effect
 
@@ -67,6 +70,42 @@ class Row:
 
 def _short(value: float | None) -> str:
     return "" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def read_rows(path: str | Path) -> list[Row]:
+    """Rows of a table that ``Row.as_dict`` made; it does not keep the relative errors of numbers.
+
+    Raises InputError where a column is missing or a number cannot be read.
+    """
+    with open(path, newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    rows = []
+    for k, line in enumerate(lines, start=2):
+        try:
+            rows.append(_row(line))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"not a line of a score: {error}", where=f"row {k}", file=str(path)) from None
+    return rows
+
+
+def _row(line: Mapping[str, str]) -> Row:
+    def number(key: str) -> float | None:
+        return float(line[key]) if line[key] else None
+
+    named = tuple(n for n in line["named"].split("+") if n)
+    hits, numbers = int(line["covered"]), int(line["numbers"])
+    sigma, d_prime = number("sigma"), number("d_prime")
+    return Row(
+        case=line["case"], setup=line["setup"], category=line["category"],
+        truth=tuple(n for n in line["truth"].split("+") if n), other_form=line["other_form"] == "1",
+        sigma=math.nan if sigma is None else sigma, rival=line["best_rival"],
+        d_prime=math.nan if d_prime is None else d_prime, verdict=line["verdict"],
+        first=named[0] if named else "", named=named, right_name=line["right_name"] == "1",
+        right_class=line["right_class"] == "1", located=None if line["located"] == "" else line["located"] == "1",
+        physics_named=line["physics_named"] == "1", covered=(True,) * hits + (False,) * (numbers - hits), errors={},
+        held={k.removeprefix("heldout_"): number(k) for k in line if k.startswith("heldout_")},
+        p=number("p"), seconds=number("seconds") or 0.0, failed=line["failed"] or "",
+    )  # fmt: skip
 
 
 def score_case(result: Mapping[str, Any]) -> Row:
