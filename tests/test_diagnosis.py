@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import choose, diagnose_bodies, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis import choose, diagnose_bodies, nulls, revised_scene, verdict_dict, write_verdict
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
@@ -226,6 +226,29 @@ def test_pushes_from_body_to_body_are_no_pair():
     assert any_field(wind, push, terms) and any_field(push, wind, terms)
     assert any_field(drag, named["uniform_force on 1"], terms) and any_field(named["uniform_force on 1"], drag, terms)
     assert not any_field(wind, drag, terms) and not any_field(drag, push, terms)
+
+
+def test_nulls_of_noise_of_unknown_size_keep_what_the_fit_took_away():
+    """The best of many fits has taken the slow part out of white noise, which is where laws are: none is there."""
+    rng = np.random.default_rng(33)
+    n, slow, size = 200, 12, 1.3
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), slow - 1))[0]
+    noise = size * rng.normal(size=n)
+    left = noise - basis @ (basis.T @ noise)
+    chi2 = float(left @ left)
+    fit = Fit(Hypothesis(), np.zeros(2), {"r": np.zeros(slow - 2)}, {}, {"r": left[:, None]}, chi2, n, np.eye(2))
+    cases = [SimpleNamespace(name="r", sigma_known=False)]
+    found = nulls.noise_of(fit, cases, 1.0)
+    assert found == pytest.approx(size, rel=0.15)
+    bank = SimpleNamespace(innovations=noise, gains=lambda drawn: (basis[:, 5:6].T @ drawn) ** 2)
+
+    def typical(noise) -> float:
+        return float(np.median(nulls.search_nulls(bank, noise, np.ones(1, dtype=bool), 0.0, 999, rng).gains))
+
+    assert typical(found) == pytest.approx(0.455 * found**2, rel=0.2)  # of chi2 with one degree of freedom
+    # where more than noise remains, its phases are shuffled; known noise is as it was given
+    assert typical(nulls.noise_of(fit, cases, 2.0)) < 0.5 * typical(found)
+    assert nulls.noise_of(fit, [SimpleNamespace(name="r", sigma_known=True)], 1.0) == 1.0
 
 
 def meeting(*laws) -> Scene:

@@ -134,7 +134,7 @@ def diagnose_bodies(
     null, chosen = _beyond_nulls(study, tried)
     found, revised, dropped, others = _explained(study, tried, chosen)
     spread = spread_of(revised, training) if found else tried.spread
-    whites = [whiteness(fit, training, _numbers(fit)) for fit in (naive, recalibrated, revised)]
+    whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
     verdict, flexible = verdict_among(
         found, tried.arms, tried.inner, whites[1], naive, recalibrated, revised, spread, bool(study.adjustables),
         training, notes,
@@ -267,7 +267,7 @@ def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None
         return None, None
     open_ = np.array([s.surviving > 1e-3 for s in signatures])
     gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
-    noise = noise_of(tried.best, study.fitter.cases, tried.spread, _numbers(tried.best))
+    noise = noise_of(tried.best, study.fitter.cases, tried.spread)
     null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
     return null, chosen if null.p <= ALARM else None
 
@@ -359,10 +359,6 @@ def _proposed(study: Study, found: list[Trial], rivals: list[tuple[Trial, bool]]
         return None
     names = (found[0].mechanism, close[0].mechanism)
     return propose(found[0].fit, loser, names, study.cases, study.predictor, study.stop)
-
-
-def _numbers(fit: Fit) -> int:
-    return len(fit.values) + sum(len(s) for s in fit.starts.values())
 
 
 def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:

@@ -43,6 +43,11 @@ class Fit:
     jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers were fitted, those of the starts included."""
+        return len(self.values) + sum(len(s) for s in self.starts.values())
+
     def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]

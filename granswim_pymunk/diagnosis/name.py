@@ -283,5 +283,4 @@ def is_apparatus(trial: Trial) -> bool:
 def spread_of(fit: Fit, cases: Sequence[Case]) -> float:
     """Inflation of variances by what a fit leaves over."""
     used = [c for c in cases if c.name in fit.innovations]
-    numbers = len(fit.values) + sum(len(s) for s in fit.starts.values())
-    return inflation(fit, used, numbers)
+    return inflation(fit, used, fit.numbers)

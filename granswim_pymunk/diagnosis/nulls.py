@@ -66,7 +66,7 @@ def surrogate(innovations: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def search_nulls(
     bank: Bank,
-    noise: Sequence[np.ndarray] | None,
+    noise: Sequence[np.ndarray] | float,
     wanted: np.ndarray,
     case: float,
     replicates: int,
@@ -74,21 +74,24 @@ def search_nulls(
 ) -> Null:
     """Search again in innovations that hold no candidate.
 
-    ``noise``: innovations (T, c) of each recording, in the order of the bank, whose phases are shuffled; None
-    where the noise is known and white. ``wanted`` (candidates,): mask of those that count; ``case``: the gain
-    found on the data.
+    ``noise``: the size of white noise, or innovations (T, c) of each recording, in the order of the bank, whose
+    phases are shuffled. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data.
     """
-    if noise is None:
-        drawn = rng.normal(size=(len(bank.innovations), replicates))
+    if isinstance(noise, float):
+        drawn = noise * rng.normal(size=(len(bank.innovations), replicates))
     else:
         drawn = np.column_stack([np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)])
     return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)
 
 
-def noise_of(fit: Fit, cases: Sequence[Case], spread: float, numbers: int = 0) -> list[np.ndarray] | None:
-    """What the nulls are drawn from: None for known white noise, else what the best fit leaves over."""
-    if spread <= 1.0 and all(c.sigma_known for c in cases):
-        return None
-    # fitted numbers have taken some of the noise away
-    size = np.sqrt(fit.count / max(fit.count - numbers, 1))
+def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[np.ndarray] | float:
+    """What the nulls are drawn from: the size of white noise, or, where more remains, what the best fit leaves over.
+
+    A fit takes the slow part of the noise away, which is where laws are: where white noise remains its size alone
+    is kept, counted without the numbers that were fitted, and not its spectrum.
+    """
+    free = max(fit.count - fit.numbers, 1)
+    if spread <= 1.0:
+        return 1.0 if all(c.sigma_known for c in cases) else float(np.sqrt(fit.chi2 / free))
+    size = np.sqrt(fit.count / free)
     return [fit.innovations[c.name] * size for c in cases]
