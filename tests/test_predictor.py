@@ -1,12 +1,14 @@
 """Predictions: a simulation that is begun again is the same as a new one; bodies heavier than believed are named."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict
 from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, adjustable_terms
+from granswim_pymunk.diagnosis.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
 from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.recording import Recording
@@ -50,3 +52,17 @@ def test_inertia_that_was_not_counted_is_added_mass():
     assert (verdict["verdict"], entry["name"]) == ("missing_physics", "added_mass")
     beta = entry["parameters"]["beta"]
     assert beta["low"] < 0.1 < beta["high"]
+
+
+def test_a_body_that_escapes_is_a_run_that_failed():
+    """What is finite may still be so far off that its square is not."""
+    ball = Scene((Body("p", "free", 0.01, 0.1, initial=(0.0, 0.0, 0.1, 0.0)),), (use("linear_drag", c=0.005),))
+    cases = prepare_all([filmed(ball, ball, 3)])
+    case = cases[0]
+    predictor = Predictor(time_steps(cases))
+    starts = describe_starts(case, case.training)
+    numbers, t = first_numbers(starts), case.t[case.training]
+    assert np.isfinite(predictor(Hypothesis(), case, [], starts, numbers, t[0], t)).all()
+    with pytest.raises(Failed, match="within 1e\\+09 m"):
+        predictor(Hypothesis(), case, [], starts, numbers * 1e200, t[0], t)
+    assert len(predictor.failures) == 1

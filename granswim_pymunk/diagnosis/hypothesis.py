@@ -138,6 +138,9 @@ def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> s
     return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
+ESCAPED = 1e9  # m: squares of what is farther off may overflow
+
+
 class Failed(Exception):
     """A run that could not be finished: a reason, never a number in the likelihood."""
 
@@ -174,9 +177,10 @@ class Predictor:
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
-        if not np.isfinite(xy).all():
-            self.failures.append(f"{case.name}: a prediction is not finite")
-            raise Failed("a prediction is not finite")
+        if not (np.abs(xy) < ESCAPED).all():  # so also where one is not a number
+            why = f"a body is not within {ESCAPED:g} m"
+            self.failures.append(f"{case.name}: {why}")
+            raise Failed(why)
         seen = see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
