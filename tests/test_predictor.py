@@ -1,7 +1,6 @@
 """Predictions: a simulation that is begun again is the same as a new one; bodies heavier than believed are named."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
