@@ -26,6 +26,7 @@ from .laws.base import Parameter
 
 ROLES = ("head", "tail", "grain", "wall", "free")
 STANDARD_GRAVITY = 9.81  # m/s^2, where a law needs g and the scene has none (contract)
+LARGEST_NUMBER = 1e100  # anywhere in a scene or a recording.toml
 
 
 class SceneWarning(UserWarning):
@@ -918,16 +919,32 @@ def read_inputs(path: str | Path) -> dict[str, tuple[tuple[float, ...], tuple[fl
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Read a TOML file; InputError names file and line."""
+    """Read a TOML file; InputError names file and line, or the key of an absurd number."""
     path = Path(path)
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        data = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
         raise InputError(f"cannot read it: {error.strerror}", file=path) from None
     except UnicodeDecodeError:
         raise InputError("is not a text in UTF-8", file=path) from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"is not valid TOML: {error}", file=path) from None
+    except ValueError:  # Python refuses to convert so many digits
+        raise InputError("is not valid TOML: an integer has thousands of digits", file=path) from None
+    _check_numbers(data, path)
+    return data
+
+
+def _check_numbers(value: Any, file: Path, key: str = "") -> None:
+    """Refuse numbers that no float holds or no experiment gives before anything computes with them, or prints them."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            _check_numbers(item, file, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list):
+        for item in value:
+            _check_numbers(item, file, key)
+    elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST_NUMBER:
+        raise InputError("is absurdly large", file=file, where=key)
 
 
 def read_scene(path: str | Path) -> Scene:

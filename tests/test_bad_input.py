@@ -99,7 +99,9 @@ BAD = {
         "should be 'granswim-recording/1'",
     ),
     "not TOML": ({"toml": TOML + "[[["}, "not valid TOML"),
-    "absurd number": ({"toml": TOML.replace("mass = 0.01", "mass = 1" + 400 * "0", 1)}, "absurdly large"),
+    "integer of 400 digits": ({"toml": TOML.replace("mass = 0.01", "mass = 1" + 400 * "0", 1)}, "absurdly large"),
+    "integer of 5000 digits": ({"toml": TOML.replace("mass = 0.01", "mass = " + 5000 * "9", 1)}, "thousands of digits"),
+    "hexadecimal id": ({"toml": TOML.replace('id = "b"', "id = 0x" + 5000 * "F", 1)}, "body.id: is absurdly large"),
     "negative noise": (
         {"toml": TOML.replace("1e-4", "-1e-4")},
         "position_noise: should be a number, not below zero",

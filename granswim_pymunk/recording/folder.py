@@ -34,7 +34,6 @@ FILES = ("recording.toml", "tracks.csv", "tracks.npz", "input.csv", "curve.csv",
 LARGEST_POSITION = 1e9  # m
 LARGEST_TIME = 1e12  # s, so that a Unix clock passes
 LARGEST_ANGLE = 1e9  # rad
-LARGEST_NUMBER = 1e100  # anywhere in recording.toml
 
 _CHUNK = 2000  # rows of a CSV taken at once; few, or the garbage collector walks through millions of texts
 _CSV_ROWS = 50_000  # more rows than this are written as NPZ
@@ -73,7 +72,6 @@ def _read(folder: Path) -> Recording:
         raise InputError(f"cannot read it: {error}", file=repr(str(folder))) from None
     file = folder / "recording.toml"
     data = read_toml(file)
-    _check_numbers(data, file)
     for key in ("body", "law", "adjustable"):
         if not isinstance(data.get(key, []), list) or not all(
             isinstance(i, Mapping) for i in data.get(key, [])
@@ -112,18 +110,6 @@ def _read(folder: Path) -> Recording:
     )
     check_plausible(recording)
     return recording
-
-
-def _check_numbers(data: Any, file: Path, where: str = "") -> None:
-    """Refuse numbers that no float holds or no experiment gives before anything computes with them."""
-    if isinstance(data, Mapping):
-        for key, value in data.items():
-            _check_numbers(value, file, f"{where}.{key}" if where else str(key))
-    elif isinstance(data, list):
-        for value in data:
-            _check_numbers(value, file, where)
-    elif isinstance(data, int | float) and not isinstance(data, bool) and abs(data) > LARGEST_NUMBER:
-        raise InputError("is absurdly large", file=file, where=where)
 
 
 def _optional_number(data: Mapping[str, Any], key: str, file: Path) -> float | None:
