@@ -539,6 +539,9 @@ def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     for s in (0.99, 1.01, 2.0):
         found = picture_scale([replace(bed.case, recording=replace(true, xy=s * true.xy))])
         assert found.wrong and found.value == pytest.approx(s * right.value, abs=1e-4)
+    # a force that squeezes the links looks like a small one: neither taken for granted nor left out of the candidates
+    squeezed = replace(right, value=0.998, error=2e-4)
+    assert squeezed.off and not squeezed.wrong
     verdict = verdict_of(
         diagnose_windows([replace(true, xy=1.01 * true.xy)], plan=PLAN, candidates=FEW, minutes=60.0)
     )

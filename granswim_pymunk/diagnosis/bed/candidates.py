@@ -26,7 +26,7 @@ from ..swimmer_terms import swimmer_terms
 KINDS = ("body", "pair", "constraint")
 APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 4e-3}  # a smaller shift drowns in chaos
 SPEED = 0.05  # m/s, of the grains that move
-LEAST_SCALE = 1.5e-3  # of a picture: less is not told from what the links themselves do
+LEAST_SCALE = 3e-3  # of a picture: less may be what a force does that squeezes or stretches the links
 COARSE_SCALE = 2e-3  # standard error above which links say too little
 FEWEST_SIGHTS = 10  # of a link
 ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
@@ -71,8 +71,14 @@ class PictureScale:
         return replace(self.term, free=(), groups=(), apply=apply)
 
     @property
+    def off(self) -> bool:
+        """Whether the disks are nearer, or farther, than their links are long: a wrong scale, or a force on them."""
+        return abs(self.value - 1.0) > 5.0 * self.error
+
+    @property
     def wrong(self) -> bool:
-        return abs(self.value - 1.0) > max(5.0 * self.error, LEAST_SCALE)
+        """Whether by more than forces on the links do."""
+        return self.off and abs(self.value - 1.0) > LEAST_SCALE
 
 
 def picture_scale(cases: Sequence[Case]) -> PictureScale | None:

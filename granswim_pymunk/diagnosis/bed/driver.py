@@ -266,7 +266,7 @@ def begin(
     wrong = picture if picture is not None and picture.wrong else None
     hypothesis = naive if wrong is None else naive.with_term(wrong.held)
     terms = _wanted_terms(beds, hypothesis, candidates)
-    if picture is not None:
+    if picture is not None and (picture.wrong or not picture.off):
         terms = [t for t in terms if t.mechanism != "camera_scale"]
 
     # what a member of a window costs decides how many there are
