@@ -45,7 +45,7 @@ def main(args: argparse.Namespace) -> int:
     from ..errors import InputError
     from ..proof.conceal import KINDS
     from ..proof.prove import FIRST_SCORED, QUICK, full_cases, prove_cases
-    from ..proof.score import figures_of_merit, held_out
+    from ..proof.score import figures_of_merit, held_out, told
     from ..proof.seal import read_secret
     from ..validation.output import check_folder, write_json
 
@@ -77,18 +77,12 @@ def main(args: argparse.Namespace) -> int:
     for r in rows:
         concealed = "+".join(r.truth) or r.category
         print(f"{r.case:<18} {concealed:<28} {r.sigma:>10.1f}  {r.failed or r.verdict} {'+'.join(r.named)}")
-    merit, held = figures_of_merit(rows), held_out(rows)
-    for f in merit:
-        share = "no cases" if f.share is None else f"{100 * f.share[0]:.0f} % ({f.hits} of {f.n})"
-        state = "" if f.reached is None else ", reached" if f.reached else ", NOT reached"
-        print(f"{f.what}: {share}; asked {f.asked}{state}")
-    if "revised" in held:
-        print(f"held-out error over the floor, median of {held['n']:.0f}: {held['revised']:.2f}; asked at most 1.1")
+    print("\n".join(told(rows)))
     print(f"page: {args.out / 'proof.html'}")
     if args.json:
         data = {
-            "format": "granswim-proof/1", "cases": [r.as_dict() for r in rows], "held_out": held,
-            "figures": [asdict(f) for f in merit],
+            "format": "granswim-proof/1", "cases": [r.as_dict() for r in rows], "held_out": held_out(rows),
+            "figures": [asdict(f) for f in figures_of_merit(rows)],
         }  # fmt: skip
         write_json(data, args.json)
     return 0

@@ -13,7 +13,7 @@ from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Hypothesis, Predictor
 from .innovations import Whiteness
-from .name import InnerSplit, Trial, is_apparatus, spread_of
+from .name import InnerSplit, Trial, is_apparatus, is_part, label_of, spread_of
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
@@ -75,13 +75,8 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
         same = [t for t in near if t.inner < 1.02 * best.inner]
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
-    return min(same, key=lambda t: (t.used, not is_apparatus(t), _is_part(t, same), -t.gain))
-
-
-def _is_part(trial: Trial, others: Sequence[Trial]) -> bool:
-    """Whether one of the others is the same law on these bodies and more."""
-    mine = set(trial.term.bodies or ())
-    return any(t.mechanism == trial.mechanism and mine < set(t.term.bodies or ()) for t in others)
+    forms = [t.term for t in same]
+    return min(same, key=lambda t: (t.used, not is_apparatus(t), is_part(t.term, forms), -t.gain))
 
 
 def prune(
@@ -174,7 +169,7 @@ def verdict_among(
     """Which of the five verdicts, and the flexible arm where it wins."""
     base = inner_scores["recalibrated"]
     arm = min(arms, key=lambda t: t.inner, default=None)
-    named_inner = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else base
+    named_inner = inner_scores.get(label_of(*found), found[0].inner) if found else base
     named_gain = recalibrated.chi2 - revised.chi2
     if arm is not None and arm.fit is not None:
         more = arm.numbers - sum(t.numbers for t in found)

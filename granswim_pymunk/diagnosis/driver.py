@@ -19,7 +19,7 @@ from .held_out import Errors, held_out_errors, learn_memory, noise_floor, right_
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
 from .intervals import with_limits
-from .name import InnerSplit, Trial, spread_of, try_candidates, unstuck
+from .name import InnerSplit, Trial, label_of, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, pair_of, rivals_of_pair, second_law, settled
 from .signatures import Bank, make_bank
@@ -298,7 +298,7 @@ def _explained(
         found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
     )
     # a poor first law, or none although the innovations are not noise: perhaps two are needed together
-    now = scores.get(" + ".join(t.term.label for t in found), found[0].inner) if found else np.inf
+    now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
     if spread_of(revised, training) > 1.0 and left > POOR:

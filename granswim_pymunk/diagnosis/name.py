@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -274,6 +274,17 @@ def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
             both = a.gain + float(np.sum((u.T @ rest) ** 2))
             result.append((both - max(a.gain, b.gain), i, j))
     return sorted(result, reverse=True)
+
+
+def label_of(*trials: Trial) -> str:
+    """Of laws that are tried together, as their score is kept."""
+    return " + ".join(t.term.label for t in trials)
+
+
+def is_part(term: Term, others: Iterable[Term]) -> bool:
+    """Whether one of the others is the same law on these bodies and more."""
+    mine = set(term.bodies or ())
+    return any(o.mechanism == term.mechanism and mine < set(o.bodies or ()) for o in others)
 
 
 def is_apparatus(trial: Trial) -> bool:

@@ -12,7 +12,7 @@ from .choose import ALARM, SAME, choose, worth
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
-from .name import InnerSplit, Trial, pair_gains, refit, spread_of
+from .name import InnerSplit, Trial, is_part, label_of, pair_gains, refit, spread_of
 from .nulls import noise_of, search_nulls
 from .signatures import Signature, make_bank
 
@@ -31,63 +31,63 @@ def second_law(
     inner_scores: dict[str, float], rng: np.random.Generator, training: Sequence[Case],
 ) -> tuple[list[Trial], Fit]:  # fmt: skip
     """Add a second law where it is significant and predicts better."""
-    if found:
-        first = found[0]
-        rest = [t for t in terms if t.mechanism != first.mechanism]
-        beside = make_bank(fitter, revised, rest)
-        # where something else is wrong too, a law with many numbers fits whatever that is
-        spread = spread_of(revised, training)
-        open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
-        order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
-        second_trials = []
-        for signature in order:
-            fit = refit(fitter, revised, signature, (1.0,))
-            second_trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
-        if not second_trials:
-            return found, revised
-        best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
-        spread = spread_of(best_fit, training)
-        base_inner, base_by = inner.score(revised)
-        scored = []
-        for t in second_trials:
-            if worth(t, spread) > 8:
-                assert t.fit is not None
-                score, by_case = inner.score(t.fit)
-                better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
-                scored.append((replace(t, inner=score), float(better)))
-        good = (
-            [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
-            if spread > 1.0
-            else [t for t, _ in scored if t.inner < base_inner]
-        )
-        if not good:
-            return found, revised
-        best = choose(good, spread, base_inner)
-        if best is None or best.fit is None:
-            return found, revised
-        null = search_nulls(
-            beside, noise_of(best.fit, fitter.cases, spread),
-            np.array([s.surviving > 0.02 for s in beside.signatures]),
-            best.gain, 99, rng,
-        )  # fmt: skip
-        if null.p > ALARM:
-            return found, revised
-        # the first may only have been stuck: refitted alone from where the two ended
-        alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
-        if alone.chi2 < revised.chi2:
-            first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
-            found, revised = [first], alone
-        gain = (alone.chi2 - best.fit.chi2) / spread
-        if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
-            return found, revised
-        inner_scores[f"{first.term.label} + {best.term.label}"] = best.inner
-        # beside the second law another drag than the one that came first alone may do better
-        both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
-        pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
-        if pair is not both and pair[0].fit is not None:
-            return pair, pair[0].fit
-        return [first, best], best.fit
-    return found, revised
+    if not found:
+        return found, revised
+    first = found[0]
+    rest = [t for t in terms if t.mechanism != first.mechanism]
+    beside = make_bank(fitter, revised, rest)
+    # where something else is wrong too, a law with many numbers fits whatever that is
+    spread = spread_of(revised, training)
+    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
+    order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
+    second_trials = []
+    for signature in order:
+        fit = refit(fitter, revised, signature, (1.0,))
+        second_trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
+    if not second_trials:
+        return found, revised
+    best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
+    spread = spread_of(best_fit, training)
+    base_inner, base_by = inner.score(revised)
+    scored = []
+    for t in second_trials:
+        if worth(t, spread) > 8:
+            assert t.fit is not None
+            score, by_case = inner.score(t.fit)
+            better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
+            scored.append((replace(t, inner=score), float(better)))
+    good = (
+        [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
+        if spread > 1.0
+        else [t for t, _ in scored if t.inner < base_inner]
+    )
+    if not good:
+        return found, revised
+    best = choose(good, spread, base_inner)
+    if best is None or best.fit is None:
+        return found, revised
+    null = search_nulls(
+        beside, noise_of(best.fit, fitter.cases, spread),
+        np.array([s.surviving > 0.02 for s in beside.signatures]),
+        best.gain, 99, rng,
+    )  # fmt: skip
+    if null.p > ALARM:
+        return found, revised
+    # the first may only have been stuck: refitted alone from where the two ended
+    alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
+    if alone.chi2 < revised.chi2:
+        first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
+        found, revised = [first], alone
+    gain = (alone.chi2 - best.fit.chi2) / spread
+    if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
+        return found, revised
+    inner_scores[label_of(first, best)] = best.inner
+    # beside the second law another drag than the one that came first alone may do better
+    both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
+    pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
+    if pair is not both and pair[0].fit is not None:
+        return pair, pair[0].fit
+    return [first, best], best.fit
 
 
 def pair_of(
@@ -116,8 +116,8 @@ def pair_of(
         null = search_nulls(whole, noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
         if null.p <= ALARM:
             best = score
-            inner_scores[f"{a.term.label} + {b.term.label}"] = score
             winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
+            inner_scores[label_of(*winner)] = score
     if winner and winner[0].fit is not None:
         # strength and shape of a law lie along a valley: walk it to its end
         fit = winner[0].fit
@@ -185,8 +185,7 @@ def _beside_each(
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """Whether both push, or one of them on some of the bodies only: together they imitate any force in space."""
     pushes = [t for t in (a, b) if t.mechanism in PUSHES]
-    widest = {t.mechanism: max(len(u.bodies or ()) for u in terms if u.mechanism == t.mechanism) for t in pushes}
-    return len(pushes) == 2 or any(t.bodies and len(t.bodies) < widest[t.mechanism] for t in pushes)
+    return len(pushes) == 2 or any(is_part(t, terms) for t in pushes)
 
 
 def _partners(
@@ -223,8 +222,8 @@ def _partners(
             gain = base.chi2 - found.chi2
             if gain > best[0].gain + SAME * spread_of(found, training):
                 score, _ = inner.score(found)
-                inner_scores[f"{keep.term.label} + {other.term.label}"] = score
                 best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
+                inner_scores[label_of(*best)] = score
     return best
 
 
@@ -280,7 +279,7 @@ def settled(
     inner_scores: dict[str, float], training: Sequence[Case],
 ) -> tuple[list[Trial], Fit, list[Exchange]]:  # fmt: skip
     """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
-    score = inner_scores.get(" + ".join(t.term.label for t in found), found[0].inner)
+    score = inner_scores.get(label_of(*found), found[0].inner)
     for _ in range(ROUNDS):
         spread = spread_of(revised, training)
         others = exchanges(found, revised, recalibrated, fitter, terms, spread)
@@ -293,7 +292,7 @@ def settled(
             return found, revised, others
         score, revised = now, better.trial.fit
         found = [replace(t, fit=revised, gain=better.trial.gain, inner=now) for t in (better.keep, better.trial)]
-        inner_scores[" + ".join(t.term.label for t in found)] = now
+        inner_scores[label_of(*found)] = now
     return found, revised, exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
 
 

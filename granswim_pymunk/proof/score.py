@@ -77,14 +77,19 @@ def read_rows(path: str | Path) -> list[Row]:
 
     Raises InputError where a column is missing or a number cannot be read.
     """
-    with open(path, newline="", encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            lines = list(csv.DictReader(file))
+    except OSError as error:
+        raise InputError(f"cannot read it: {error.strerror}", file=path) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"is not a table: {error}", file=path) from None
     rows = []
     for k, line in enumerate(lines, start=2):
         try:
             rows.append(_row(line))
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"not a line of a score: {error}", where=f"row {k}", file=str(path)) from None
+            raise InputError(f"not a line of a score: {error}", where=f"row {k}", file=path) from None
     return rows
 
 
@@ -293,6 +298,20 @@ def held_out(rows: Sequence[Row]) -> dict[str, float]:
         if mine:
             result[key] = float(np.median([h["revised"] / h["noise_floor"] for h in mine]))  # type: ignore[operator]
     return result
+
+
+def told(rows: Sequence[Row]) -> list[str]:
+    """The figures of merit, and the held-out error, a line each."""
+    lines = []
+    for f in figures_of_merit(rows):
+        share = "no cases" if f.share is None else f"{100 * f.share[0]:.0f} % ({f.hits} of {f.n})"
+        state = "" if f.reached is None else ", reached" if f.reached else ", NOT reached"
+        lines.append(f"{f.what}: {share}; asked {f.asked}{state}")
+    held = held_out(rows)
+    if "revised" in held:
+        median = f"median of {held['n']:.0f}: {held['revised']:.2f}"
+        lines.append(f"held-out error over the floor, {median}; asked at most 1.1")
+    return lines
 
 
 def detection(rows: Sequence[Row], edges: Sequence[float] = (0, 2.5, 4, 6.5, 10, 16, 30, 60, 1e9)):
