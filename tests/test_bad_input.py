@@ -79,6 +79,7 @@ GOOD_NPZ = {
     "body": np.array(["a", "b"]),
     "xy": np.array([[[0.1, 0.2], [0.3, 0.2]]] * 3),
 }
+LONG_NPZ = {**GOOD_NPZ, "t": np.arange(10) / 10, "xy": np.array([[[0.1, 0.2], [0.3, 0.2]]] * 10)}
 
 # name: (files, what the line says)
 BAD = {
@@ -155,6 +156,18 @@ BAD = {
             "tracks": "t,body,x,y\n" + "".join(f"{k},a,0.1,0.2\n" for k in range(5)),
         },
         "is t in ms, or a frame number?",
+    ),
+    # one wrong stamp made the diagnosis simulate all the time up to it
+    "a stray stamp": ({"tracks": rows((15, "1e12,b,0.3,0.2"))}, "row 15: t = 1e+12 s is 1e+12 s after the nearest"),
+    "a stray stamp before": ({"tracks": rows((2, "-1e6,a,0.1,0.2"))}, "row 2: t = -1000000 s is 1e+06 s before"),
+    "two stray stamps": ({"tracks": rows((14, "1e6,a,0.1,0.2"), (16, "2e6,a,0.1,0.2"))}, "correct the time stamp"),
+    "a long gap": (
+        {"tracks": rows(*((k, f"{1e6 + k},a,0.1,0.2") for k in range(10, 18)))},
+        "row 8: t = 0.3 s is 1e+06 s before the nearest frame (row 10, t = 1000010 s)",
+    ),
+    "npz a stray stamp": (
+        {"tracks": None, "tracks_npz": npz(**{**LONG_NPZ, "t": np.append(np.arange(9) / 10, 1e6)})},
+        "frame 9: t = 1000000 s",
     ),
     "input not a number": ({"input_csv": "t,name,value\n0,a,fast\n"}, "input.csv: row 2"),
     "curve below zero": (

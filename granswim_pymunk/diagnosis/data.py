@@ -184,4 +184,30 @@ def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] =
     """Cases of all recordings, training first. Raises InputError where no training recording is left."""
     training, held = divided(recordings, hold_out)
     cases = [prepare(r, held_out=False, split=not held) for r in training]
-    return cases + [prepare(r, held_out=True, split=False) for r in held]
+    cases += [prepare(r, held_out=True, split=False) for r in held]
+    for case in cases:
+        _check_enough(case)
+    return cases
+
+
+def _check_enough(case: Case) -> None:
+    """Raise InputError where the frames that may be used measure no more than the start of the bodies."""
+    pinned = {name for item in case.recording.scene.laws_named("pin") for name in item.bodies or ()}
+    # a place and a speed in each channel; a pinned body has one angle and its speed
+    of_start = sum(2 for c in case.channels if c.body not in pinned) + 2 * len(pinned & set(case.bodies))
+    frames, needed = (case.start, of_start) if case.held_out else (case.training, of_start + 1)
+    measured = int(np.isfinite(case.values[frames]).sum())
+    if measured >= needed:
+        return
+    if case.held_out:
+        part, why = f"first {START_SHARE:.0%}", "its start is fitted on these frames alone"
+    elif frames.all():
+        part, why = "100 %", "they say nothing beyond it"
+    else:
+        part, why = f"first {TRAINING_SHARE:.0%}", "they say nothing beyond it, and the rest is held out"
+    raise InputError(
+        f"the {part} of its time ({case.t[0]:.6g} to {case.t[frames][-1]:.6g} s) have {int(frames.sum())} frames with "
+        f"{measured} measured numbers, and the start alone has {of_start}: {why}. Are all time stamps right?",
+        file=case.recording.folder,
+        where=case.name,
+    )

@@ -108,7 +108,7 @@ def _read(folder: Path) -> Recording:
         position_noise=numbers["position_noise"],
         angle_noise=numbers["angle_noise"],
     )
-    check_plausible(recording)
+    check_plausible(recording, tracks.rows)
     return recording
 
 
@@ -134,6 +134,7 @@ class _Tracks:
     ids: tuple[str, ...]
     xy: np.ndarray
     angle: np.ndarray | None
+    rows: Sequence[int] | None = None  # line of the first row of each frame in the CSV
 
 
 def _read_tracks(folder: Path, scene: Scene, *, needed: bool) -> _Tracks:
@@ -165,7 +166,7 @@ def _read_tracks(folder: Path, scene: Scene, *, needed: bool) -> _Tracks:
     angle = tracks.angle
     if angle is not None:
         angle = angle[:, keep] if np.isfinite(angle[:, keep]).any() else None
-    return _Tracks(tracks.t, tuple(tracks.ids[c] for c in keep), tracks.xy[:, keep], angle)
+    return _Tracks(tracks.t, tuple(tracks.ids[c] for c in keep), tracks.xy[:, keep], angle, tracks.rows)
 
 
 def _csv_chunks(
@@ -311,7 +312,9 @@ def _read_csv(path: Path, scene: Scene) -> _Tracks:
     if has_angle:
         angles = np.full((len(times), len(rows)), np.nan)
         angles[frame, column] = angle
-    return _Tracks(times, tuple(scene.bodies[row].id for row in rows), xy, angles)
+    first = np.full(len(times), np.iinfo(np.int64).max)
+    np.minimum.at(first, frame, line)
+    return _Tracks(times, tuple(scene.bodies[row].id for row in rows), xy, angles, first.tolist())
 
 
 def _frames(t: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..errors import InputError
-from ..scene import SceneWarning
+from .clock import check_clock
 from .recording import Recording
 
 SLIPS = {1e3: "mm", 1e2: "cm", 1e6: "micrometres", 1e-3: "km"}
@@ -30,9 +30,12 @@ FORCE_FREE = {
 MANY = 20  # bodies: where there are more, single ones may be wrong
 
 
-def check_plausible(recording: Recording) -> None:
-    """Raise InputError for mixed units and for bodies that overlap by more than half a radius."""
-    _check_clock(recording)
+def check_plausible(recording: Recording, rows: Sequence[int] | None = None) -> None:
+    """Raise InputError for stray times, mixed units and bodies that overlap by more than half a radius.
+
+    rows : line of the first row of each frame, for the messages.
+    """
+    check_clock(recording, rows)
     _check_radii(recording)
     _check_initial(recording)
     _check_drive(recording)
@@ -52,29 +55,6 @@ def _mixed(recording: Recording, what: str, factor: float) -> InputError:
         "Everything should be in m",
         file=recording.folder,
     )
-
-
-def _check_clock(recording: Recording) -> None:
-    """The frame interval of the tracks against the nominal rate."""
-    if recording.sampling is None or len(recording.t) < 3:
-        return
-    steps = np.diff(recording.t)
-    shortest, typical = float(steps.min()) * recording.sampling, float(np.median(steps)) * recording.sampling
-    if shortest > 100 or typical < 0.01:
-        ratio = shortest if shortest > 100 else typical
-        raise InputError(
-            f"units look mixed: frames are {ratio / recording.sampling:.3g} apart, the sampling of "
-            f"{recording.sampling:g} "
-            f"Hz says {1 / recording.sampling:.3g} s; is t in ms, or a frame number? It should be in s",
-            file=recording.folder,
-        )
-    if shortest > 5 or typical < 0.2:
-        warnings.warn(
-            f"{recording.folder}: frames are {typical / recording.sampling:.3g} s apart, but sampling is "
-            f"{recording.sampling:g} Hz",
-            SceneWarning,
-            stacklevel=4,
-        )
 
 
 def _check_radii(recording: Recording) -> None:
