@@ -493,7 +493,7 @@ class _Run:
     ) -> dict[str, Any]:
         return {
             "title": scene.title,
-            "scene_hash": scene.hash,
+            "scene_hash": scene.identity,
             "seed": scene.seed,
             "stopped": reason,
             "started_at": time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(self.began)),

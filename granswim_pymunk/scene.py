@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from . import __version__
 from .errors import InputError
+from .fingerprint import fingerprint
 from .laws import AUTOMATIC, Law, get_law
 from .laws.base import Parameter
 
@@ -489,12 +491,20 @@ class Scene:
         return tomli_w.dumps(self.to_dict())
 
     @property
-    def hash(self) -> str:
-        """SHA-256 of everything that makes the scene what it is; it goes into every output."""
+    def identity(self) -> str:
+        """SHA-256 of what the scene says, titles and pictures left out; it goes into every output."""
         data = self.to_dict()
         data.pop("title"), data.pop("frames", None)
-        data["code"] = [hashlib.sha256(item.law.function.__code__.co_code).hexdigest() for item in self.laws]
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of everything that changes a run: what the scene says, and what its laws do.
+
+        Of a law: bytecode, constants, defaults, closure, the functions it calls, how it is declared. It keys
+        caches; bytecode differs between versions of Python, so it is stored nowhere as the scene's identity.
+        """
+        return fingerprint(__version__, self.identity, [item.law.fingerprint for item in self.laws])
 
 
 # ---- automatic values -------------------------------------------------------------------------

@@ -22,14 +22,16 @@ import inspect
 import itertools
 import json
 import os
+import pickle
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,8 @@ import xarray as xr
 from tqdm import tqdm
 
 from .errors import InputError
+from .fingerprint import fingerprint
+from .laws import all_laws
 from .scene import Scene
 
 Watch = Callable[[float], None]
@@ -109,19 +113,25 @@ def make_jobs(build: Build, points: Iterable[Mapping[str, Any]], measure: Measur
 
 
 def _describe(measure: Measure) -> str:
-    """A measurement's name, its module's VERSION, and the settings it was given."""
-    settings: list[str] = []
+    """A measurement's name, its module's VERSION, the settings it was given; of a script's own, what it does."""
+    settings: list[Any] = []
     inner: Any = measure
     while isinstance(inner, functools.partial):
-        settings.append(repr((inner.args, sorted(inner.keywords.items()))))
+        settings.append((inner.args, dict(inner.keywords)))
         inner = inner.func
+    module = str(getattr(inner, "__module__", ""))
     version = getattr(inspect.getmodule(inner), "VERSION", 0)
-    name = f"{getattr(inner, '__module__', '')} {getattr(inner, '__qualname__', repr(inner))}"
-    return " ".join([name, str(version), *settings])
+    name = f"{module} {getattr(inner, '__qualname__', type(inner).__qualname__)}"
+    own = "" if module.startswith("granswim_pymunk.") else fingerprint(inner)
+    return " ".join([name, str(version), fingerprint(settings), own])
 
 
 def run_job(build: Build, measure: Measure, point: Mapping[str, Any], file: Path, watch: Watch | None = None) -> str:
-    """Run one job and write its file; returns the reason of a failure, empty where there was none."""
+    """Run one job and write its file; returns the reason of a failure, empty where there was none.
+
+    A failure that comes from the machine (a full disk, no memory, a module that is not there) is not written: the
+    next sweep tries again. Raises InputError where a run that came to its end cannot be written.
+    """
     reason = ""
     began = time.perf_counter()
     try:
@@ -131,6 +141,8 @@ def run_job(build: Build, measure: Measure, point: Mapping[str, Any], file: Path
             result = measure(build(**point))
     except Exception as error:  # any failure is a row of the table, not the end of the sweep
         reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, OSError | MemoryError | ImportError | SystemError):
+            return reason
         result = xr.Dataset()
     result.attrs |= {
         "point": json.dumps(dict(point), default=float),
@@ -139,6 +151,37 @@ def run_job(build: Build, measure: Measure, point: Mapping[str, Any], file: Path
     }
     write_dataset(result, file)
     return reason
+
+
+def _run_packed(packed: bytes, point: Mapping[str, Any], file: Path) -> str:
+    """``run_job`` in another process."""
+    *declared, work = pickle.loads(packed)
+    for law in declared:
+        pickle.loads(law)  # receiving it registers it
+    build, measure = pickle.loads(work)
+    return run_job(build, measure, point, file)
+
+
+def _pack(build: Build, measure: Measure) -> bytes:
+    """Both as they go to another process; what stands in a script or a shell goes as a whole.
+
+    With them go the laws that do not come with the package: a scene may call them by their names.
+    Raises InputError where something in them cannot leave this process.
+    """
+    from numba import cloudpickle  # type: ignore[attr-defined]
+
+    declared = []
+    for law in all_laws().values():
+        if not law.function.__module__.startswith("granswim_pymunk."):
+            with suppress(Exception):  # one that this work may not need at all
+                declared.append(cloudpickle.dumps(law))
+    try:
+        return pickle.dumps([*declared, cloudpickle.dumps((build, measure))])
+    except Exception as error:  # pickling calls anybody's code
+        raise InputError(
+            f"cannot be sent to other processes: {type(error).__name__}: {error}; use one process",
+            where=f"{getattr(build, '__name__', 'build')}, {getattr(measure, '__name__', 'measure')}",
+        ) from None
 
 
 def write_dataset(data: xr.Dataset, file: str | Path) -> None:
@@ -244,7 +287,7 @@ def observe(
             data |= {"speed": speed.value, "speed_error": speed.error}
     names = [scene.bodies[k].id for k in kept]
     result = xr.Dataset(data, coords={"time": t, "axis": ["x", "y"], "body": names})
-    result.attrs |= {"dt": sim.dt, "steps": sim.step, "mode": sim.mode, "scene_hash": scene.hash}
+    result.attrs |= {"dt": sim.dt, "steps": sim.step, "mode": sim.mode, "scene_hash": scene.identity}
     return result
 
 
@@ -256,9 +299,34 @@ def _leave_ctrl_c_to_the_main_process() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@contextmanager
+def _script_hidden() -> Iterator[None]:
+    """Processes that are started meanwhile do not run the script again, which may come from the standard input."""
+    main = sys.modules["__main__"]
+    kept: dict[str, Any] = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
+    try:
+        vars(main).pop("__file__", None)
+        main.__spec__ = None
+        yield
+    finally:
+        vars(main).update(kept)
+
+
+class _FreshProcess(SpawnProcess):
+    """A new process that knows nothing of the script: what it needs of it is sent to it as a whole."""
+
+    def start(self) -> None:
+        with _script_hidden():
+            super().start()
+
+
+class _Fresh(SpawnContext):
+    Process = _FreshProcess  # type: ignore[assignment,misc]
+
+
 def pool(processes: int) -> ProcessPoolExecutor:
-    """A pool of fresh processes. A script that uses it needs ``if __name__ == "__main__":``."""
-    return ProcessPoolExecutor(processes, get_context("spawn"), _leave_ctrl_c_to_the_main_process)
+    """A pool of fresh processes: nothing in them but what is sent."""
+    return ProcessPoolExecutor(processes, _Fresh(), _leave_ctrl_c_to_the_main_process)
 
 
 @contextmanager
@@ -274,9 +342,10 @@ def dask_executor(address: str, processes: int | None = None) -> Iterator[Execut
     cluster = None
     try:
         if address == "local":
-            cluster = LocalCluster(
-                n_workers=processes or os.cpu_count() or 1, threads_per_worker=1, dashboard_address=None
-            )
+            with _script_hidden():
+                cluster = LocalCluster(
+                    n_workers=processes or os.cpu_count() or 1, threads_per_worker=1, dashboard_address=None
+                )
         # not the default client: xarray would take its locks from a cluster that is gone afterwards
         client = Client(cluster if cluster is not None else address, timeout="10s", set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -300,7 +369,7 @@ def run_jobs(
     dask: str | None = None,
     retry_failed: bool = False,
     quiet: bool = False,
-) -> None:
+) -> dict[Path, str]:
     """Run what is not there yet, in the order given.
 
     executor : any ``concurrent.futures`` executor; left out, ``dask`` (an address or "local"), else that
@@ -309,6 +378,8 @@ def run_jobs(
 
     Shows progress with the time left. On Ctrl-C the runs that are complete stay. A worker process that dies
     costs its own run a second try, then that run's reason says so.
+
+    Returns the reasons of runs that came to nothing and are not stored, by their files: they will be tried again.
     """
     waiting: dict[Path, Job] = {}
     for job in jobs:
@@ -316,81 +387,94 @@ def run_jobs(
         if not job.done or again:
             waiting.setdefault(job.file, job)
     if not waiting:
-        return
+        return {}
+    todo = list(waiting.values())
     form = "{desc}: {percentage:3.0f}%|{bar}| {n:.2f}/{total_fmt} runs [{elapsed}<{remaining}{postfix}]"
-    with tqdm(total=len(waiting), desc="sweep", disable=quiet, bar_format=form, dynamic_ncols=True) as bar:
+    with tqdm(total=len(todo), desc="sweep", disable=quiet, bar_format=form, dynamic_ncols=True) as bar:
+        work = _Work(bar)
+        count = min(processes or os.cpu_count() or 1, len(todo))
         if executor is not None:
-            _submit(list(waiting.values()), build, measure, lambda: executor, bar)
+            work.submit(todo, executor, functools.partial(run_job, build, measure))
         elif dask is not None:
+            packed = _pack(build, measure)
             with dask_executor(dask, processes) as cluster:
-                _submit(list(waiting.values()), build, measure, lambda: cluster, bar)
-        elif (processes or os.cpu_count() or 1) == 1 or len(waiting) == 1:
-            _one_by_one(list(waiting.values()), build, measure, bar)
+                work.submit(todo, cluster, functools.partial(_run_packed, packed))
+        elif count == 1:
+            work.one_by_one(todo, build, measure)
         else:
-            _own_pool(list(waiting.values()), build, measure, min(processes or os.cpu_count() or 1, len(waiting)), bar)
+            work.own_pool(todo, functools.partial(_run_packed, _pack(build, measure)), count)
+    return work.unstored
 
 
-def _one_by_one(jobs: list[Job], build: Build, measure: Measure, bar: Any) -> None:
-    failed = 0
-    for number, job in enumerate(jobs):
+class _Work:
+    """Jobs being run: how many failed, and why those that left no file did."""
 
-        def watch(part: float, number: int = number) -> None:
-            bar.update(number + min(part, 1.0) - bar.n)
+    def __init__(self, bar: Any) -> None:
+        self.bar = bar
+        self.failed = 0
+        self.unstored: dict[Path, str] = {}
 
-        failed += bool(run_job(build, measure, job.point, job.file, watch))
-        bar.update(number + 1 - bar.n)
-        if failed:
-            bar.set_postfix_str(f", {failed} failed")
+    def note(self, job: Job, reason: str) -> None:
+        if reason:
+            self.failed += 1
+            self.bar.set_postfix_str(f", {self.failed} failed")
+            if not job.done:
+                self.unstored[job.file] = reason
 
+    def one_by_one(self, jobs: list[Job], build: Build, measure: Measure) -> None:
+        for number, job in enumerate(jobs):
 
-def _submit(jobs: list[Job], build: Build, measure: Measure, pool_of: Callable[[], Executor], bar: Any) -> list[Job]:
-    """Run jobs on an executor; returns those that were lost because a worker died."""
-    executor = pool_of()
-    futures: dict[Future[str], Job] = {}
-    lost: list[Job] = []
-    failed = 0
-    try:
-        for job in jobs:
-            futures[executor.submit(run_job, build, measure, dict(job.point), job.file)] = job
-        left = set(futures)
-        while left:
-            done, left = wait(left, return_when=FIRST_COMPLETED)
-            for future in done:
-                try:
-                    failed += bool(future.result())
-                except BrokenExecutor:
-                    lost.append(futures[future])
-                    continue
-                except Exception as error:  # the job never came back: lost on its way to or from a worker
-                    _write_reason(futures[future], f"{type(error).__name__}: {error}")
-                    failed += 1
-                bar.update(1)
-            if failed:
-                bar.set_postfix_str(f", {failed} failed")
-    except BrokenExecutor:
-        lost += [job for job in jobs if job not in futures.values() or job in lost]
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
-    return [job for job in jobs if job in lost and not job.done]
+            def watch(part: float, number: int = number) -> None:
+                self.bar.update(number + min(part, 1.0) - self.bar.n)
 
+            self.note(job, run_job(build, measure, job.point, job.file, watch))
+            self.bar.update(number + 1 - self.bar.n)
 
-def _own_pool(jobs: list[Job], build: Build, measure: Measure, processes: int, bar: Any) -> None:
-    workers = pool(processes)
-    try:
-        lost = _submit(jobs, build, measure, lambda: workers, bar)
-    except BaseException:
-        workers.shutdown(wait=False, cancel_futures=True)
-        raise
-    workers.shutdown()
-    # one of these killed its worker and took the others along: each gets a process of its own
-    for job in lost:
-        alone = pool(1)
-        if _submit([job], build, measure, lambda alone=alone: alone, bar):  # type: ignore[misc]
-            _write_reason(job, "the worker process died")
-            bar.update(1)
-        alone.shutdown()
+    def submit(self, jobs: list[Job], executor: Executor, run: Callable[..., str]) -> list[Job]:
+        """Run jobs on an executor; returns those that were lost because a worker died."""
+        futures: dict[Future[str], Job] = {}
+        lost: list[Job] = []
+        try:
+            for job in jobs:
+                futures[executor.submit(run, dict(job.point), job.file)] = job
+            left = set(futures)
+            while left:
+                done, left = wait(left, return_when=FIRST_COMPLETED)
+                for future in done:
+                    job = futures[future]
+                    try:
+                        self.note(job, future.result())
+                    except BrokenExecutor:
+                        lost.append(job)
+                        continue
+                    except InputError:  # a run that came to its end cannot be written: no other one could
+                        raise
+                    except Exception as error:  # lost on its way to or from a worker
+                        self.note(job, f"{type(error).__name__}: {error}")
+                    self.bar.update(1)
+        except BrokenExecutor:
+            lost += [job for job in jobs if job not in futures.values() or job in lost]
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            raise
+        return [job for job in jobs if job in lost and not job.done]
+
+    def own_pool(self, jobs: list[Job], run: Callable[..., str], processes: int) -> None:
+        workers = pool(processes)
+        try:
+            lost = self.submit(jobs, workers, run)
+        except BaseException:
+            workers.shutdown(wait=False, cancel_futures=True)
+            raise
+        workers.shutdown()
+        # one of these killed its worker and took the others along: each gets a process of its own
+        for job in lost:
+            alone = pool(1)
+            if self.submit([job], alone, run):
+                _write_reason(job, "the worker process died")
+                self.bar.update(1)
+            alone.shutdown()
 
 
 def _write_reason(job: Job, reason: str) -> None:
@@ -405,10 +489,12 @@ def collect(
     jobs: Sequence[Job],
     axes: Mapping[str, Iterable[Any]],
     reduce: Callable[[xr.Dataset], xr.Dataset] | None = None,
+    unstored: Mapping[Path, str] | None = None,
 ) -> xr.Dataset:
     """The runs as labelled arrays over ``axes``.
 
     reduce : what to keep of a run; left out, its values without a dimension
+    unstored : reasons of runs that left no file, as ``run_jobs`` returns them
     Variables that a run lacks are NaN there. ``reason`` (over the axes) is empty where a run succeeded.
     """
     values = {name: list(v) for name, v in axes.items()}
@@ -420,7 +506,10 @@ def collect(
     coords: dict[str, Any] = dict(values)
     for job in jobs:
         at = place.get(tuple(job.point[name] for name in values))
-        if at is None or not job.done:
+        if at is None:
+            continue
+        if not job.done:
+            reason[at] = (unstored or {}).get(job.file, MISSING)
             continue
         run = read_dataset(job.file)
         reason[at], wall[at] = run.attrs.get("reason", ""), run.attrs.get("wall_time_s", np.nan)
@@ -468,11 +557,11 @@ def sweep(
         if not items or len(set(items)) != len(items):
             raise InputError("needs values, each once", where=f"axis {name}")
     jobs = make_jobs(build, grid(values), measure, folder)
-    run_jobs(
+    unstored = run_jobs(
         jobs, build, measure, executor=executor, processes=processes, dask=dask, retry_failed=retry_failed,
         quiet=quiet,
     )  # fmt: skip
-    return collect(jobs, values, reduce)
+    return collect(jobs, values, reduce, unstored)
 
 
 # ---- the command ------------------------------------------------------------------------------
@@ -532,7 +621,7 @@ def scene_sweep(
         raise InputError(f"settle should lie between 0 and the duration {duration:g} s, every above 0")
     measure = functools.partial(observe, duration=duration, settle=settle, every=every)
     table = sweep(scene, axes, measure, Path(out) / "runs", **how)
-    table.attrs |= {"scene": scene.to_toml() if len(scene.bodies) < 100 else scene.title, "scene_hash": scene.hash}
+    table.attrs |= {"scene": scene.to_toml() if len(scene.bodies) < 100 else scene.title, "scene_hash": scene.identity}
     write_dataset(table, Path(out) / "table.nc")
     return table
 

@@ -117,7 +117,7 @@ class TrajectoryWriter:
         parameters = file.create_group("parameters")
         parameters.create_dataset("scene", data=scene.to_toml(), dtype=text)
         for place in (file, parameters):
-            place.attrs["scene_hash"] = scene.hash
+            place.attrs["scene_hash"] = scene.identity
             place.attrs["seed"] = scene.seed
             place.attrs["title"] = scene.title
         self._series: dict[str, h5py.Dataset] = {}

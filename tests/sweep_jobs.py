@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import xarray as xr
 
+from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.scene import Body, Scene, use
 
 VERSION = 1
@@ -31,3 +32,24 @@ def fall(scene: Scene, duration: float = 0.1) -> xr.Dataset:
     times = [0.0, duration]
     xy = sim.sample(times)
     return xr.Dataset({"x": float(xy[-1, 0, 0]), "track": ("time", xy[:, 0, 0])}, coords={"time": times})
+
+
+@law(kind="body", expression="F = -k x", reference="Hooke 1678", parameters=[Parameter("k", "N/m", "stiffness")])
+def own_trap(x, y, k):
+    return -k * x, -k * y
+
+
+def trapped(k: float = 1e-3) -> Scene:
+    """A ball on a law of the script's own, between walls of the package's."""
+    return Scene(
+        bodies=(Body("ball", "free", 1e-2, 1e-3, initial=(0.1, 0.0, 0.0, 0.0)),),
+        laws=(use(own_trap, k=k), use("linear_drag", c=0.0)),
+    )
+
+
+def swing(scene: Scene, duration: float = 0.01) -> xr.Dataset:
+    """Place after a time, in plain Python: a law of one's own is not compiled for a test."""
+    from granswim_pymunk.engine import Simulation
+
+    sim = Simulation(scene, mode="python", dt=1e-4)
+    return xr.Dataset({"x": float(sim.sample([0.0, duration])[-1, 0, 0])})

@@ -208,7 +208,7 @@ def test_page_shows_the_numbers(cases, written):
     assert plain in page.text and re.sub(r"\s+", " ", re.sub("<[^>]*>", "", between)) in page.text
     for errors in (*d.train.values(), *d.held.values()):
         assert length(errors.rms, "m").replace("\u00a0", " ") in page.text
-    assert d.cases[0].recording.scene.hash[:12] in page.text and f"seed {d.seed}" in page.text
+    assert d.cases[0].recording.scene.identity[:12] in page.text and f"seed {d.seed}" in page.text
 
 
 def test_remainder_is_said_plainly():

@@ -1,8 +1,12 @@
 """Sweeps: labelled arrays, resumed by hash, on any executor; failures are rows of the table."""
 
+import errno
 import functools
 import math
+import os
+import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -26,7 +30,7 @@ from granswim_pymunk.sweep import (
 )
 
 sys.path.insert(0, str(Path(__file__).parent))
-from sweep_jobs import ball, fall
+from sweep_jobs import ball, fall, swing, trapped
 
 AXES = {"c": [1e-5, 1e-3], "seed": [0, 1, 2]}
 
@@ -82,6 +86,94 @@ def test_processes_and_one_that_dies(tmp_path: Path) -> None:
     assert table["reason"].values.tolist() == ["", "the worker process died", ""]
     alone = sweep(ball, {"seed": [0, 1]}, fall, tmp_path / "one", processes=1, quiet=True)
     assert table["x"].values[[0, 2]].tolist() == alone["x"].values.tolist()
+
+
+def test_processes_with_the_packages_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A law stands under the name of its function; it reaches a worker all the same."""
+    out = tmp_path / "out"
+    arguments = ["sweep", "two_disks", "--vary", "contact_linear.stiffness=1000,1001", "--duration", "0.01"]
+    assert main([*arguments, "--processes", "2", "--out", str(out)]) == 0
+    many = read_dataset(out / "table.nc")
+    assert many["reason"].values.tolist() == ["", ""] and "failed" not in capsys.readouterr().out
+    assert main([*arguments, "--processes", "1", "--out", str(tmp_path / "one")]) == 0
+    one = read_dataset(tmp_path / "one" / "table.nc")
+    assert many["kinetic_energy"].values.tolist() == one["kinetic_energy"].values.tolist()
+
+
+def test_processes_with_a_law_of_ones_own(tmp_path: Path) -> None:
+    axes = {"k": [1e-3, 1.0]}
+    many = sweep(trapped, axes, swing, tmp_path / "many", processes=2, quiet=True)
+    alone = sweep(trapped, axes, swing, tmp_path / "one", processes=1, quiet=True)
+    assert many["reason"].values.tolist() == ["", ""]
+    assert many["x"].values.tolist() == alone["x"].values.tolist() != [0.1, 0.1]
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {here!r})
+from granswim_pymunk.laws import Parameter, law
+from granswim_pymunk.scene import use
+from granswim_pymunk.sweep import sweep
+from sweep_jobs import ball, swing
+import dataclasses
+
+K = 2.0
+
+@law(kind="body", expression="F = -K x", reference="", parameters=[Parameter("k", "N/m", "stiffness")])
+def scripted(x, y, k):
+    return -K * k * x, 0.0
+
+def build(k):
+    return dataclasses.replace(ball(), laws=(use("scripted", k=k),))
+
+if __name__ == "__main__":
+    table = sweep(build, {{"k": [1.0, 3.0]}}, swing, {out!r}, quiet=True, {how})
+    assert table["reason"].values.tolist() == ["", ""], table["reason"].values
+    print(*table["x"].values)
+"""
+
+
+def test_a_law_of_a_script_on_workers(tmp_path: Path) -> None:
+    """Laws, scenes and measurements that stand in a script, or come from the standard input, reach the workers."""
+    said = {}
+    for name, how in {"one": "processes=1", "two": "processes=2", "dask": "processes=2, dask='local'"}.items():
+        text = SCRIPT.format(here=str(Path(__file__).parent), out=str(tmp_path / name), how=how)
+        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
+        run = subprocess.run(
+            [sys.executable, "-"], input=text, capture_output=True, text=True, env=environment, timeout=120, check=False
+        )
+        assert run.returncode == 0, run.stderr
+        said[name] = run.stdout
+    assert said["one"] == said["two"] == said["dask"] != ""
+
+
+def test_what_cannot_leave_the_process_is_said(tmp_path: Path) -> None:
+    stuck = functools.partial(fall, duration=threading.Lock())  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"cannot be sent to other processes.*use one process"):
+        sweep(ball, {"seed": [0, 1]}, stuck, tmp_path, processes=2, quiet=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failure_of_the_machine_is_not_kept(tmp_path: Path) -> None:
+    table = sweep(ball, {"seed": [0, 1]}, without_a_disk, tmp_path, processes=1, quiet=True)
+    assert ["No space left" in reason for reason in table["reason"].values] == [True, True]
+    assert not list(tmp_path.iterdir())
+
+
+def without_a_disk(scene) -> xr.Dataset:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_sweep_that_failed_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = 'role = "free"\nradius = 1e-3\nmass = 1e-3\n'
+    scene = tmp_path / "away.toml"
+    scene.write_text(
+        f'[[body]]\nid = "a"\n{body}initial = [0.0, 0.0, 1e90, 0.0]\n[[body]]\nid = "b"\n{body}'
+        'initial = [0.1, 0.0, 0.0, 0.0]\n[[law]]\nname = "contact_linear"\nstiffness = 1000.0\n'
+    )
+    arguments = ["sweep", str(scene), "--duration", "0.01", "--processes", "1", "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--vary", "contact_linear.stiffness=1000"]) == 1
+    assert "SimulationError" in capsys.readouterr().out
 
 
 def test_any_executor(tmp_path: Path) -> None:

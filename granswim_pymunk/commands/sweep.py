@@ -3,6 +3,7 @@
 NAME is seed, bed.height, bed.packing_fraction or LAW.PARAMETER; VALUES are 4,9,15 or first:last or
 first:last:step, both ends included. One netCDF file a run, in OUT/runs, found again by its hash: a sweep that
 was stopped goes on, a larger one reuses a smaller one. OUT/table.nc holds all of it as labelled arrays (xarray).
+Exit code 1 where every run failed.
 """
 
 import argparse
@@ -40,4 +41,4 @@ def main(args: argparse.Namespace) -> int:
     )  # fmt: skip
     print("\n".join(summary_lines(table)))
     print(f"written to {out}: table.nc, runs/")
-    return 0
+    return 1 if (table["reason"] != "").all() else 0  # a sweep of which nothing succeeded did not succeed

@@ -1192,7 +1192,7 @@ class Simulation:
     @property
     def diagnostics(self) -> dict[str, Any]:
         """Mode, steps and neighbour lists built."""
-        result: dict[str, Any] = {"mode": self.mode, "dt": self.dt, "steps": self.step, "scene": self.scene.hash}
+        result: dict[str, Any] = {"mode": self.mode, "dt": self.dt, "steps": self.step, "scene": self.scene.identity}
         if hasattr(self, "_ints"):
             result["neighbour_lists"] = int(self._ints[_SLOT["rebuilds"]])
         return result

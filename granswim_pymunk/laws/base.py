@@ -32,13 +32,17 @@ Kinds
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import math
+import pickle
+import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ..errors import InputError
+from ..fingerprint import fingerprint
 
 STATE: dict[str, dict[str, str]] = {
     "body": {
@@ -185,6 +189,28 @@ class Law:
     def arguments(self) -> tuple[str, ...]:
         return tuple(inspect.signature(self.function).parameters)
 
+    @property
+    def fingerprint(self) -> str:
+        """What the law does: its functions, constants and all, and how it is declared. It keys caches."""
+        declared = [self.name, self.kind, self.reach, self.strength, self.refines, self.form_of, self.compiled]
+        numbers = [(p.name, p.size, p.choices, repr(p.default)) for p in self.parameters]
+        return fingerprint(declared, numbers, self.function, self.series)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How the law goes to another process: by where it is found, or, from a script or shell, as a whole.
+
+        ``@law`` puts the law in the place of its function, so the function alone cannot be found by its name.
+        """
+        module, place = self.function.__module__, self.function.__qualname__
+        whole = None
+        if module == "__main__" or _law_at(module, place) is not self:
+            # a worker of a cluster has not seen this script
+            from numba import cloudpickle  # type: ignore[attr-defined]
+
+            values = {f.name: getattr(self, f.name) for f in fields(self)}
+            whole = cloudpickle.dumps(values)
+        return _received, (self.name, module, place, self.fingerprint, sys.version, whole)
+
     def parameter(self, name: str) -> Parameter:
         for parameter in self.parameters:
             if parameter.name == name:
@@ -221,10 +247,45 @@ class _Automatic:
     def __repr__(self) -> str:
         return "automatic"
 
+    def __reduce__(self) -> str:
+        return "AUTOMATIC"  # there is one, also in another process
+
 
 AUTOMATIC = _Automatic()
 
 _REGISTRY: dict[str, Law] = {}
+
+
+# laws that came from another process as a whole, by fingerprint: of each there is one
+_RECEIVED: dict[str, Law] = {}
+
+
+def _law_at(module: str, place: str) -> Any:
+    """What stands under a dotted name in a module, None where nothing does."""
+    try:
+        found: Any = importlib.import_module(module)
+        for name in place.split("."):
+            found = getattr(found, name)
+    except (ImportError, AttributeError, ValueError):
+        return None
+    return found
+
+
+def _received(name: str, module: str, place: str, mark: str, version: str, whole: bytes | None) -> Law:
+    """The law that another process sent: this process's own where it does the same.
+
+    Raises UnpicklingError where the law is declared differently here than where it was sent from.
+    """
+    here = _law_at(module, place) if whole is None else None
+    for found in (here, _REGISTRY.get(name), _RECEIVED.get(mark)):
+        # fingerprints of two versions of Python cannot be compared
+        if isinstance(found, Law) and (found.fingerprint == mark or (found is here and version != sys.version)):
+            return found
+    if whole is None:
+        raise pickle.UnpicklingError(f"law {name}: {module} no longer declares it as it was when the work was sent")
+    law = _RECEIVED[mark] = Law(**pickle.loads(whole))
+    _REGISTRY.setdefault(name, law)
+    return law
 
 
 def law(

@@ -154,7 +154,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
         coords |= {"x": around.x, "y": around.y}
     result = xr.Dataset(data, coords=coords)
     result.attrs |= {
-        "settle": plan.settle, "dt": sim.dt, "steps": sim.step, "mode": sim.mode, "scene_hash": scene.hash,
+        "settle": plan.settle, "dt": sim.dt, "steps": sim.step, "mode": sim.mode, "scene_hash": scene.identity,
         "grain_radius": grain_radius,
     }  # fmt: skip
     return result

@@ -574,7 +574,7 @@ def _made(diagnosis: Diagnosis) -> str:
         rows.append([
             escaped(case.name), part, str(len(case.t)), f"{number(float(case.t[-1] - case.t[0]))} s",
             noise + ("" if case.sigma_known else " (estimated)"), length(diagnosis.dt.get(case.name), "s"),
-            f"<code>{recording.scene.hash[:12]}</code>",
+            f"<code>{recording.scene.identity[:12]}</code>",
         ])  # fmt: skip
     text = (
         f"granswim_pymunk {__version__}, Python {platform.python_version()}, {', '.join(versions())}; seed "
