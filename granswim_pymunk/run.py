@@ -30,9 +30,11 @@ from . import __version__
 from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
 from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError
-from .files import written_whole
+from .files import claimed, refuse_links, written_whole
 from .packing import pack, quality
 from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
+from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
+from .run_folder import VIDEOS as VIDEO_NAMES
 from .scene import Scene, Time, read_scene
 from .trajectory import TrajectoryWriter, read_trajectory
 
@@ -41,7 +43,6 @@ log = logging.getLogger("granswim")
 VIDEOS = ("gif", "mp4", "none")
 FRAMES = 60  # pictures of a run that does not say how many
 VIDEO_FPS = 25.0
-CHECKPOINT = "checkpoint.npz"
 CHECKPOINT_EVERY = 20.0  # seconds of the clock on the wall
 # steps times bodies between two looks at the keyboard: about a quarter of a second. A fixed number, not a
 # measured one: where a run is cut into blocks must not depend on how busy the machine is
@@ -102,6 +103,7 @@ def run_scene(
     quiet: bool = False,
     max_overlap: float | None = None,
     soft: float | None = None,
+    overwrite: bool = False,
 ) -> RunResult:
     """Pack if needed, simulate, and write what came of it into the folder ``out``.
 
@@ -121,6 +123,8 @@ def run_scene(
     max_overlap : largest overlap as a part of the smaller radius; left out, 0.02 in a scene with grains. The run
         stops with a SimulationError when two bodies overlap more, a grain leaves the box, energy jumps or a
         number is not finite (see ``engine.Watch``); the last good checkpoint stays
+    overwrite : replace a run that lies in ``out``. Otherwise such a folder is refused; files that are not of a
+        run are never touched, and nothing is written through links. One program at a time writes to a folder
 
     What is left out is looked up in the scene's [frames] table. Ctrl-C stops between blocks of steps: what
     was written stays and can be read, and KeyboardInterrupt is raised. Raises InputError before anything
@@ -155,36 +159,38 @@ def run_scene(
         raise InputError(f"should be 0 or at least 2, got {frames}", where="frames")
 
     run = _Run(quiet)
-    with run.timed("packing"):
-        packed = run.pack(scene, cache)
-        if soft is not None:
-            packed = softened(packed, soft)
-            if max_overlap is None and any(b.role == "grain" for b in packed.bodies):
-                max_overlap = OVERLAP * math.sqrt(soft)
-    with run.timed("setting up"):
-        time_of = dataclasses.replace(packed.time, duration=duration)
-        if dt is not None:
-            time_of = dataclasses.replace(time_of, dt=dt)
-        sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
-        if time_of.dt is None and duration > sim.dt:
-            # a little less than the automatic step, so that the run ends when it should
-            time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
+    with claimed(out) as folder:
+        earlier = look(folder, video, overwrite)
+        with run.timed("packing"):
+            packed = run.pack(scene, cache)
+            if soft is not None:
+                packed = softened(packed, soft)
+                if max_overlap is None and any(b.role == "grain" for b in packed.bodies):
+                    max_overlap = OVERLAP * math.sqrt(soft)
+        with run.timed("setting up"):
+            time_of = dataclasses.replace(packed.time, duration=duration)
+            if dt is not None:
+                time_of = dataclasses.replace(time_of, dt=dt)
             sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
-        scene = dataclasses.replace(packed, time=dataclasses.replace(time_of, dt=sim.dt))
-        total = round(duration / sim.dt)
-        if total < 1:
-            raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
-        painter = Painter(
-            scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
-        )
-        plan = _Plan.make(total, frames, scene.time, sim.dt)
-    run.describe(scene, sim, total, requested=mode)
-    folder = _prepare(Path(out))
-    note = {
-        "total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
-        "view": {name: options.get(name) for name in ("top", "view", "width")},
-    }  # fmt: skip
-    return run.go(scene, sim, plan, painter, folder, video, note)
+            if time_of.dt is None and duration > sim.dt:
+                # a little less than the automatic step, so that the run ends when it should
+                time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
+                sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+            scene = dataclasses.replace(packed, time=dataclasses.replace(time_of, dt=sim.dt))
+            total = round(duration / sim.dt)
+            if total < 1:
+                raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
+            painter = Painter(
+                scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
+            )
+            plan = _Plan.make(total, frames, scene.time, sim.dt)
+        run.describe(scene, sim, total, requested=mode)
+        make_room(folder, earlier)
+        note = {
+            "total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
+            "view": {name: options.get(name) for name in ("top", "view", "width")},
+        }  # fmt: skip
+        return run.go(scene, sim, plan, painter, folder, video, note)
 
 
 def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
@@ -194,21 +200,24 @@ def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
     was never stopped, bit for bit in modes verlet and chipmunk. Raises InputError where the folder has no
     checkpoint of a run, or a damaged one.
     """
-    folder = Path(out)
+    if not Path(out).is_dir():
+        raise InputError("no such folder", file=out)
     run = _Run(quiet)
-    with run.timed("setting up"):
-        sim, _, note = resume(folder / CHECKPOINT)
-        if "total" not in note:
-            raise InputError("is not the checkpoint of a run", file=folder / CHECKPOINT)
-        scene = dataclasses.replace(sim.scene, time=dataclasses.replace(sim.scene.time, dt=sim.dt))
-        view = {name: value for name, value in note["view"].items() if value is not None}
-        painter = Painter(
-            scene, note["color"], top=view.get("top"), view=view.get("view"), width=view.get("width", 1200)
-        )
-        plan = _Plan.make(note["total"], note["frames"], scene.time, sim.dt)
-    run.say(f"going on at step {sim.step} of {note['total']}, t = {sim.t:.6g} s")
-    run.describe(scene, sim, note["total"], requested=sim.mode)
-    return run.go(scene, sim, plan, painter, folder, note["video"], note, going_on=True)
+    with claimed(out) as folder:
+        refuse_links(folder, [SCENE, REPORT, TRAJECTORY, CHECKPOINT, PICTURES, *VIDEO_NAMES])
+        with run.timed("setting up"):
+            sim, _, note = resume(folder / CHECKPOINT)
+            if "total" not in note:
+                raise InputError("is not the checkpoint of a run", file=folder / CHECKPOINT)
+            scene = dataclasses.replace(sim.scene, time=dataclasses.replace(sim.scene.time, dt=sim.dt))
+            view = {name: value for name, value in note["view"].items() if value is not None}
+            painter = Painter(
+                scene, note["color"], top=view.get("top"), view=view.get("view"), width=view.get("width", 1200)
+            )
+            plan = _Plan.make(note["total"], note["frames"], scene.time, sim.dt)
+        run.say(f"going on at step {sim.step} of {note['total']}, t = {sim.t:.6g} s")
+        run.describe(scene, sim, note["total"], requested=sim.mode)
+        return run.go(scene, sim, plan, painter, folder, note["video"], note, going_on=True)
 
 
 def _above_zero(value: float | None, name: str, file: Path | None) -> float:
@@ -240,22 +249,6 @@ class _Plan:
             places = np.clip(np.searchsorted(stored, pictures), 0, len(stored) - 1)
             pictures = [stored[k] for k in places]
         return cls(tuple(sorted(set(stored))), frozenset(pictures) if frames else frozenset())
-
-
-def _prepare(folder: Path) -> Path:
-    """The output folder, without the frames of an earlier run."""
-    try:
-        (folder / "frames").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make this folder: {error.strerror}", file=folder) from None
-    for old in (
-        *(folder / "frames").glob("frame_[0-9]*.png"),
-        *folder.glob("video.[gm][ip][f4]"),
-        folder / "run.json",
-        folder / CHECKPOINT,
-    ):
-        old.unlink(missing_ok=True)
-    return folder
 
 
 class _Run:
@@ -350,7 +343,7 @@ class _Run:
     ) -> RunResult:
         total = plan.stored[-1]
         block = max(round(BLOCK[sim.mode] / max(len(scene.bodies), 20)), 1)
-        path = folder / "trajectory.h5"
+        path = folder / TRAJECTORY
         pictures: list[tuple[Path, int, Scale | None]] = []
         reason = "finished"
         failure: SimulationError | None = None
@@ -358,12 +351,15 @@ class _Run:
         if going_on:
             writer = TrajectoryWriter.reopen(path, sim.step)
         else:
-            _write_text(folder / "scene.toml", scene.to_toml())
+            # first of all whose files these are: a run that is killed leaves no files that nobody owns
+            planned = None if video == "none" else folder / f"video.{video}"
+            self.report(folder, self.diagnose(scene, sim, "running", path, (), planned))
+            _write_text(folder / SCENE, scene.to_toml())
             writer = TrajectoryWriter(path, scene)
         have = writer.frames
         # drawn again from the trajectory when the scale is known
         pictures += [
-            (folder / "frames" / f"frame_{k:05d}.png", frame, None)
+            (folder / PICTURES / f"frame_{k:05d}.png", frame, None)
             for k, (frame, _) in enumerate(
                 (frame, step) for frame, step in enumerate(plan.stored[:have]) if step in plan.drawn
             )
@@ -400,7 +396,7 @@ class _Run:
                         painter.remember(state)
                         if step in plan.drawn:
                             with self.timed("frames"):
-                                name = folder / "frames" / f"frame_{len(pictures):05d}.png"
+                                name = folder / PICTURES / f"frame_{len(pictures):05d}.png"
                                 scale = None
                                 if painter.live:
                                     painter.paint(state, contacts)
@@ -427,7 +423,7 @@ class _Run:
                         made = self.video(folder / f"video.{video}", [name for name, _, _ in pictures])
         names = tuple(name for name, _, _ in pictures if name.exists())
         diagnostics = self.diagnose(scene, sim, reason, path, names, made)
-        _write_text(folder / "run.json", json.dumps(diagnostics, indent=1) + "\n")
+        self.report(folder, diagnostics)
         if failure is not None:
             raise failure
         if self.stopped:
@@ -438,6 +434,10 @@ class _Run:
         (folder / CHECKPOINT).unlink(missing_ok=True)
         self.say(_summary(scene, path, folder, names, made, self.spent))
         return RunResult(folder, scene, sim.state(), path, names, made, reason, diagnostics)
+
+    @staticmethod
+    def report(folder: Path, diagnostics: dict[str, Any]) -> None:
+        _write_text(folder / REPORT, json.dumps(diagnostics, indent=1) + "\n")
 
     def save(self, sim: Simulation, folder: Path, note: dict[str, Any]) -> None:
         """A checkpoint; with impulses there is none."""

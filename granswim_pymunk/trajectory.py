@@ -32,6 +32,7 @@ import numpy as np
 
 from . import __version__
 from .errors import InputError
+from .files import refuse_links
 from .scene import ROLES, Scene, scene_from_dict
 
 if TYPE_CHECKING:
@@ -86,8 +87,13 @@ class TrajectoryWriter:
     def __init__(self, path: str | Path, scene: Scene, author: str | None = None) -> None:
         self.path = Path(path)
         self.frames = 0
+        refuse_links(self.path.parent, [self.path.name])
         try:
-            self._file = h5py.File(self.path, "w")
+            if self.path.exists():
+                with h5py.File(self.path, "a"):  # fails where another program has it open
+                    pass
+                self.path.unlink()
+            self._file = h5py.File(self.path, "x")  # a file of its own, whatever appears there meanwhile
         except OSError as error:
             raise InputError(f"cannot write it: {error.strerror or error}", file=path) from None
         file = self._file
@@ -225,6 +231,19 @@ def _user() -> str:
 def _height(scene: Scene) -> float:
     places = [(b.initial[1], b.radius) for b in scene.bodies if b.initial is not None]
     return max(y + r for y, r in places) - min(y - r for y, r in places)
+
+
+def count_states(path: str | Path) -> int:
+    """Number of whole states in a trajectory of this program. Raises InputError where it is none."""
+    try:
+        with h5py.File(path, "r") as file:
+            if file["h5md/creator"].attrs["name"] != "granswim_pymunk":
+                raise KeyError("another program wrote it")
+            group = file["particles/all"]
+            lengths = [len(item["value"]) for item in group.values() if "value" in item and "step" in item]
+            return min([*lengths, len(group["position/step"])]) if "position" in group else 0
+    except (OSError, KeyError, AttributeError, RuntimeError, TypeError) as error:
+        raise InputError(f"is not a trajectory that can be read: {error}", file=path) from None
 
 
 def read_trajectory(path: str | Path) -> Trajectory:

@@ -189,7 +189,7 @@ def test_command(two, tmp_path, capsys):
 def test_second_run_leaves_no_old_frames(two, tmp_path):
     out = tmp_path / "out"
     main(["run", str(two), "--out", str(out), "--frames", "6", "--video", "mp4"])
-    main(["run", str(two), "--out", str(out), "--frames", "3", "--video", "none"])
+    main(["run", str(two), "--out", str(out), "--frames", "3", "--video", "none", "--overwrite"])
     assert len(list((out / "frames").iterdir())) == 3
     assert not (out / "video.mp4").exists()
 
@@ -364,3 +364,102 @@ def test_cart_comes_to_rest_off_the_spring_s_length(tmp_path):
     assert abs(result.state.v[0, 0]) < 1e-3  # v_0: below it the friction lets it creep
     stored = read_trajectory(result.trajectory)
     assert stored.xy[:, 0, 0].min() < 0.25, "it swung through"
+
+
+# ---- what lies in the folder already -----------------------------------------------------------
+
+
+def content(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_a_finished_run_is_not_emptied(two, tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = ["run", str(two), "--out", str(out), "--frames", "2"]
+    assert main(arguments) == 0
+    before = content(out)
+    assert main([*arguments, "--duration", "0.01"]) == 2
+    error = capsys.readouterr().err
+    assert "finished run" in error and "--overwrite" in error and content(out) == before
+    assert main([*arguments, "--duration", "0.01", "--overwrite"]) == 0
+    assert read_trajectory(out / "trajectory.h5").t[-1] == pytest.approx(0.01)
+
+
+BUSY = """
+import sys, time
+from granswim_pymunk.files import claimed
+with claimed(sys.argv[1]):
+    print("mine", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_start_leaves_the_first_alone(two, tmp_path, capsys):
+    """Another program that writes there is noticed before anything is looked at or removed."""
+    out = tmp_path / "out"
+    arguments = ["run", str(two), "--out", str(out), "--frames", "2", "--video", "none"]
+    assert main(arguments) == 0
+    (out / "checkpoint.npz").write_bytes(b"whatever is in it")
+    before = content(out)
+    first = subprocess.Popen([sys.executable, "-c", BUSY, str(out)], stdin=-1, stdout=-1, text=True)
+    assert first.stdin and first.stdout and first.stdout.readline() == "mine\n"
+    for more in ([], ["--overwrite"]):
+        assert main([*arguments, *more]) == 2
+        assert "another program" in capsys.readouterr().err
+    assert main(["run", "--resume", str(out)]) == 2
+    assert "another program" in capsys.readouterr().err
+    assert content(out) == before
+    first.stdin.close()
+    assert first.wait(20) == 0
+    first.stdout.close()
+    assert main([*arguments, "--overwrite"]) == 0
+
+
+def test_a_stopped_run_says_how_it_goes_on(two, tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = ["run", str(two), "--out", str(out), "--frames", "0"]
+    assert main(arguments) == 0
+    (out / "checkpoint.npz").write_bytes(b"whatever is in it")
+    assert main(arguments) == 2
+    assert "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["video.gif", "trajectory.h5", "scene.toml", "frames/frame_00001.png"])
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+def test_files_of_ones_own_stay(two, tmp_path, capsys, name, more):
+    out = tmp_path / "out"
+    (out / "frames").mkdir(parents=True)
+    (out / name).write_text("mine")
+    (out / "video.mp4").write_text("mine, and in nobody's way")
+    assert main(["run", str(two), "--out", str(out), "--frames", "2", *more]) == 2
+    assert name in capsys.readouterr().err
+    assert (out / name).read_text() == "mine"
+    (out / name).unlink()
+    assert main(["run", str(two), "--out", str(out), "--frames", "2", *more]) == 0
+    assert (out / "video.mp4").read_text() == "mine, and in nobody's way"
+
+
+@pytest.mark.parametrize("name", ["video.gif", "trajectory.h5", "scene.toml", "run.json", "frames"])
+def test_nothing_is_written_through_links(two, tmp_path, capsys, name):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "precious").write_text("mine")
+    out.mkdir()
+    (out / name).symlink_to(elsewhere if name == "frames" else elsewhere / "precious")
+    for more in ([], ["--overwrite"]):
+        assert main(["run", str(two), "--out", str(out), "--frames", "2", *more]) == 2
+        assert "link" in capsys.readouterr().err
+    assert content(elsewhere) == {(elsewhere / "precious").relative_to(elsewhere): b"mine"}
+    scene = read_scene(two)
+    (tmp_path / "t.h5").symlink_to(elsewhere / "precious")
+    with pytest.raises(InputError, match="link"):
+        TrajectoryWriter(tmp_path / "t.h5", scene)
+    assert (elsewhere / "precious").read_text() == "mine"
+
+
+def test_output_is_tried_before_the_work(two, tmp_path, capsys, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("granswim_pymunk.run.Simulation", None)  # would fail if it were reached
+    for out in (tmp_path / "file" / "out", tmp_path / ("x" * 300)):
+        assert main(["run", str(two), "--out", str(out)]) == 2
+        assert "cannot make this folder" in capsys.readouterr().err

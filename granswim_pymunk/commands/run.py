@@ -2,7 +2,7 @@
 
 SCENE is a TOML file or the name of a scene that comes with the package (swim, two_disks, pendulum ...).
 Ctrl-C stops between blocks of steps; what was written is kept and can be read, and ``granswim run --resume DIR``
-goes on from the last checkpoint.
+goes on from the last checkpoint. A folder that holds a run is not written to without --overwrite.
 """
 
 import argparse
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--softened", type=float, metavar="F", help="contacts F times softer and steps longer, for screening runs"
     )
+    parser.add_argument("--overwrite", action="store_true", help="replace the run that lies in --out")
     parser.add_argument("--no-cache", action="store_true", help="pack the bed anew, and do not keep it")
 
 
@@ -64,5 +65,6 @@ def main(args: argparse.Namespace) -> int:
         cache=not args.no_cache,
         max_overlap=None if args.max_overlap is None else args.max_overlap / 100,
         soft=args.softened,
+        overwrite=args.overwrite,
     )
     return 0
