@@ -1,4 +1,4 @@
-"""Recordings on disk: the folder of contract version 1, read and written.
+"""Recordings on disk: the folder of contract version 2 (and 1), read and written.
 
 recording.toml (scene and what was recorded), tracks.csv or tracks.npz, input.csv, curve.csv, bodies.csv.
 """
@@ -14,7 +14,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,12 @@ import tomli_w
 from ..errors import InputError
 from ..scene import Scene, SceneWarning, read_inputs, read_toml, scene_from_dict
 from .plausible import check_plausible
-from .recording import CURVE, CURVE_FIELDS, Recording
+from .recording import CURVE, CURVE_FIELDS, NUMBERS, Recording, checked_number, half_seen, rail_axes
 
-FORMAT = "granswim-recording/1"
-RECORDING_KEYS = ("sampling", "position_noise", "angle_noise")
+FORMATS = ("granswim-recording/1", "granswim-recording/2")
+RECORDING_KEYS = tuple(NUMBERS)
+NEW_KEYS = ("tolerance", "angle_tolerance", "time_noise", "radius_error", "mass_error")  # of version 2
+NEW_LAWS = ("hinge", "rod")
 FILES = ("recording.toml", "tracks.csv", "tracks.npz", "input.csv", "curve.csv", "bodies.csv")
 
 # Beyond these no recording is meant, and differences of such numbers overflow
@@ -44,16 +46,23 @@ _LISTED_BODIES = 40  # more bodies than this are written as bodies.csv
 
 
 def read_recording(folder: str | Path) -> Recording:
-    """Read a recording. Everything in SI; see the contract, version 1.
+    """Read a recording. Everything in SI; see the contract, versions 1 and 2.
 
-    Rows may stand in any order. Unknown keys of recording.toml warn (SceneWarning). Raises InputError,
-    naming file and row or key, where something is missing, not a number, given twice, not plausible
-    (mixed units) or where bodies overlap by more than half.
+    Rows may stand in any order. Unknown keys of recording.toml warn (SceneWarning); what was said stands in
+    ``notes`` too. A film beside the tables is not looked at. Raises InputError, naming file and row or key,
+    where something is missing, not a number, given twice, not plausible (mixed units, stray time stamps) or
+    where bodies overlap by more than half.
     """
     try:
-        return _read(Path(folder))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", SceneWarning)
+            recording = _read(Path(folder))
     except InputError as error:
         raise one_line(error) from None
+    for warning in said:
+        warnings.warn(warning.message, warning.category, stacklevel=2)
+    notes = [" ".join(str(w.message).split()) for w in said if issubclass(w.category, SceneWarning)]
+    return replace(recording, notes=tuple(dict.fromkeys(notes)))
 
 
 def one_line(error: InputError) -> InputError:
@@ -77,19 +86,21 @@ def _read(folder: Path) -> Recording:
             isinstance(i, Mapping) for i in data.get(key, [])
         ):
             raise InputError(f"should be tables, written [[{key}]]", file=file, where=key)
-    if data.get("format", FORMAT) != FORMAT:
-        raise InputError(f"should be {FORMAT!r}, got {data['format']!r}", file=file, where="format")
+    if data.get("format", FORMATS[-1]) not in FORMATS:
+        known = " or ".join(map(repr, FORMATS))
+        raise InputError(f"should be {known}, got {_shorten(repr(data['format']))}", file=file, where="format")
     if "format" not in data:
-        warnings.warn(f"{file}: has no format; taken to be {FORMAT!r}", SceneWarning, stacklevel=2)
+        warnings.warn(f"{file}: has no format; taken to be {FORMATS[-1]!r}", SceneWarning, stacklevel=2)
     try:
         scene = scene_from_dict(data, file=file, strict=False, extra=RECORDING_KEYS)
     except (ValueError, TypeError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"cannot be understood: {error}", file=file) from None
-    numbers = {key: _optional_number(data, key, file) for key in RECORDING_KEYS}
-    if numbers["sampling"] == 0:
-        raise InputError("should be above zero [Hz]", file=file, where="sampling")
+    try:
+        numbers: dict[str, Any] = {key: checked_number(key, data.get(key)) for key in RECORDING_KEYS}
+    except InputError as error:
+        raise InputError(error.message, file=file, where=error.where) from None
     if (folder / "input.csv").exists():
         scene = _with_inputs(scene, folder / "input.csv")
     curve = read_curve(folder / "curve.csv") if (folder / "curve.csv").exists() else None
@@ -104,27 +115,13 @@ def _read(folder: Path) -> Recording:
         angle=tracks.angle,
         curve=curve,
         folder=folder,
-        sampling=numbers["sampling"],
-        position_noise=numbers["position_noise"],
-        angle_noise=numbers["angle_noise"],
+        **numbers,
     )
     check_plausible(recording, tracks.rows)
     return recording
 
 
-def _optional_number(data: Mapping[str, Any], key: str, file: Path) -> float | None:
-    value = data.get(key)
-    if value is None:
-        return None
-    unit = {"sampling": "Hz", "position_noise": "m", "angle_noise": "rad"}[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-        raise InputError(f"should be a number, not below zero [{unit}], got {value!r}", file=file, where=key)
-    return float(value)
-
-
 def _with_inputs(scene: Scene, path: Path) -> Scene:
-    from dataclasses import replace
-
     return replace(scene, inputs={**scene.inputs, **read_inputs(path)})
 
 
@@ -150,7 +147,7 @@ def _read_tracks(folder: Path, scene: Scene, *, needed: bool) -> _Tracks:
     keep = []
     for column, name in enumerate(tracks.ids):
         body = scene.body(name)
-        seen = np.isfinite(tracks.xy[:, column, 0]).any() or (
+        seen = np.isfinite(tracks.xy[:, column]).any() or (
             tracks.angle is not None and np.isfinite(tracks.angle[:, column]).any()
         )
         if body.mobile and seen and not body.observed:
@@ -248,23 +245,26 @@ def _parse(
 
 
 def _read_csv(path: Path, scene: Scene) -> _Tracks:
-    """``t,body,x,y[,angle]``, rows in any order; x and y both empty where only an angle was measured."""
+    """``t,body,x,y[,angle]``, rows in any order; x and y both empty where only an angle was measured.
+
+    On a rail along x or y the other coordinate may be empty.
+    """
     order = {name: row for row, name in enumerate(scene.ids)}
+    rails = np.full(len(order), -1)
+    for name, axis in rail_axes(scene).items():
+        rails[order[name]] = axis
     parts: list[tuple[np.ndarray, ...]] = []
     has_angle = False
     for columns, lines in _csv_chunks(path, ("t", "body", "x", "y"), ("angle",)):
         t = _parse(columns["t"], "t", LARGEST_TIME, path, lines, empty=False)
         x = _parse(columns["x"], "x", LARGEST_POSITION, path, lines, empty=True)
         y = _parse(columns["y"], "y", LARGEST_POSITION, path, lines, empty=True)
-        half = np.isnan(x) != np.isnan(y)
-        if half.any():
-            raise InputError("has one coordinate only", file=path, where=f"row {lines[int(np.argmax(half))]}")
         if "angle" in columns:
             has_angle = True
             angle = _parse(columns["angle"], "angle", LARGEST_ANGLE, path, lines, empty=True)
         else:
             angle = np.full(len(t), np.nan)
-        nothing = np.isnan(x) & np.isnan(angle)
+        nothing = np.isnan(x) & np.isnan(y) & np.isnan(angle)
         if nothing.any():
             raise InputError(
                 "has neither position nor angle; leave a body that is not seen out",
@@ -282,6 +282,10 @@ def _read_csv(path: Path, scene: Scene) -> _Tracks:
             raise InputError(
                 f"body {_shorten(names[k])!r} is not in recording.toml", file=path, where=f"row {lines[k]}"
             )
+        across = np.where(rails[body] == 0, np.isfinite(x), (rails[body] == 1) & np.isfinite(y))
+        half = (np.isnan(x) != np.isnan(y)) & ~across
+        if half.any():
+            raise InputError("has one coordinate only", file=path, where=f"row {lines[int(np.argmax(half))]}")
         parts.append((t, body, x, y, angle, np.array(lines, dtype=np.int64)))
     if not parts:
         raise InputError("is empty: it has no rows", file=path)
@@ -392,7 +396,7 @@ def _read_npz(path: Path, scene: Scene) -> _Tracks:
             at = np.argwhere(large)[0]
             who = f", body {names[at[1]]}" if len(at) > 1 else ""
             raise InputError("is infinite or absurdly large", file=path, where=f"{key}, frame {at[0]}{who}")
-    half = np.isnan(xy[..., 0]) != np.isnan(xy[..., 1])
+    half = half_seen(xy, names, scene)
     if half.any():
         frame, column = np.argwhere(half)[0]
         raise InputError(
@@ -470,7 +474,7 @@ def _write_files(recording: Recording, folder: Path, tracks: str | None) -> None
     data = scene.to_dict()
     for key in ("format", "title", "seed", "input"):
         data.pop(key, None)
-    head: dict[str, Any] = {"format": FORMAT, "title": recording.title}
+    head: dict[str, Any] = {"format": FORMATS[_version(recording, data) - 1], "title": recording.title}
     head |= {key: value for key in RECORDING_KEYS if (value := getattr(recording, key)) is not None}
     if scene.seed:
         head["seed"] = scene.seed
@@ -517,6 +521,19 @@ def _write_files(recording: Recording, folder: Path, tracks: str | None) -> None
     if recording.angle is not None:
         parts.append(recording.angle[frames, columns].tolist())
     _write_csv(folder / "tracks.csv", header, zip(*parts, strict=True))
+
+
+def _version(recording: Recording, data: Mapping[str, Any]) -> int:
+    """2 where the recording uses what came with version 2, else 1, so that older readers take it."""
+    missing = np.isnan(recording.xy)
+    new = (
+        any(getattr(recording, key) is not None for key in NEW_KEYS)
+        or "wall" in data
+        or "scheme" in data.get("time", {})
+        or any(item.name in NEW_LAWS for item in recording.scene.laws)
+        or bool(np.any(missing[..., 0] != missing[..., 1]))
+    )
+    return 2 if new else 1
 
 
 def _write_csv(path: Path, header: Any, rows: Any) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..scene import Scene, read_toml, scene_from_dict
 from .folder import RECORDING_KEYS
-from .recording import Recording
+from .recording import Recording, rail_axes
 
 LENGTHS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
@@ -165,7 +165,10 @@ def assemble(
 ) -> Recording:
     """A recording from long columns in SI. Raises InputError naming the row."""
     order = {name: row for row, name in enumerate(scene.ids)}
-    seen = np.isfinite(x) & np.isfinite(y)
+    rails = rail_axes(scene)
+    placed = np.isfinite(x) & np.isfinite(y)
+    placed |= np.array([name in rails and bool(np.isfinite((x, y)[rails[name]][k])) for k, name in enumerate(body)])
+    seen = placed.copy()
     if angle is not None:
         seen |= np.isfinite(angle)
     kept: list[int] = np.flatnonzero(seen).tolist()
@@ -193,12 +196,14 @@ def assemble(
                 where=f"row {lines[k]}",
             )
         taken[f, c] = lines[k]
-        if np.isfinite(x[k]) and np.isfinite(y[k]):
+        if placed[k]:
             xy[f, c] = x[k], y[k]
         if angles is not None and angle is not None:
             angles[f, c] = angle[k]
     steps = np.diff(times)
-    sampling = numbers.get("sampling") or (float(f"{1 / np.median(steps):.6g}") if len(steps) else None)
+    known: dict[str, Any] = {key: numbers.get(key) for key in RECORDING_KEYS}
+    if known["sampling"] is None and len(steps):
+        known["sampling"] = float(f"{1 / np.median(steps):.6g}")
     return Recording(
         name=source.stem,
         title=str(numbers.get("title") or source.stem),
@@ -207,9 +212,7 @@ def assemble(
         ids=tuple(used),
         xy=xy,
         angle=angles,
-        sampling=sampling,
-        position_noise=numbers.get("position_noise"),
-        angle_noise=numbers.get("angle_noise"),
+        **known,
     )
 
 

@@ -36,6 +36,7 @@ def check_plausible(recording: Recording, rows: Sequence[int] | None = None) -> 
     rows : line of the first row of each frame, for the messages.
     """
     check_clock(recording, rows)
+    recording = recording.on_rails()
     _check_radii(recording)
     _check_initial(recording)
     _check_drive(recording)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +15,44 @@ from ..scene import Scene
 
 CURVE_FIELDS = ("frequency", "layers", "speed", "speed_sem", "n")
 CURVE = np.dtype([(name, float) for name in CURVE_FIELDS])
+
+# what the experimenter knows of the measurement, and its unit; None where it is not known
+NUMBERS = {
+    "sampling": "Hz",
+    "position_noise": "m",
+    "angle_noise": "rad",
+    "tolerance": "m",
+    "angle_tolerance": "rad",
+    "time_noise": "s",
+    "radius_error": "relative",
+    "mass_error": "relative",
+}
+
+
+def checked_number(key: str, value: object) -> float | None:
+    """One of NUMBERS as a float, or None. Raises InputError where it is negative, not finite or no number."""
+    if value is None:
+        return None
+    unit = NUMBERS[key]
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not number or not 0 <= value < math.inf:  # type: ignore[operator]
+        raise InputError(f"should be a number, not below zero [{unit}], got {value!r}", where=key)
+    if key == "sampling" and value == 0:
+        raise InputError("should be above zero [Hz]", where=key)
+    if unit == "relative" and value >= 1:  # type: ignore[operator]
+        raise InputError(f"should be a share below 1 (0.02 for 2 %), got {value!r}", where=key)
+    return float(value)  # type: ignore[arg-type]
+
+
+def rail_axes(scene: Scene) -> dict[str, int]:
+    """Bodies on a rail along x (0) or y (1); their other coordinate need not be measured."""
+    found: dict[str, int] = {}
+    for item in scene.laws_named("rail"):
+        x, y = (abs(float(v)) for v in scene.resolved(item)["direction"])
+        if min(x, y) <= 1e-9 * max(x, y):
+            on = item.bodies if item.bodies is not None else tuple(b.id for b in scene.bodies if b.mobile)
+            found |= dict.fromkeys(on, 0 if x > y else 1)
+    return found
 
 
 class Track(NamedTuple):
@@ -31,13 +71,16 @@ class Recording:
     scene : bodies, box and laws of the naive simulation; commands of the apparatus in ``scene.inputs``
     t : (T,) frame times [s], rising
     ids : the n bodies that were seen at least once, in the scene's order
-    xy : (T, n, 2) positions [m], NaN where not seen (always both coordinates)
+    xy : (T, n, 2) positions [m], NaN where not seen: both coordinates, or the one across a rail along x or y
     angle : (T, n) angles [rad], NaN where not measured, or None; of a pinned body: its rod's, 0 hanging
-    sampling : nominal frame rate [Hz] or None
-    position_noise, angle_noise : one standard deviation [m], [rad], None where unknown
+    sampling : nominal frame rate [Hz]
+    position_noise, angle_noise : one standard deviation [m], [rad] of the camera's white noise
+    tolerance, angle_tolerance : smaller differences [m], [rad] (rms) do not matter to the experimenter
+    time_noise : error of the stamps [s];  radius_error, mass_error : relative, one standard deviation
     curve : None or structured (k,) with frequency [Hz], layers, speed, speed_sem [m/s], n (NaN: not given)
-    folder : where it was read from, or None
+    folder : where it was read from, or None;  notes : what was said when it was read
 
+    All numbers are None where unknown.
     Raises InputError where shapes, order or NaN do not fit.
     """
 
@@ -51,8 +94,14 @@ class Recording:
     sampling: float | None = None
     position_noise: float | None = None
     angle_noise: float | None = None
+    tolerance: float | None = None
+    angle_tolerance: float | None = None
+    time_noise: float | None = None
+    radius_error: float | None = None
+    mass_error: float | None = None
     curve: np.ndarray | None = None
     folder: Path | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         frozen = {"t": self.t, "xy": self.xy, "angle": self.angle}
@@ -77,8 +126,13 @@ class Recording:
             raise self._error(f"body {self.ids[rows.index(-1)]} is not in the scene")
         if rows != sorted(set(rows)):
             raise self._error("bodies should stand in the order of the scene, each once")
-        if np.any(np.isnan(self.xy[..., 0]) != np.isnan(self.xy[..., 1])):
+        if half_seen(self.xy, self.ids, self.scene).any():
             raise self._error("a position has one coordinate only")
+        for key in NUMBERS:
+            try:
+                object.__setattr__(self, key, checked_number(key, getattr(self, key)))
+            except InputError as error:
+                raise self._error(f"{key} {error.message}") from None
         if self.curve is not None and self.curve.dtype.names != CURVE_FIELDS:
             raise self._error(f"curve should have the fields {', '.join(CURVE_FIELDS)}")
 
@@ -96,7 +150,7 @@ class Recording:
     @property
     def seen(self) -> np.ndarray:
         """(T, n) True where a position or an angle was measured."""
-        seen = np.isfinite(self.xy[..., 0])
+        seen = np.isfinite(self.xy).any(axis=2)
         return seen if self.angle is None else seen | np.isfinite(self.angle)
 
     def column(self, name: str) -> int:
@@ -143,6 +197,26 @@ class Recording:
             xy[seen, column, 0] = np.unwrap(xy[seen, column, 0], period=period)
         return replace(self, xy=xy)
 
+    def on_rails(self) -> Recording:
+        """Coordinates across a rail that were not measured, set to where the rail runs.
+
+        That is the body's ``initial``, else the median of what was measured of it, else 0.
+        """
+        xy = self.xy
+        for name, along in rail_axes(self.scene).items():
+            if name not in self.ids:
+                continue
+            column, across = self.ids.index(name), 1 - along
+            missing = np.isnan(xy[:, column, across]) & np.isfinite(xy[:, column, along])
+            if not missing.any():
+                continue
+            initial = self.scene.body(name).initial
+            measured = xy[np.isfinite(xy[:, column, across]), column, across]
+            place = initial[across] if initial is not None else float(np.median(measured)) if len(measured) else 0.0
+            xy = xy.copy()
+            xy[missing, column, across] = place
+        return self if xy is self.xy else replace(self, xy=xy)
+
     # ---- text ---------------------------------------------------------------------------------
 
     def __str__(self) -> str:
@@ -169,3 +243,18 @@ class Recording:
             lines.append(f"  commands: {', '.join(self.scene.inputs)}")
         lines += ["  " + line for line in str(self.scene).splitlines()[1:]]
         return "\n".join(lines)
+
+
+def half_seen(xy: np.ndarray, ids: Sequence[str], scene: Scene) -> np.ndarray:
+    """(T, n) True where one coordinate is missing and no rail along the other one makes up for it.
+
+    xy : (T, n, 2) [m] of the bodies ``ids``.
+    """
+    missing = np.isnan(xy)
+    wrong = missing[..., 0] != missing[..., 1]
+    if wrong.any():
+        axes = rail_axes(scene)
+        for column, name in enumerate(ids):
+            if name in axes:
+                wrong[:, column] &= missing[:, column, axes[name]]
+    return wrong
