@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..scene import Body, Scene, use
-from .import_table import read_table
-from .recording import Recording
+from ...errors import InputError
+from ...scene import Body, Scene, use
+from ..recording import Recording
+from .base import Options
+from .source import Source
 
 OUNCE = 0.028349523125  # kg, avoirdupois
 GRAVITY = (0.0, -9.81)
@@ -50,22 +51,15 @@ def import_falling_balls(source: str | Path, *, bowling_ball: int = 208) -> list
     file = source / "ball_drops.csv" if source.is_dir() else source
     sizes = _read_sizes(file.with_name("balls.txt"))
     drops: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    header, rows, lines = read_table(file)
-    for name in ("ball", "drop", "t_s", "height_m"):
-        if name not in header:
-            raise InputError(f"needs the column {name}", file=file)
-    at = {name: header.index(name) for name in header}
-    for row, line in zip(rows, lines, strict=True):
-        ball = row[at["ball"]].strip()
+    table = Source(file, Options(delimiter=",", decimal=".")).table
+    if table is None:
+        raise InputError("is not a table in UTF-8", file=file)
+    balls, numbers = table.texts("ball"), table.texts("drop")
+    times, heights = table.numbers("t_s", required=True), table.numbers("height_m", required=True)
+    for ball, drop, t, height, line in zip(balls, numbers, times.tolist(), heights.tolist(), table.lines, strict=True):
         if ball not in BALLS:
             raise InputError(f"unknown ball {ball!r}", file=file, where=f"row {line}")
-        try:
-            t, height = float(row[at["t_s"]]), float(row[at["height_m"]])
-        except ValueError:
-            t = height = math.nan
-        if not (math.isfinite(t) and math.isfinite(height)):
-            raise InputError("t_s and height_m should be finite numbers", file=file, where=f"row {line}")
-        drops.setdefault((ball, row[at["drop"]].strip()), []).append((t, height))
+        drops.setdefault((ball, drop), []).append((t, height))
     recordings = []
     for (ball, drop), pairs in drops.items():
         listed = sizes.get(BOWLING[bowling_ball] if ball == "Bowling Ball" else BALLS[ball])
@@ -79,9 +73,7 @@ def import_falling_balls(source: str | Path, *, bowling_ball: int = 208) -> list
             Recording(
                 name=f"{name}_{drop}",
                 title=f"{ball}, drop {drop}",
-                scene=Scene(
-                    bodies=(body,), laws=(use("gravity"),), gravity=GRAVITY, title=f"{ball}, drop {drop}"
-                ),
+                scene=Scene(bodies=(body,), laws=(use("gravity"),), gravity=GRAVITY, title=f"{ball}, drop {drop}"),
                 t=t,
                 ids=(name,),
                 xy=np.stack([np.zeros_like(height), height], axis=-1)[:, None, :],

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..scene import Adjustable, Body, Scene, use
-from .import_table import _Table
-from .recording import Recording
+from ...errors import InputError
+from ...scene import Adjustable, Body, Scene, use
+from ..recording import Recording
+from .base import Options
+from .source import Source
 
 # upstream's own estimates, EstimatedParameters_SinglePendulum.mat
 LENGTH = 0.14775  # m, from the axis to the arm's centre of mass
@@ -39,7 +40,9 @@ def import_single_pendulum(source: str | Path) -> Recording:
         except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise InputError(f"needs arrays t_s and theta_rad: {error}", file=file) from None
     else:
-        table = _Table(file, ",", ())
+        table = Source(file, Options(delimiter=",", decimal=".")).table
+        if table is None:
+            raise InputError("is not a table in UTF-8", file=file)
         t, theta = table.numbers("t_s", required=True), table.numbers("theta_rad", required=True)
     order = np.argsort(t, kind="stable")
     t, theta = t[order], theta[order]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..scene import Adjustable, Body, Scene, use
-from .import_table import _Table
-from .recording import Recording
+from ...errors import InputError
+from ...scene import Adjustable, Body, Scene, use
+from ..recording import Recording
+from .base import Options
+from .source import Source
 
 RADIUS = 0.040  # m
 MASS = 0.0118  # kg
@@ -26,16 +28,18 @@ def import_two_disk_spin(source: str | Path, *, fps: float = 54.89) -> Recording
     """
     source = Path(source)
     file = source / "disk_tracks.csv" if source.is_dir() else source
-    table = _Table(file, ",", ())
-    t = table.times("frame", "s", fps)
+    if not (math.isfinite(fps) and fps > 0):
+        raise InputError(f"should be above zero [Hz], got {fps!r}", where="fps")
+    table = Source(file, Options(delimiter=",", decimal=".")).table
+    if table is None:
+        raise InputError("is not a table in UTF-8", file=file)
+    t = table.numbers("frame", required=True) / fps
     cx, cy, mx, my = (table.numbers(name, required=True) for name in ("cx_mm", "cy_mm", "mx_mm", "my_mm"))
     disk = [text.strip() for text in table.texts("disk_id")]
     ids = ("0", "1")
     for k, name in enumerate(disk):
         if name not in ids:
-            raise InputError(
-                f"disk_id should be 0 or 1, got {name!r}", file=file, where=f"row {table.lines[k]}"
-            )
+            raise InputError(f"disk_id should be 0 or 1, got {name!r}", file=file, where=f"row {table.lines[k]}")
     times, frame = np.unique(t, return_inverse=True)
     column = np.array([ids.index(name) for name in disk])
     key, first = np.unique(frame * 2 + column, return_index=True)
@@ -52,9 +56,7 @@ def import_two_disk_spin(source: str | Path, *, fps: float = 54.89) -> Recording
         # an arc tangent has another last digit on another machine
         angle[seen, c] = np.round(np.unwrap(angle[seen, c]), 12)
     scene = Scene(
-        bodies=tuple(
-            Body(id=i, role="free", radius=RADIUS, mass=MASS, inertia=0.5 * MASS * RADIUS**2) for i in ids
-        ),
+        bodies=tuple(Body(id=i, role="free", radius=RADIUS, mass=MASS, inertia=0.5 * MASS * RADIUS**2) for i in ids),
         laws=(use("contact_elastic", restitution=1.0),),
         adjustable=(Adjustable("contact_elastic", "restitution", 0.3, 1.0),),
     )

@@ -1,0 +1,205 @@
+"""Formats that ``granswim import`` understands, one file each, and how a file becomes recordings.
+
+``FORMATS`` lists them in the order in which they are asked whether a file is theirs. An importer has a name, a help
+text, ``recognise`` and ``read`` (see ``base.py``); a shipped recording's own format makes recordings itself.
+"""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError
+from ...files import written_whole
+from ..folder import one_line, write_recording
+from ..keys import commented
+from ..plausible import check_plausible
+from ..recording import Recording
+from . import (
+    deeplabcut,
+    ethovision,
+    extxyz,
+    gsd,
+    h5md,
+    kinovea,
+    lammps,
+    long,
+    sleap,
+    tracker,
+    trackmate,
+    trackpy,
+    wide,
+)
+from .base import Found, Importer, Options
+from .build import build
+from .falling_balls import import_falling_balls
+from .look import Look, draw, look, told
+from .single_pendulum import import_single_pendulum
+from .source import Source
+from .templates import TEMPLATES
+from .two_disk_spin import import_two_disk_spin
+
+IMPORTERS = tuple(
+    module.IMPORTER
+    for module in (
+        h5md, sleap, gsd, lammps, extxyz, trackmate, deeplabcut, ethovision, kinovea, tracker, trackpy, long, wide,
+    )
+)  # fmt: skip
+TABLE_OPTIONS = tuple(f.name for f in fields(Options))
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format by name; ``function`` makes recordings of a path and the options it has."""
+
+    name: str
+    help: str
+    function: Callable[..., Recording | list[Recording]]
+    importer: Importer | None = None
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        if self.importer is not None or self.name == "auto":
+            return TABLE_OPTIONS
+        parameters = inspect.signature(self.function).parameters.values()
+        return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import gave: the folder, the format that was found, the recording, a look at it, remarks, the picture."""
+
+    folder: Path
+    format: str
+    recording: Recording
+    look: Look
+    notes: tuple[str, ...] = ()
+    picture: Path | None = None
+
+    def lines(self) -> list[str]:
+        """What was found, in words."""
+        said = [
+            f"{self.recording.name}: {FORMATS[self.format].help}",
+            *(f"  {line}" for line in told(self.recording, self.look)),
+        ]
+        said += [f"  note: {note}" for note in self.notes]
+        said += [f"  warning: {warning}" for warning in self.look.warnings]
+        return said
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "folder": str(self.folder), "format": self.format, "bodies": list(self.recording.ids),
+            "sampling": self.recording.sampling, "notes": list(self.notes), **self.look.as_dict(),
+            "picture": None if self.picture is None else str(self.picture),
+        }  # fmt: skip
+
+
+def find_format(source: Source) -> str:
+    """The format of a file by looking into it. Raises InputError that says what the file is."""
+    if source.path.is_dir():
+        raise InputError("is a folder: give the file in it", file=source.path)
+    if not source.head:
+        raise InputError("is empty", file=source.path)
+    for importer in IMPORTERS:
+        if importer.recognise(source):
+            return importer.name
+    raise InputError(source.described(), file=source.path)
+
+
+def _import(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Recording], str, tuple[str, ...]]:
+    chosen = FORMATS[format]
+    if chosen.importer is None and format != "auto":
+        found = chosen.function(source, **options)
+        return ([found] if isinstance(found, Recording) else found), format, ()
+    said = Options(**options)
+    opened = Source(source, said)
+    name = find_format(opened) if format == "auto" else format
+    importer = FORMATS[name].importer
+    assert importer is not None
+    if not opened.head:
+        raise InputError("is a folder: give the file in it" if opened.path.is_dir() else "is empty", file=source)
+    built = build(importer.read(opened, said), said, Path(source))
+    return [built.recording], name, built.notes
+
+
+def _checked(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Recording], str, tuple[str, ...]]:
+    if format not in FORMATS:
+        raise InputError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
+    known = FORMATS[format].options
+    for name in options:
+        if name not in known:
+            raise InputError(f"format {format} has no option {name}; it has: {', '.join(known) or 'none'}")
+    if not Path(source).exists():
+        raise InputError("no such file", file=source)
+    try:
+        recordings, name, notes = _import(source, format, options)
+    except InputError as error:
+        raise one_line(error) from None
+    for recording in recordings:
+        try:
+            check_plausible(recording)
+        except InputError as error:
+            raise InputError(error.message, file=source, where=error.where) from None
+    return recordings, name, notes
+
+
+def import_recording(source: str | Path, format: str = "auto", **options: Any) -> list[Recording]:
+    """The recordings in a foreign file. Raises InputError; an option the format does not have is one."""
+    return _checked(source, format, options)[0]
+
+
+def import_all(
+    source: str | Path, out: str | Path, format: str = "auto", *, picture: bool = True, **options: Any
+) -> list[Imported]:
+    """Import, write and look: one recording becomes the folder ``out``, several become folders in it.
+
+    ``recording.toml`` has a remark at each key, ``tracks.png`` shows the tracks. Raises InputError.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        recordings, name, notes = _checked(source, format, options)
+    notes = (*notes, *dict.fromkeys(str(item.message) for item in caught if item.category.__name__ == "SceneWarning"))
+    single = len(recordings) == 1
+    done = []
+    for recording in recordings:
+        folder = write_recording(recording, out if single else Path(out) / recording.name)
+        if FORMATS[name].importer is not None:
+            toml = folder / "recording.toml"
+            text = commented(toml.read_text(encoding="utf-8"))
+            with written_whole(toml) as stream:
+                stream.write(text.encode("utf-8"))
+        drawn = draw(recording, folder / "tracks.png") if picture else None
+        done.append(Imported(folder, name, recording, look(recording), notes, drawn))
+    return done
+
+
+def import_to(source: str | Path, out: str | Path, format: str = "auto", **options: Any) -> list[Path]:
+    """As ``import_all``, without the pictures; the folders."""
+    return [item.folder for item in import_all(source, out, format, picture=False, **options)]
+
+
+def _through(name: str) -> Callable[..., list[Recording]]:
+    def function(source: str | Path, **options: Any) -> list[Recording]:
+        return _import(source, name, options)[0]
+
+    return function
+
+
+FORMATS = {
+    "auto": Format("auto", "found by looking into the file", _through("auto")),
+    **{i.name: Format(i.name, i.help, _through(i.name), i) for i in IMPORTERS},
+    "falling_balls": Format("falling_balls", "ball_drops.csv with balls.txt beside it", import_falling_balls),
+    "single_pendulum": Format(
+        "single_pendulum", "single_pendulum_200Hz.csv or mounted_arm_1kHz.npz", import_single_pendulum
+    ),
+    "two_disk_spin": Format("two_disk_spin", "disk_tracks.csv", import_two_disk_spin),
+}
+
+__all__ = [
+    "FORMATS", "IMPORTERS", "TEMPLATES", "Format", "Found", "Imported", "Importer", "Look", "Options", "draw",
+    "find_format", "import_all", "import_recording", "import_to", "look",
+]  # fmt: skip

@@ -1,0 +1,290 @@
+"""From what a file shows, and what the user says about it, to a recording in SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...scene import Scene, read_toml, scene_from_dict
+from ..folder import RECORDING_KEYS
+from ..recording import Recording, rail_axes
+from .base import Found, Options
+from .templates import TEMPLATES, Tracks, parse_gravity, parse_law
+from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
+
+
+@dataclass(frozen=True)
+class Built:
+    """A recording, and what was decided on the way: one line each, for the user."""
+
+    recording: Recording
+    notes: tuple[str, ...]
+
+
+def build(found: Found, options: Options, source: Path) -> Built:
+    """Units, the direction of y, bodies, laws. Raises InputError naming the row, or what has to be said."""
+    notes = list(found.notes)
+    found = _drop_short(_with_body(found, options, source, notes), options, notes)
+    length = _length(found, options, source, notes)
+    t = _times(found, options, source, notes)
+    x, y, angle = _flip(found, options, notes)
+    x, y = x * length, y * length
+    if angle is not None:
+        turn = options.angle_unit if options.angle_unit is not None else (found.turn or "rad")
+        angle = angle * factor(turn, ANGLES, "angle unit")
+    body = list(found.body or ())
+    seen = np.isfinite(x) & np.isfinite(y)
+    if angle is not None:
+        seen = seen | np.isfinite(angle)
+    if not seen.any():
+        raise InputError("is empty: no body is seen in any frame", file=source)
+    data = _scene_data(found, options, source, length, notes, Tracks(t, body, x, y, angle))
+    scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
+    numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
+    given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
+    numbers |= {key: value for key, value in given.items() if value is not None}
+    numbers.setdefault("title", found.title or source.stem)
+    recording = _assemble(source, scene, t, body, x, y, angle, found.rows, numbers)
+    return Built(recording, tuple(notes))
+
+
+# ---- bodies that are not told apart, short tracks -----------------------------------------------
+
+
+def _with_body(found: Found, options: Options, source: Path, notes: list[str]) -> Found:
+    if found.body is not None:
+        return found
+    named = [text.partition(":")[0] for text in options.bodies]
+    named = [name for name in named if name != "*"]
+    if not named and isinstance(options.scene, str | Path) and Path(options.scene).is_file():
+        scene = scene_from_dict(_toml(options.scene), file=options.scene, strict=False, extra=RECORDING_KEYS)
+        named = [b.id for b in scene.bodies if b.mobile]
+    if len(named) > 1:
+        raise InputError("has no column body, and the scene has more than one", file=source)
+    return replace(found, body=[named[0] if named else "body"] * len(found.clock))
+
+
+def _drop_short(found: Found, options: Options, notes: list[str]) -> Found:
+    if options.min_frames <= 1:
+        return found
+    names = np.array(found.body)
+    seen = np.isfinite(found.x) & np.isfinite(found.y)
+    if found.angle is not None:
+        seen = seen | np.isfinite(found.angle)
+    listed, counts = np.unique(names[seen], return_counts=True)
+    keep = np.isin(names, listed[counts >= options.min_frames])
+    dropped = int((counts < options.min_frames).sum())
+    if dropped:
+        notes.append(f"{dropped} tracks are seen in fewer than {options.min_frames} frames and left out")
+    rows = None if found.rows is None else np.asarray(found.rows)[keep].tolist()
+    return replace(
+        found, clock=found.clock[keep], body=names[keep].tolist(), x=found.x[keep], y=found.y[keep],
+        angle=None if found.angle is None else found.angle[keep], rows=rows,
+    )  # fmt: skip
+
+
+# ---- units --------------------------------------------------------------------------------------
+
+
+def _length(found: Found, options: Options, source: Path, notes: list[str]) -> float:
+    if options.unit is not None:
+        return factor(options.unit, LENGTHS, "unit")
+    if found.length == "px" and np.isfinite(found.x).any():
+        raise InputError(
+            "its positions are in pixels: say how large one is, as --unit 0.1mm/px (or --unit 1e-4, in metres)",
+            file=source,
+        )
+    if found.length is not None and found.length != "px":
+        notes.append(f"positions are in {found.length}, as the file says")
+        return factor(found.length, LENGTHS, "unit")
+    return 1.0
+
+
+def _times(found: Found, options: Options, source: Path, notes: list[str]) -> np.ndarray:
+    fps = options.fps
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise InputError(f"should be above zero [Hz], got {fps!r}", where="fps")
+    if fps is None and found.counts == "frame" and options.time_unit is None:
+        fps = found.rate
+        if fps is None:
+            raise InputError("its clock counts frames and needs the frame rate (--fps)", file=source)
+        notes.append(f"frame rate {fps:g} Hz, as the file says")
+    if fps is not None:
+        if found.counts == "step":
+            # steps between stored frames do not matter: every stored frame is one of the film's
+            return np.unique(found.clock, return_inverse=True)[1] / fps
+        return found.clock / fps
+    if found.counts == "step" and options.time_unit is None:
+        raise InputError(
+            "its clock counts time steps: say how long one is (--time-unit 1e-6, in seconds), or the rate of the "
+            "stored frames (--fps)",
+            file=source,
+        )
+    unit = options.time_unit if options.time_unit is not None else (found.time or "s")
+    return found.clock * factor(unit, TIMES, "time unit")
+
+
+def _flip(found: Found, options: Options, notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """y upwards; angles change their sign with it."""
+    flip = options.flip_y
+    if flip is None and found.y_down:
+        flip = 0.0
+        notes.append("y points down in such files and is turned round, y = -y (--flip-y HEIGHT or --flip-y no)")
+    if flip is None or flip is False:
+        return found.x, found.y, found.angle
+    # motion along a line has y = 0 throughout, which is no height in a picture
+    flat = not np.any(found.y[np.isfinite(found.y)])
+    y = found.y if flat else float(flip) - found.y
+    return found.x, y, None if found.angle is None else -found.angle
+
+
+# ---- the scene ----------------------------------------------------------------------------------
+
+
+def _template_file(options: Options) -> str | Path | None:
+    return options.scene if options.scene is not None and str(options.scene) not in TEMPLATES else None
+
+
+def _toml(path: str | Path) -> dict[str, Any]:
+    data = read_toml(path)
+    data.pop("format", None)
+    return data
+
+
+def parse_body(text: str) -> dict[str, Any]:
+    """``id:radius:mass[:role]`` as a [[body]] table; the role is ``free`` where not given."""
+    parts = [part.strip() for part in text.split(":")]
+    if len(parts) not in (3, 4):
+        raise InputError(f"should be id:radius:mass[:role], as bob:5mm:10g, got {text!r}", where="body")
+    radius = measure(parts[1], LENGTHS, "radius [m] and mass [kg]", "body")
+    mass = measure(parts[2], MASSES, "radius [m] and mass [kg]", "body")
+    return {"id": parts[0], "role": parts[3] if len(parts) == 4 else "free", "radius": radius, "mass": mass}
+
+
+def _scene_data(
+    found: Found, options: Options, source: Path, length: float, notes: list[str], tracks: Tracks
+) -> dict[str, Any]:
+    names = _seen_names(tracks)
+    file = _template_file(options)
+    data: dict[str, Any] = _toml(file) if file is not None else {}
+    bodies = [parse_body(text) for text in options.bodies]
+    everyone = next((b for b in bodies if b["id"] == "*"), None)
+    bodies = [b for b in bodies if b["id"] != "*"]
+    listed = data.get("body", [])
+    listed = listed if isinstance(listed, list) else []
+    told = {str(b.get("id")) for b in (*listed, *bodies) if isinstance(b, Mapping)}
+    if everyone is not None:
+        own = {b["id"]: b for b in bodies}
+        alike = [own.pop(name, everyone | {"id": name}) for name in names if name in own or name not in told]
+        bodies = [*alike, *own.values()]  # in the order of the file: a swimmer's disks are a chain
+    elif not bodies and file is None and set(names) <= found.radius.keys() & found.mass.keys():
+        bodies = [{"id": n, "role": "free", "radius": found.radius[n] * length, "mass": found.mass[n]} for n in names]
+        notes.append("radii and masses are those of the file")
+    if bodies:
+        data["body"] = [*listed, *bodies]
+    if not any(key in data for key in ("body", "bodies", "swimmer")):
+        some = ", ".join(names[:8]) + (" ..." if len(names) > 8 else "")
+        raise InputError(
+            f"which bodies are these? The file has {some}: say radius and mass of each, as --body '{names[0]}:5mm:10g' "
+            "(all alike: --body '*:5mm:10g'), or --scene TEMPLATE.toml",
+            file=source,
+        )
+    laws = [parse_law(text) for text in options.laws]
+    box = dict(data.get("scene", {})) if isinstance(data.get("scene", {}), Mapping) else {}
+    if found.period is not None and "periodic_x" not in box:
+        period = found.period * length
+        if period < 10 * max(float(np.ptp(tracks.x[np.isfinite(tracks.x)])), 1e-12):
+            box["periodic_x"] = period
+            notes.append(f"the box is periodic along x: {period:g} m")
+    if options.gravity is not None:
+        box["gravity"] = list(parse_gravity(options.gravity))
+    if box:
+        data["scene"] = box
+    if options.scene is not None and file is None:
+        template = TEMPLATES[str(options.scene)].make(tracks, data["body"], laws, box)
+        data |= template.data
+        notes += template.notes
+        laws = template.left_over
+    if laws:
+        data["law"] = [*data.get("law", []), *laws]
+    return data
+
+
+def _seen_names(tracks: Tracks) -> list[str]:
+    """Bodies that are seen, in the order of the file; numbers in their order."""
+    seen = np.isfinite(tracks.x) if tracks.angle is None else np.isfinite(tracks.x) | np.isfinite(tracks.angle)
+    names = list(dict.fromkeys(np.array(tracks.body)[seen].tolist()))
+    return sorted(names, key=int) if all(name.isdigit() for name in names) else names
+
+
+# ---- tracks -------------------------------------------------------------------------------------
+
+
+def _assemble(
+    source: Path,
+    scene: Scene,
+    t: np.ndarray,
+    body: Sequence[str],
+    x: np.ndarray,
+    y: np.ndarray,
+    angle: np.ndarray | None,
+    rows: Sequence[int] | None,
+    numbers: Mapping[str, Any],
+) -> Recording:
+    """A recording from long columns in SI. Raises InputError naming the row."""
+    order = {name: row for row, name in enumerate(scene.ids)}
+    placed = np.isfinite(x) & np.isfinite(y)
+    names = np.array(body)
+    for name, axis in rail_axes(scene).items():
+        # along a rail the other coordinate may be missing
+        placed |= (names == name) & np.isfinite((x, y)[axis])
+    seen = placed if angle is None else placed | np.isfinite(angle)
+    kept = np.flatnonzero(seen)
+
+    def where(k: int) -> str | None:
+        return None if rows is None else f"row {rows[k]}"
+
+    place = np.array([order.get(body[k], -1) for k in kept.tolist()])
+    if (place < 0).any():
+        k = int(kept[int(np.argmax(place < 0))])
+        listed = ", ".join(scene.ids[:8])
+        raise InputError(f"body {body[k]!r} is not in the scene; it has: {listed}", file=source, where=where(k))
+    used, column = np.unique(place, return_inverse=True)
+    times, frame = np.unique(t[kept], return_inverse=True)
+    key = frame * len(used) + column
+    sorting = np.argsort(key, kind="stable")
+    twice = np.flatnonzero(np.diff(key[sorting]) == 0)
+    if len(twice):
+        first, second = (int(kept[sorting[twice[0] + n]]) for n in (0, 1))
+        other = "" if rows is None else f" (the other is row {rows[first]})"
+        raise InputError(
+            f"two rows for body {body[second]} at t = {t[second]:g} s{other}", file=source, where=where(second)
+        )
+    xy = np.full((len(times), len(used), 2), np.nan)
+    both = placed[kept]
+    xy[frame[both], column[both], 0] = x[kept][both]
+    xy[frame[both], column[both], 1] = y[kept][both]
+    angles = None
+    if angle is not None:
+        angles = np.full((len(times), len(used)), np.nan)
+        angles[frame, column] = angle[kept]
+    steps = np.diff(times)
+    known: dict[str, Any] = {key: numbers.get(key) for key in RECORDING_KEYS}
+    if known["sampling"] is None and len(steps):
+        known["sampling"] = float(f"{1 / np.median(steps):.6g}")
+    return Recording(
+        name=source.stem,
+        title=str(numbers.get("title") or source.stem),
+        scene=scene,
+        t=times,
+        ids=tuple(scene.ids[row] for row in used.tolist()),
+        xy=xy,
+        angle=angles,
+        **known,
+    )

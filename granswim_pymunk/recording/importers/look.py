@@ -1,0 +1,219 @@
+"""What an import found: numbers in words, warnings of what is absurd, and the tracks as a picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..recording import Recording
+
+JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
+FAST = 20.0  # m/s
+FAST_RADII = 2e4  # radii a second; a golf ball that falls 30 m has 1e3, a swimmer's disk 1e2
+FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
+
+
+@dataclass(frozen=True)
+class Look:
+    """Figures of a recording's tracks. Lengths in m, times in s; nan where they cannot be told.
+
+    gaps : share of the frames between first and last sight in which a body is not seen
+    jumps : steps that no motion of that kind makes;  noise : one standard deviation, off fast differences
+    """
+
+    bodies: int
+    frames: int
+    duration: float
+    gaps: float
+    longest_gap: float
+    jumps: int
+    jump_at: str
+    speed: float
+    fastest: float
+    noise: float
+    angle_noise: float
+    extent: tuple[float, float]
+    radius: float
+    nearest: float
+    warnings: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in vars(self).items()}
+
+
+def noise_of(values: np.ndarray) -> float:
+    """Standard deviation [as the values] of white noise on a smooth course, from third differences.
+
+    The third difference of noise has a variance of 20; motion that is smooth over four frames drops out. The median
+    keeps jumps out: 1.4826 MAD.
+    """
+    values = values[np.isfinite(values)]
+    if len(values) < 8:
+        return math.nan
+    third = np.diff(values, 3)
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20))
+
+
+def look(recording: Recording) -> Look:
+    """Look at the tracks as they will be diagnosed."""
+    unwrapped = recording.unwrapped()
+    t, xy = unwrapped.t, unwrapped.xy
+    seen = recording.seen
+    gaps, longest, possible = 0, 0.0, 0
+    speeds, noises, turned = [], [], []
+    jumps, jump_at = 0, ""
+    for k, name in enumerate(recording.ids):
+        frames = np.flatnonzero(seen[:, k])
+        possible += frames[-1] - frames[0] + 1
+        gaps += frames[-1] - frames[0] + 1 - len(frames)
+        if len(frames) > 1:
+            longest = max(longest, float(np.diff(t[frames])[np.diff(frames) > 1].max(initial=0.0)))
+        if recording.angle is not None:
+            turned.append(noise_of(recording.angle[:, k]))
+        at = np.flatnonzero(np.isfinite(xy[:, k, 0]))
+        if len(at) < 3:
+            continue
+        steps = np.diff(xy[at, k], axis=0)
+        dt = np.diff(t[at])
+        velocity = steps / dt[:, None]
+        speeds.append(np.hypot(*velocity.T))
+        noises += [noise_of(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
+        change = np.hypot(*np.diff(velocity, axis=0).T) * dt[1:]
+        usual = float(np.median(change)) + 1e-3 * float(np.median(np.hypot(*steps.T)))
+        # a jump there and back changes the velocity twice; a bounce only once
+        wild = change > JUMP * usual
+        both = wild[1:] & wild[:-1] & (np.sum(velocity[1:-1] * np.diff(velocity, axis=0)[1:], axis=1) < 0)
+        if usual > 0 and both.any():
+            jumps += int(np.count_nonzero(np.diff(both.astype(int), prepend=0) == 1))
+            jump_at = jump_at or f"{name} at t = {t[at[int(np.argmax(both)) + 2]]:.4g} s"
+    speed = np.concatenate(speeds) if speeds else np.array([math.nan])
+    radii = [recording.scene.bodies[row].radius for row in recording.track_rows]
+    places = xy[np.isfinite(xy[..., 0])]
+    extent = np.ptp(places, axis=0) if len(places) else np.array([math.nan, math.nan])
+    found = Look(
+        bodies=len(recording.ids), frames=len(t), duration=float(t[-1] - t[0]), gaps=float(gaps / max(possible, 1)),
+        longest_gap=longest, jumps=jumps, jump_at=jump_at, speed=float(np.median(speed)), fastest=float(np.max(speed)),
+        noise=float(np.nanmedian(noises)) if np.isfinite(noises).any() else math.nan,
+        angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
+        extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
+    )  # fmt: skip
+    found.warnings.extend(_absurd(found, recording))
+    return found
+
+
+def _nearest(recording: Recording) -> float:
+    """The smallest distance of two bodies in a frame [m], of at most 50 frames."""
+    nearest = math.inf
+    for frame in np.unique(np.linspace(0, len(recording.t) - 1, 50).astype(int)):
+        xy = recording.xy[frame]
+        xy = xy[np.isfinite(xy[:, 0])]
+        if len(xy) > 1:
+            nearest = min(nearest, float(cKDTree(xy).query(xy, k=2)[0][:, 1].min()))
+    return nearest if math.isfinite(nearest) else math.nan
+
+
+def _absurd(found: Look, recording: Recording) -> list[str]:
+    said = []
+    r = found.radius
+    if found.speed > FAST and found.speed > FAST_RADII * r:
+        said.append(
+            f"bodies of {_length(2 * r)} across move at {found.speed:.3g} m/s: are the positions in mm or pixels "
+            "(--unit), or the times in frames or ms (--fps, --time-unit)?"
+        )
+    reach = max((v for v in found.extent if math.isfinite(v)), default=math.nan)
+    if reach > FAR_APART * r:
+        said.append(f"bodies of {_length(2 * r)} across move over {_length(reach)}: is the unit right (--unit)?")
+    if reach < 1e-3 * r and found.bodies == 1:
+        said.append(f"a body of {_length(2 * r)} across moves over {_length(reach)} only: is the unit right (--unit)?")
+    pairs = any(item.law.kind in ("pair", "impulse") for item in recording.scene.laws)
+    if found.nearest < 1.2 * r and pairs:
+        near = _length(found.nearest)
+        said.append(f"bodies of {_length(2 * r)} across come as near as {near}: unit or radius is wrong")
+    for body in (recording.scene.bodies[row] for row in recording.track_rows):
+        density = body.mass / (4 / 3 * math.pi * body.radius**3)
+        if not 0.5 < density < 3e4:
+            size = f"{_length(2 * body.radius)} across and {body.mass:.3g} kg"
+            said.append(f"a sphere as {body.id}, {size}, has {density:.3g} kg/m^3")
+            break
+    steps = np.diff(recording.t)
+    if len(steps) > 2 and steps.max() > 5.5 * np.median(steps):
+        said.append(f"no body is seen for {steps.max():.3g} s after t = {recording.t[int(np.argmax(steps))]:.4g} s")
+    if found.jumps:
+        said.append(f"{found.jumps} jumps (there and back), the first of {found.jump_at}: wrong points of the tracker?")
+    return said
+
+
+def _length(value: float) -> str:
+    if not math.isfinite(value):
+        return "?"
+    for unit, size in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)):
+        if abs(value) >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value:.3g} m"
+
+
+def told(recording: Recording, found: Look) -> list[str]:
+    """The figures in words, a line each."""
+    names = ", ".join(recording.ids[:6]) + (" ..." if len(recording.ids) > 6 else "")
+    rate = f", {recording.sampling:g} Hz" if recording.sampling else ""
+    bodies = "1 body" if found.bodies == 1 else f"{found.bodies} bodies"
+    lines = [f"{bodies} ({names}), {found.frames} frames in {found.duration:.4g} s{rate}"]
+    gaps = f"not seen in {found.gaps:.1%} of them (longest gap {found.longest_gap:.3g} s)" if found.gaps else "no gaps"
+    lines.append(f"{gaps}, {'no jumps' if not found.jumps else f'{found.jumps} jumps'}")
+    if math.isfinite(found.speed):
+        lines.append(f"speeds: median {found.speed:.3g} m/s, largest {found.fastest:.3g} m/s")
+        near = f", nearest centres {_length(found.nearest)}" if math.isfinite(found.nearest) else ""
+        room = " x ".join(map(_length, found.extent))
+        lines.append(f"sizes: {_length(2 * found.radius)} across, in a field of {room}{near}")
+    noise = [_length(found.noise)] if math.isfinite(found.noise) else []
+    noise += [f"{found.angle_noise:.2g} rad"] if math.isfinite(found.angle_noise) else []
+    if noise:
+        lines.append(f"noise, off fast differences: {', '.join(noise)} (one standard deviation)")
+    laws = ", ".join(dict.fromkeys(item.name for item in recording.scene.laws)) or "none"
+    lines.append(f"laws of the scene: {laws}")
+    return lines
+
+
+def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:
+    """The tracks as a PNG: paths in the plane with start and size, and coordinates (or angles) over time."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    placed = bool(np.isfinite(recording.xy).any())
+    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    plane, *courses = figure.subplots(1, 2, width_ratios=(1, 1.2)) if placed else (None, figure.subplots())
+    unwrapped = recording.unwrapped()
+    for k, name in enumerate(recording.ids[:most]):
+        color = f"C{k % 10}"
+        xy = unwrapped.xy[:, k]
+        if plane is not None and np.isfinite(xy).any():
+            plane.plot(*xy.T, color=color, lw=0.8, marker="." if len(xy) < 60 else None, ms=3)
+            first = int(np.argmax(np.isfinite(xy[:, 0])))
+            plane.add_patch(_disk(xy[first], recording.scene.body(name).radius, color))
+            if len(recording.ids) <= 20:
+                plane.annotate(name, xy[first], fontsize=8, color=color)
+        course = courses[0]
+        if placed:
+            course.plot(unwrapped.t, xy[:, 0], color=color, lw=0.8, label="x" if k == 0 else None)
+            course.plot(unwrapped.t, xy[:, 1], color=color, lw=0.8, ls=":", label="y" if k == 0 else None)
+        else:
+            course.plot(recording.t, recording.angle[:, k] if recording.angle is not None else [], lw=0.8, label=name)
+    if plane is not None:
+        plane.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="paths, with the disk at its first place")
+        plane.autoscale_view()
+    courses[0].set(xlabel="t [s]", ylabel="x, y [m]" if placed else "angle [rad]", title=recording.title[:60])
+    courses[0].legend(loc="upper right", fontsize=8)
+    figure.savefig(path, dpi=110)
+    return Path(path)
+
+
+def _disk(at: np.ndarray, radius: float, color: str) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle((float(at[0]), float(at[1])), radius, fill=False, color=color, lw=1)

@@ -1,0 +1,257 @@
+"""A table of named columns, from a delimited text, a worksheet or a DataFrame."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from .units import is_unit
+
+MISSING = ("", "nan", "na", "n/a", "none", "null", "-", "--", "#n/a")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+LOOKED_AT = 200  # rows that decide about delimiter, header and decimal sign
+
+
+@dataclass
+class Table:
+    """Columns by name; cells are texts, or numbers where the source has types.
+
+    lines : row number of each row in the source, for messages;  units : what a row of units says
+    decimal : "," or ".";  bare : the source has no header, and columns are called 1, 2, 3 ...
+    """
+
+    source: Path
+    header: list[str]
+    columns: dict[str, Any]
+    lines: Sequence[int]
+    units: dict[str, str] = field(default_factory=dict)
+    decimal: str = "."
+    bare: bool = False
+    missing: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        self.sentinels = {text.strip().lower() for text in (*MISSING, *self.missing)}
+        self.sentinel_numbers = set()
+        for text in self.missing:
+            try:
+                self.sentinel_numbers.add(float(text))
+            except ValueError:
+                continue
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def cells(self, name: str) -> Any:
+        if name not in self.columns:
+            hint = "; it has no header: columns are 1, 2, 3 ..." if self.bare else ""
+            listed = ", ".join(self.header[:20]) + (" ..." if len(self.header) > 20 else "")
+            raise InputError(f"has no column {name!r}; it has: {listed}{hint}", file=self.source)
+        return self.columns[name]
+
+    def texts(self, name: str) -> list[str]:
+        """The cells as texts; whole numbers without a point."""
+        cells = self.cells(name)
+        if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
+            return ["" if v != v else str(int(v)) if v == int(v) else repr(v) for v in cells.tolist()]
+        return [_label(str(cell)) for cell in cells]
+
+    def numbers(self, name: str, *, required: bool = False) -> np.ndarray:
+        """(k,) values, NaN where missing; with ``required`` nothing may be missing. Raises InputError with the row."""
+        cells = self.cells(name)
+        if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiub":
+            values = cells.astype(float)
+        else:
+            values = self._parse(name, cells)
+        for sentinel in self.sentinel_numbers:
+            values[values == sentinel] = np.nan
+        bad = ~np.isfinite(values)
+        if bad.any():
+            k = int(np.argmax(bad))
+            if np.isinf(values).any():
+                k = int(np.argmax(np.isinf(values)))
+                raise self._not_a_number(name, k)
+            if required:
+                raise InputError(f"{name} is missing", file=self.source, where=f"row {self.lines[k]}")
+        return values
+
+    def _parse(self, name: str, cells: Sequence[Any]) -> np.ndarray:
+        values = np.full(len(cells), np.nan)
+        comma = self.decimal == ","
+        for k, cell in enumerate(cells):
+            try:
+                values[k] = float(cell.replace(",", ".") if comma else cell)
+            except (ValueError, AttributeError):
+                if str(cell).strip().lower() not in self.sentinels and cell is not None:
+                    raise self._not_a_number(name, k) from None
+        return values
+
+    def _not_a_number(self, name: str, k: int) -> InputError:
+        hint = ""
+        if self.decimal == "." and _DECIMAL_COMMA.fullmatch(str(self.columns[name][k]).strip()):
+            hint = "; a decimal comma? Then --decimal ,"
+        return InputError(
+            f"{name} should be a number, got {str(self.columns[name][k])[:60]!r}{hint}",
+            file=self.source,
+            where=f"row {self.lines[k]}",
+        )
+
+
+def _label(text: str) -> str:
+    """``3.0`` as ``3``: labels that went through a column of floats."""
+    text = text.strip()
+    return text[:-2] if re.fullmatch(r"-?\d+\.0", text) else text
+
+
+# ---- from a delimited text --------------------------------------------------------------------
+
+
+def split(text: str, delimiter: str, path: Path) -> list[tuple[int, list[str]]]:
+    """Rows with their line numbers; empty lines are left out. A space stands for any run of blanks."""
+    if delimiter == " ":
+        found = [(line, row.split()) for line, row in enumerate(text.splitlines(), start=1)]
+        return [(line, row) for line, row in found if row]
+    try:
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise InputError(f"is not a table: {error}", file=path) from None
+    return [(line, row) for line, row in rows if any(cell.strip() for cell in row)]
+
+
+def find_delimiter(lines: Sequence[str]) -> str:
+    """The sign that cuts most lines into the same number of parts, two or more."""
+    best, best_score = ",", (0.0, 0)
+    sample = [line for line in lines[:LOOKED_AT] if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    if not sample:
+        return ","
+    for rank, delimiter in enumerate((";", "\t", ",", " ")):
+        if delimiter == " ":
+            counts = [len(line.split()) for line in sample]
+        else:
+            counts = [_parts(line, delimiter) for line in sample]
+        common, times = Counter(counts).most_common(1)[0]
+        if common < 2:
+            continue
+        # of two that cut all lines alike the earlier: 0,5;1,2 is cut at ; and not at its decimal signs
+        score = (round(times / len(sample), 2), -rank)
+        if score > best_score:
+            best, best_score = delimiter, score
+    if best_score[0] < 0.5:
+        counts_first = {d: _parts(sample[0], d) for d in (",", ";", "\t")}
+        best = max(counts_first, key=lambda d: counts_first[d])
+    return best
+
+
+def _parts(line: str, delimiter: str) -> int:
+    return len(next(csv.reader([line], delimiter=delimiter), []))
+
+
+def numeric(cell: str, decimal: str = ".") -> bool:
+    try:
+        float(cell.replace(",", ".") if decimal == "," else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
+    if delimiter == ",":
+        return "."
+    commas = sum(bool(_DECIMAL_COMMA.fullmatch(cell.strip())) for row in rows[:LOOKED_AT] for cell in row)
+    points = sum(numeric(cell) and "." in cell for row in rows[:LOOKED_AT] for cell in row)
+    return "," if commas > points else "."
+
+
+def table_from_rows(
+    rows: Sequence[tuple[int, list[str]]],
+    path: Path,
+    *,
+    decimal: str | None = None,
+    delimiter: str = ",",
+    missing: Sequence[str] = (),
+    comment_header: list[str] | None = None,
+) -> Table:
+    """Header, a row of units where there is one, and columns. Raises InputError naming the row."""
+    if not rows:
+        raise InputError("is empty", file=path)
+    rows = _without_tail([(line, [cell.strip() for cell in row]) for line, row in rows])
+    if decimal not in (None, ".", ","):
+        raise InputError(f"should be . or , got {decimal!r}", where="decimal")
+    sign = decimal or find_decimal([row for _, row in rows], delimiter)
+    counts = Counter(len(row) for _, row in rows[:LOOKED_AT])
+    common, times = counts.most_common(1)[0]
+    start = 0
+    if times >= 3 and times >= 0.5 * len(rows[:LOOKED_AT]):
+        # what stands above the header has another number of columns: a title, remarks
+        start = next(k for k, (_, row) in enumerate(rows) if len(row) == common)
+    body = list(rows[start:])
+    bare = all(numeric(cell, sign) for cell in body[0][1])
+    units: dict[str, str] = {}
+    if bare and comment_header is not None and len(comment_header) == len(body[0][1]):
+        header, bare = comment_header, False
+    elif bare:
+        header = [str(k + 1) for k in range(len(body[0][1]))]
+    else:
+        header = body.pop(0)[1]
+    for line, row in body:
+        if len(row) != len(header):
+            raise InputError(f"expected {len(header)} columns, got {len(row)}", file=path, where=f"row {line}")
+    if body and not bare and _is_unit_row(body[0][1], sign):
+        units = {name: cell.strip("()[] ") for name, cell in zip(header, body.pop(0)[1], strict=True)}
+    if not body:
+        raise InputError("is empty: it has no rows", file=path)
+    header = _names(header, path)
+    columns = dict(zip(header, zip(*(row for _, row in body), strict=True), strict=True))
+    units = {name: unit for name, unit in zip(header, units.values(), strict=True) if unit} if units else {}
+    return Table(path, header, columns, [line for line, _ in body], units, sign, bare, missing)
+
+
+def _without_tail(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Rows that all end in a delimiter have no last column."""
+    if all(len(row) > 1 and row[-1] == "" for _, row in rows):
+        return [(line, row[:-1]) for line, row in rows]
+    return rows
+
+
+def _is_unit_row(row: Sequence[str], decimal: str) -> bool:
+    cells = [cell.strip("()[] ") for cell in row]
+    return any(map(is_unit, cells)) and not any(numeric(cell, decimal) for cell in cells if cell)
+
+
+def _names(header: Sequence[str], path: Path) -> list[str]:
+    """Names without blanks around them; a nameless column (an index) is called ``index``."""
+    names = [cell.strip() or ("index" if k == 0 else f"column {k + 1}") for k, cell in enumerate(header)]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"a column stands in the header twice: {twice[0]!r}", file=path)
+    return names
+
+
+def table_from_frame(frame: Any, path: Path, missing: Sequence[str] = ()) -> Table:
+    """The columns of a pandas DataFrame; an index that has a name, or is no plain count, becomes a column."""
+    import pandas as pd
+
+    plain = isinstance(frame.index, pd.RangeIndex) or (frame.index.name is None and frame.index.dtype.kind in "iu")
+    if not plain and frame.index.name not in frame.columns:
+        frame = frame.reset_index(names=None if frame.index.name is not None else "t")
+    header = [str(name) for name in frame.columns]
+    columns: dict[str, Any] = {}
+    for name, label in zip(header, frame.columns, strict=True):
+        series = frame[label]
+        if pd.api.types.is_numeric_dtype(series.dtype):
+            columns[name] = series.to_numpy(dtype=float, na_value=math.nan)
+        elif pd.api.types.is_timedelta64_dtype(series.dtype):
+            columns[name] = series.dt.total_seconds().to_numpy()
+        else:
+            columns[name] = tuple("" if cell is None or cell != cell else str(cell) for cell in series)
+    return Table(path, _names(header, path), columns, range(1, len(frame) + 1), missing=missing)

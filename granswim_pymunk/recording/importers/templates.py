@@ -1,0 +1,292 @@
+"""Scenes to start from: what is believed about a pendulum, a puck, a drop, a cart, a swimmer.
+
+A template looks at the tracks and says gravity, laws and what recalibration may move. Laws that the user gives
+complete or replace the template's.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ...errors import InputError
+from ...laws import get_law
+
+G = 9.81
+MARGIN = 0.05  # part of a length by which recalibration may move it
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """One entry for each body and frame: t [s], body, x, y [m], angle [rad] or None."""
+
+    t: np.ndarray
+    body: Sequence[str]
+    x: np.ndarray
+    y: np.ndarray
+    angle: np.ndarray | None
+
+    def of(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) and places (k, 2) where the body is seen, in the order of time."""
+        own = (np.array(self.body) == name) & np.isfinite(self.x) & np.isfinite(self.y)
+        order = np.argsort(self.t[own], kind="stable")
+        return self.t[own][order], np.stack([self.x[own], self.y[own]], axis=-1)[order]
+
+
+@dataclass(frozen=True)
+class Filled:
+    """What a template says: tables of recording.toml, remarks, and laws of the user that it did not use."""
+
+    data: dict[str, Any]
+    notes: list[str]
+    left_over: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Template:
+    name: str
+    help: str
+    make: Callable[[Tracks, list[dict[str, Any]], list[dict[str, Any]], Mapping[str, Any]], Filled]
+
+
+# ---- what the user writes -----------------------------------------------------------------------
+
+
+def parse_gravity(text: str | float | Sequence[float]) -> tuple[float, float]:
+    """``9.81`` (downwards) or ``gx,gy`` [m/s^2]. Raises InputError."""
+    if isinstance(text, int | float):
+        return 0.0, -float(text)
+    try:
+        parts = re.split(r"[,\s]+", text.strip()) if isinstance(text, str) else list(text)
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1 and math.isfinite(numbers[0]):
+        return 0.0, -numbers[0]
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"should be a size or gx,gy [m/s^2], got {text!r}", where="gravity")
+    return numbers[0], numbers[1]
+
+
+def parse_law(text: str) -> dict[str, Any]:
+    """``pin:bob,anchor=0 0,length=0.25`` as a [[law]] table. Raises InputError; values are checked later."""
+    head, *pairs = [part.strip() for part in text.split(",")]
+    name, _, who = head.partition(":")
+    if not name:
+        raise InputError(f"should be NAME[:BODY],PARAMETER=VALUE,..., got {text!r}", where="law")
+    declared = get_law(name)
+    table: dict[str, Any] = {"name": name}
+    bodies = [part for part in re.split(r"[+\s]+", who) if part]
+    if len(bodies) == 1:
+        table["body"] = bodies[0]
+    elif bodies:
+        table["bodies"] = bodies
+    for pair in pairs:
+        key, sign, value = (part.strip() for part in pair.partition("="))
+        if not sign or not key or not value:
+            raise InputError(f"should be NAME[:BODY],PARAMETER=VALUE,..., got {text!r}", where="law")
+        table[key] = _value(value)
+    declared = get_law(name, given=[key for key in table if key not in ("name", "body", "bodies")])
+    for key in table:
+        if key not in ("name", "body", "bodies"):
+            declared.parameter(key)
+    return table
+
+
+def _value(text: str) -> Any:
+    try:
+        numbers = [float(part) for part in text.strip("[]()").split()]
+    except ValueError:
+        return text
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _take(laws: list[dict[str, Any]], name: str, body: str | None = None) -> dict[str, Any]:
+    """The user's values for a law, taken out of the list; empty where there are none."""
+    for item in laws:
+        if item["name"] == name and (body is None or item.get("body", body) == body):
+            laws.remove(item)
+            return {key: value for key, value in item.items() if key not in ("name", "body", "bodies")}
+    return {}
+
+
+def _round(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+# ---- the templates ------------------------------------------------------------------------------
+
+
+def _circle(xy: np.ndarray, length: float | None, below: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Centre, radius and (roughly) its relative error, of the circle through places (k, 2), by least squares.
+
+    length : the radius where it is known;  below : unit vector of gravity, the centre lies the other way
+    """
+    middle = xy.mean(axis=0)
+    size = float(np.hypot(*np.ptp(xy, axis=0))) or 1.0
+    guess = length or size
+    start = [*(middle - guess * below), *([] if length else [guess])]
+
+    def misfit(p: np.ndarray) -> np.ndarray:
+        return np.hypot(*(xy - p[:2]).T) - (length or p[2])
+
+    fit = least_squares(misfit, start, x_scale=size)
+    if length:
+        return fit.x[:2], length, 0.0
+    radius = float(abs(fit.x[2]))
+    spread = float(np.sqrt(2 * fit.cost / max(len(xy) - len(fit.x), 1)))
+    # what the radius hangs on is how far the arc is from its chord: the sagitta s = chord^2/(8 R). The
+    # covariance at a minimum says nothing where noise has bent a short arc into another circle
+    sagitta = size**2 / (8 * radius)
+    return fit.x[:2], radius, 4 * spread / math.sqrt(len(xy)) / sagitta
+
+
+def _pendulum(
+    tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]
+) -> Filled:
+    """Each body on a rigid rod from an anchor; both are found from the arc where they are not given."""
+    gravity = tuple(box.get("gravity", (0.0, -G)))
+    below = np.array(gravity) / (math.hypot(*gravity) or 1.0)
+    laws, notes, pins, adjustable = list(laws), [], [], []
+    for body in bodies:
+        name = body["id"]
+        given = _take(laws, "pin", name)
+        _, xy = tracks.of(name)
+        length: Any = given.get("length")
+        anchor: Any = given.get("anchor")
+        if length is None and len(xy) < 10:
+            raise InputError(
+                f"only the angle of {name} is measured: say how long its rod is, as --law 'pin:{name},length=0.25'",
+                where="scene pendulum",
+            )
+        if (length is None or anchor is None) and len(xy) >= 10:
+            if anchor is not None:
+                length = float(np.median(np.hypot(*(xy - np.array(anchor)).T)))
+                error = 0.0
+            else:
+                centre, length, error = _circle(xy, length, below)
+                anchor = [_round(float(v)) for v in centre]
+            if anchor is None or "length" not in given or "anchor" not in given:
+                anchor, length = _with_period(tracks.of(name)[0], xy, np.array(anchor), length, gravity, given)
+            if error > 0.05:
+                raise InputError(
+                    f"the arc of {name} is too short to tell the length of its rod ({length:.3g} m +- "
+                    f"{100 * error:.0f} %): give it, as --law 'pin:{name},length=0.25'",
+                    where="scene pendulum",
+                )
+            centre_text = f"({anchor[0]:.4g}, {anchor[1]:.4g}) m"
+            notes.append(f"{name} moves on a circle about {centre_text}, radius {length:.4g} m: its pin")
+        fitted = {"anchor": anchor or [0.0, 0.0], "length": _round(float(length))}
+        pins.append({"name": "pin", "body": name, **given, **fitted})
+    low = min(float(p["length"]) for p in pins) * (1 - MARGIN)
+    high = max(float(p["length"]) for p in pins) * (1 + MARGIN)
+    adjustable.append({"law": "pin", "parameter": "length", "low": _round(low), "high": _round(high)})
+    if len(pins) > 1:
+        adjustable[0]["per"] = "body"
+    return Filled({"scene": {**box, "gravity": list(gravity)}, "law": pins, "adjustable": adjustable}, notes, laws)
+
+
+def _puck(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
+    """Bodies that glide on a level table without friction; they collide, if they do, without loss."""
+    laws = list(laws)
+    data: dict[str, Any] = {"scene": {"gravity": [0.0, 0.0], **box}}
+    if len(bodies) > 1 and not any(item["name"].startswith("contact_") for item in laws):
+        data["law"] = [{"name": "contact_elastic", "restitution": 1.0}]
+        data["adjustable"] = [{"law": "contact_elastic", "parameter": "restitution", "low": 0.3, "high": 1.0}]
+    return Filled(data, ["pucks on a level table: no gravity, no friction is believed"], laws)
+
+
+def _drop(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
+    """Bodies that fall freely."""
+    return Filled({"scene": {"gravity": [0.0, -G], **box}}, [], list(laws))
+
+
+def _cart(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
+    """Each body on a rail; its direction is that of the largest spread, an axis where that is within 2 degrees."""
+    laws, rails, notes = list(laws), [], []
+    for body in bodies:
+        name = body["id"]
+        given = _take(laws, "rail", name)
+        direction = given.get("direction")
+        if direction is None:
+            _, xy = tracks.of(name)
+            if len(xy) < 3:
+                raise InputError(
+                    f"{name} is hardly seen: say its rail, as --law 'rail:{name},direction=1 0'", where="scene cart"
+                )
+            along = np.linalg.svd(xy - xy.mean(axis=0), full_matrices=False)[2][0]
+            along = along * (1 if along[np.argmax(np.abs(along))] > 0 else -1)
+            for axis in np.eye(2):
+                if along @ axis > math.cos(math.radians(2)):
+                    along = axis
+            direction = [_round(float(v)) for v in along]
+            notes.append(f"{name} moves along ({direction[0]:.4g}, {direction[1]:.4g}): its rail")
+        rails.append({"name": "rail", "bodies": [name], "direction": direction})
+    return Filled({"scene": {"gravity": [0.0, 0.0], **box}, "law": rails}, notes, laws)
+
+
+def _swimmer(
+    tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]
+) -> Filled:
+    """A chain of disks, the first the head whose axis is driven; the rate of the drive is that of the head's swing."""
+    if len(bodies) < 3:
+        raise InputError("a swimmer has three disks or more, head first", where="scene swimmer")
+    disks = [b for b in bodies if b["role"] in ("free", "head", "tail")]
+    chain = [{**b, "role": "head" if k == 0 else "tail"} for k, b in enumerate(disks)]
+    others = [b for b in bodies if b not in disks]
+    laws, notes = list(laws), []
+    given = _take(laws, "bending")
+    if "frequency" not in given:
+        given["frequency"] = _swing(tracks, chain[0]["id"], chain[1]["id"])
+        notes.append(f"the head swings at {given['frequency']:.4g} Hz: the frequency of its drive")
+    contact = {"stiffness": 2.2e3, "damping": 1.0e4} | _take(laws, "contact_linear")
+    union = {"stiffness": 1.0e3, "damping": 1.0e3} | _take(laws, "union")
+    bend = {"stiffness": 2.0e-3, "damping": 1.0e2, "amplitude": math.pi / 4} | given
+    stiffness = float(bend["stiffness"])
+    notes.append(f"stiffness of the bending: {stiffness:g} N is believed, recalibration may halve or double it")
+    return Filled(
+        {
+            "scene": {"gravity": [0.0, 0.0], **box},
+            "body": chain + others,
+            "law": [
+                {"name": "contact_linear", **contact}, {"name": "union", **union}, {"name": "bending", **bend},
+            ],
+            "adjustable": [{"law": "bending", "parameter": "stiffness", "low": stiffness / 2, "high": 2 * stiffness}],
+        },
+        notes, laws,
+    )  # fmt: skip
+
+
+def _swing(tracks: Tracks, head: str, neck: str) -> float:
+    """Frequency [Hz] of the largest peak of the angle of the line between two bodies."""
+    (t, a), (s, b) = tracks.of(head), tracks.of(neck)
+    both, i, j = np.intersect1d(t, s, return_indices=True)
+    if len(both) < 16:
+        raise InputError("its frequency cannot be read off: --law 'bending,frequency=9'", where="scene swimmer")
+    line = a[i] - b[j]
+    angle = np.unwrap(np.arctan2(line[:, 1], line[:, 0]))
+    even = np.linspace(both[0], both[-1], len(both))
+    signal = np.interp(even, both, angle)
+    signal = (signal - np.polyval(np.polyfit(even, signal, 1), even)) * np.hanning(len(even))
+    size = 16 * len(signal)  # padded with zeros: the peak between two lines of the spectrum
+    spectrum = np.abs(np.fft.rfft(signal, size))
+    frequency = np.fft.rfftfreq(size, even[1] - even[0])
+    return _round(float(frequency[1:][np.argmax(spectrum[1:])]), 4)
+
+
+TEMPLATES = {
+    t.name: t
+    for t in (
+        Template("pendulum", "bodies on rigid rods under gravity", _pendulum),
+        Template("puck", "bodies gliding on a level table", _puck),
+        Template("drop", "bodies in free fall", _drop),
+        Template("cart", "bodies on rails", _cart),
+        Template("swimmer", "a chain of disks with a driven head", _swimmer),
+    )
+}

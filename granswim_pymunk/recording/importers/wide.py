@@ -1,0 +1,106 @@
+"""Plain tables with one row per frame: ``t,x1,y1,x2,y2``, ``t,x1,x2`` or ``t,ball_x,ball_y``."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ...errors import InputError
+from .base import Found, Importer, Options
+from .long import NAMES, clock, known, said_unit
+from .source import Source
+from .table import Table
+from .units import ANGLES, LENGTHS, is_unit, split_unit
+
+_FIRST = re.compile(r"(x|y|angle|theta)[ _.]?(.+)", re.IGNORECASE)
+_LAST = re.compile(r"(.+?)[ _.:/](x|y|angle|theta)", re.IGNORECASE)
+
+
+def place(column: str) -> tuple[str, str] | None:
+    """Body and coordinate of a column called ``x1``, ``x_left`` or ``left_x``, with a unit behind it or not."""
+    plain, _ = split_unit(column)
+    if (match := _LAST.fullmatch(plain)) is not None:
+        name, kind = match[1], match[2].lower()
+    elif (match := _FIRST.fullmatch(plain)) is not None and not is_unit(match[2]):
+        name, kind = match[2], match[1].lower()
+    else:
+        return None
+    return name.strip(), "angle" if kind == "theta" else kind
+
+
+def find_places(table: Table, options: Options) -> tuple[str | None, dict[str, dict[str, str]]]:
+    """The time column, and the columns of each body."""
+    names = options.column_map()
+    time = names.pop("t", None) or next(
+        (c for key in ("t", "frame") for c in table.header if split_unit(c)[0].lower() in NAMES[key]), None
+    )
+    places: dict[str, dict[str, str]] = {}
+    for key, column in names.items():
+        name, dot, kind = key.rpartition(".")
+        if not dot or kind not in ("x", "y", "angle"):
+            raise InputError(f"unknown name {key!r}; known: t, BODY.x, BODY.y, BODY.angle", where="columns")
+        places.setdefault(name, {})[kind] = column
+    mapped = {*names.values(), time}
+    for column in table.header:
+        if column not in mapped and (at := place(column)) is not None:
+            places.setdefault(at[0], {}).setdefault(at[1], column)
+    return time, places
+
+
+def recognise(source: Source) -> bool:
+    if not source.columns or source.table is None:
+        return False
+    try:
+        time, places = find_places(source.table, source.options)
+    except InputError:
+        return False
+    return (time is not None or source.options.fps is not None) and any("x" in p or "y" in p for p in places.values())
+
+
+def read(source: Source, options: Options) -> Found:
+    """The text after (or before) x, y or angle is the body's id. Without a time column ``fps`` makes it of the row."""
+    table = source.table
+    if table is None:
+        raise InputError("is not a table", file=source.path)
+    time, places = find_places(table, options)
+    if time is None and options.fps is not None:
+        t, counts, unit = np.arange(len(table), dtype=float), "frame", None
+    else:
+        t, counts, unit = clock(table, {} if time is None else {"t": time}, options)
+    if not places:
+        raise InputError(f"has no columns like x1, y1; it has: {', '.join(table.header)}", file=source.path)
+    size = len(t)
+    nothing = np.full(size, np.nan)
+    xs, ys, angles = [], [], []
+    body: list[str] = []
+    for name, kinds in places.items():
+        x = table.numbers(kinds["x"]) if "x" in kinds else nothing
+        y = table.numbers(kinds["y"]) if "y" in kinds else nothing
+        if "x" in kinds and "y" not in kinds:
+            y = np.where(np.isfinite(x), 0.0, np.nan)
+        elif "y" in kinds and "x" not in kinds:
+            x = np.where(np.isfinite(y), 0.0, np.nan)
+        xs.append(x)
+        ys.append(y)
+        body += [name] * size
+        angles.append(table.numbers(kinds["angle"]) if "angle" in kinds else nothing)
+    turned = np.concatenate(angles)
+    used = list(places.values())
+    return Found(
+        clock=np.tile(t, len(places)),
+        counts=counts,
+        body=body,
+        x=np.concatenate(xs),
+        y=np.concatenate(ys),
+        angle=turned if np.isfinite(turned).any() else None,
+        length=known(said_unit(table, *(k.get("x") or k.get("y") for k in used)), LENGTHS),
+        time=unit,
+        turn=known(said_unit(table, *(k.get("angle") for k in used)), ANGLES),
+        rows=list(table.lines) * len(places),
+    )
+
+
+IMPORTER = Importer(
+    "wide", "plain table, one row per frame (t,x1,y1,x2,y2 or t,x1,x2 or t,left_x,left_y)", recognise, read
+)

@@ -1,0 +1,657 @@
+"""What trackers and codes write becomes a recording with the right values: units, direction of y, times, names."""
+
+import json
+import math
+import re
+import warnings
+from itertools import pairwise
+
+import h5py
+import numpy as np
+import pytest
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import read_recording
+from granswim_pymunk.recording.importers import IMPORTERS, import_all, import_recording
+from granswim_pymunk.recording.importers.units import LENGTHS, quantity
+from granswim_pymunk.recording.keys import KEYS, commented
+
+pd = pytest.importorskip("pandas")
+
+RATE = 50.0  # Hz
+PIXEL = 1e-4  # m
+FRAMES = 30
+
+
+def truth():
+    """Two bodies, (T, 2, 2) in m, y up; the second is not seen in frames 7 to 9."""
+    t = np.arange(FRAMES) / RATE
+    xy = np.empty((FRAMES, 2, 2))
+    xy[:, 0] = np.stack([0.02 + 0.011 * t, 0.05 - 0.02 * t - 0.1 * t**2], axis=-1)
+    xy[:, 1] = np.stack([0.06 - 0.013 * t, 0.03 + 0.004 * np.sin(9 * t)], axis=-1)
+    xy[7:10, 1] = np.nan
+    return t, xy
+
+
+T, XY = truth()
+TIMES = T.tolist()
+HEIGHT = 800.0  # of the picture [px]
+
+
+def pixels():
+    """The truth as an image tracker sees it: px, y from the top."""
+    x, y = XY[..., 0] / PIXEL, HEIGHT - XY[..., 1] / PIXEL
+    return np.stack([x, y], axis=-1)
+
+
+def features():
+    """As trackpy's locate and link leave it."""
+    px = pixels()
+    rows = [
+        (px[k, b, 1], px[k, b, 0], 900.0, 3.1, 0.1, 20.0, 1200.0, 0.05, k, b)
+        for k in range(FRAMES)
+        for b in range(2)
+        if np.isfinite(px[k, b, 0])
+    ]
+    return pd.DataFrame(
+        rows, columns=["y", "x", "mass", "size", "ecc", "signal", "raw_mass", "ep", "frame", "particle"]
+    )
+
+
+def quiet(call, *args, **kwargs):
+    """Other libraries warn of their own changes; that is not what is tested."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return call(*args, **kwargs)
+
+
+# ---- the files, each written as its tool writes it --------------------------------------------------
+
+TRACKPY = {"unit": "0.1mm/px", "fps": RATE, "flip_y": HEIGHT}
+
+
+def trackpy_csv_with_index(folder):
+    features().to_csv(folder / "tracks.csv")
+    return "tracks.csv", TRACKPY, ("0", "1")
+
+
+def trackpy_csv_without_index(folder):
+    features().to_csv(folder / "tracks.csv", index=False)
+    return "tracks.csv", TRACKPY, ("0", "1")
+
+
+def trackpy_hdf(folder):
+    quiet(features().to_hdf, folder / "tracks.h5", key="tracks")
+    return "tracks.h5", TRACKPY, ("0", "1")
+
+
+def trackpy_store(folder):
+    trackpy = pytest.importorskip("trackpy")
+    frame = features()
+
+    def write():
+        with trackpy.PandasHDFStore(str(folder / "store.h5"), "w") as store:
+            for k in range(FRAMES):
+                store.put(frame[frame.frame == k])
+
+    quiet(write)
+    return "store.h5", TRACKPY, ("0", "1")
+
+
+def _dlc_frame():
+    px = pixels()
+    columns = pd.MultiIndex.from_product(
+        [["DLC_resnet50"], ["nose", "tail tip"], ["x", "y", "likelihood"]], names=["scorer", "bodyparts", "coords"]
+    )
+    data = np.empty((FRAMES, 6))
+    for b in range(2):
+        seen = np.isfinite(px[:, b, 0])
+        # DeepLabCut gives a place in each frame; where it sees nothing it is not likely
+        data[:, 3 * b] = np.where(seen, px[:, b, 0], 11.0)
+        data[:, 3 * b + 1] = np.where(seen, px[:, b, 1], 7.0)
+        data[:, 3 * b + 2] = np.where(seen, 0.99, 0.02)
+    return pd.DataFrame(data, columns=columns)
+
+
+def deeplabcut_csv(folder):
+    _dlc_frame().to_csv(folder / "videoDLC.csv")
+    return "videoDLC.csv", TRACKPY, ("nose", "tail tip")
+
+
+def deeplabcut_h5(folder):
+    quiet(_dlc_frame().to_hdf, folder / "videoDLC.h5", key="df_with_missing", mode="w")
+    return "videoDLC.h5", TRACKPY, ("nose", "tail tip")
+
+
+def sleap_h5(folder):
+    px = pixels()
+    with h5py.File(folder / "analysis.h5", "w") as file:
+        # (tracks, 2, nodes, frames)
+        file["tracks"] = px.transpose(1, 2, 0)[:, :, None, :]
+        file["track_names"] = np.array([b"left", b"right"])
+        file["node_names"] = np.array([b"centroid"])
+        file["track_occupancy"] = np.isfinite(px[..., 0]).astype(np.uint8)
+        file["edge_inds"] = np.zeros((0, 2))
+    return "analysis.h5", TRACKPY, ("left", "right")
+
+
+def trackmate_csv(folder):
+    px = pixels() * PIXEL * 1e6  # micron
+    rows = [
+        "LABEL,ID,TRACK_ID,QUALITY,POSITION_X,POSITION_Y,POSITION_Z,POSITION_T,FRAME,RADIUS,VISIBILITY",
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,T,Frame,Radius,Visibility",
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,T,Frame,R,Visibility",
+        ",,,(quality),(micron),(micron),(micron),(sec),,(micron),",
+    ]
+    for k in range(FRAMES):
+        for b in range(2):
+            if np.isfinite(px[k, b, 0]):
+                x, y = map(repr, px[k, b].tolist())
+                rows.append(f"ID{2 * k + b},{2 * k + b},{b},9.1,{x},{y},0.0,{TIMES[k]!r},{k},5000.0,1")
+    rows.append("ID999,999,,1.0,5.0,5.0,0.0,0.0,0,5000.0,1")  # a spot of no track
+    (folder / "spots.csv").write_text("\n".join(rows) + "\n")
+    return "spots.csv", {"flip_y": HEIGHT * PIXEL * 1e6}, ("0", "1")
+
+
+def trackmate_xml(folder):
+    px = pixels()
+    spots, tracks = [], {0: [], 1: []}
+    for k in range(FRAMES):
+        inside = []
+        for b in range(2):
+            if np.isfinite(px[k, b, 0]):
+                number = 2 * k + b
+                tracks[b].append(number)
+                x, y = px[k, b].tolist()
+                inside.append(
+                    f'<Spot ID="{number}" name="ID{number}" POSITION_X="{x!r}" POSITION_Y="{y!r}" POSITION_Z="0.0" '
+                    f'POSITION_T="{float(k)}" FRAME="{k}" RADIUS="50.0" QUALITY="3.0"/>'
+                )
+        spots.append(f'<SpotsInFrame frame="{k}">{"".join(inside)}</SpotsInFrame>')
+    edges = "".join(
+        f'<Track name="Track_{b}" TRACK_ID="{b}">'
+        + "".join(f'<Edge SPOT_SOURCE_ID="{i}" SPOT_TARGET_ID="{j}"/>' for i, j in pairwise(m))
+        + "</Track>"
+        for b, m in tracks.items()
+    )
+    (folder / "model.xml").write_text(
+        '<?xml version="1.0" encoding="UTF-8"?>\n<TrackMate version="7.11.1"><Model spatialunits="pixel" '
+        f'timeunits="frame"><AllSpots nspots="57">{"".join(spots)}</AllSpots><AllTracks>{edges}</AllTracks>'
+        '<FilteredTracks><TrackID TRACK_ID="0"/><TrackID TRACK_ID="1"/></FilteredTracks></Model></TrackMate>'
+    )
+    return "model.xml", TRACKPY, ("0", "1")
+
+
+def tracker_txt(folder):
+    """Tracker's export of two masses: names, then t and x, y of each behind one another."""
+    lines = ["#multi:", "\tmass A\t\tmass B\t", "#t\tx\ty\tx\ty\t"]
+    for k in range(FRAMES):
+        cells = [f"{T[k]:.9E}"]
+        for b in range(2):
+            cells += [f"{v:.15E}" if np.isfinite(v) else "" for v in XY[k, b].tolist()]
+        lines.append("\t".join(cells) + "\t")
+    (folder / "tracker.txt").write_text("\n".join(lines) + "\n")
+    return "tracker.txt", {}, ("mass_A", "mass_B")
+
+
+def kinovea_txt(folder):
+    lines = ["#Kinovea Trajectory data export", "#T X Y", ""]
+    for b, name in enumerate(("left puck", "right puck")):
+        lines.append(f"# {name}")
+        for k in range(FRAMES):
+            if np.isfinite(XY[k, b, 0]):
+                x, y = (100 * XY[k, b]).tolist()
+                lines.append(f"{1000 * TIMES[k]!r} {x!r} {y!r}")
+        lines.append("")
+    (folder / "kinovea.txt").write_text("\n".join(lines))
+    return "kinovea.txt", {"unit": "cm"}, ("left_puck", "right_puck")
+
+
+def ethovision_utf16(folder):
+    head = [
+        '"Number of header lines:";"8"', '"Experiment";"pucks"', '"Trial name";"Trial 1"', '"Subject name";"none"',
+        '"Video file";"a.mpg"', '""',
+        '"Trial time";"Recording time";"X center";"Y center";"X nose";"Y nose";"Velocity"',
+        '"s";"s";"cm";"cm";"cm";"cm";"cm/s"',
+    ]  # fmt: skip
+    rows = []
+    for k in range(FRAMES):
+        cells = [repr(5 + TIMES[k]), repr(TIMES[k])]
+        for b in range(2):
+            cells += [repr(v) if np.isfinite(v) else '"-"' for v in (100 * XY[k, b]).tolist()]
+        rows.append(";".join([*cells, '"-"']) + ";")
+    (folder / "Raw data.txt").write_bytes(("﻿" + "\r\n".join(head + rows) + "\r\n").encode("utf-16-le"))
+    return "Raw data.txt", {}, ("center", "nose")
+
+
+def german_csv(folder):
+    lines = ["Messung vom 3. Mai", "", "Zeit (s);Teilchen;x (cm);y (cm)"]
+    for k in range(FRAMES):
+        for b in range(2):
+            if np.isfinite(XY[k, b, 0]):
+                x, y = (100 * XY[k, b]).tolist()
+                lines.append(f"{TIMES[k]!r};{'ab'[b]};{x!r};{y!r}".replace(".", ","))
+    (folder / "messung.csv").write_bytes("\r\n".join(lines).encode("cp1252"))
+    return "messung.csv", {}, ("a", "b")
+
+
+def excel(folder):
+    pytest.importorskip("openpyxl")
+    frame = pd.DataFrame({"time [ms]": 1e3 * T, "A_x (mm)": 1e3 * XY[:, 0, 0], "A_y (mm)": 1e3 * XY[:, 0, 1],
+                          "B_x (mm)": 1e3 * XY[:, 1, 0], "B_y (mm)": 1e3 * XY[:, 1, 1]})  # fmt: skip
+    frame.to_excel(folder / "pucks.xlsx", index=False)
+    return "pucks.xlsx", {}, ("A", "B")
+
+
+def parquet(folder):
+    pytest.importorskip("pyarrow")
+    frame = pd.DataFrame(
+        [(T[k], "pq"[b], *XY[k, b]) for k in range(FRAMES) for b in range(2)], columns=["t", "id", "x", "y"]
+    )
+    frame.to_parquet(folder / "pucks.parquet")
+    return "pucks.parquet", {}, ("p", "q")
+
+
+def extended_xyz(folder):
+    ase = pytest.importorskip("ase")
+    io = pytest.importorskip("ase.io")
+    frames = []
+    for k in range(FRAMES):
+        xyz = np.concatenate([1e3 * XY[k], np.zeros((2, 1))], axis=1)
+        seen = np.isfinite(xyz[:, 0])
+        atoms = ase.Atoms("Ar2", positions=np.where(seen[:, None], xyz, 0.0))[seen]
+        atoms.arrays["id"] = np.array([3, 8])[seen]
+        atoms.info["Time"] = T[k]
+        frames.append(atoms)
+    io.write(folder / "pucks.xyz", frames, format="extxyz")
+    return "pucks.xyz", {"unit": "mm"}, ("3", "8")
+
+
+def lammps_dump(folder):
+    lines = []
+    for k in range(FRAMES):
+        seen = [b for b in range(2) if np.isfinite(XY[k, b, 0])]
+        lines += ["ITEM: TIMESTEP", str(2000 * k), "ITEM: NUMBER OF ATOMS", str(len(seen)),
+                  "ITEM: BOX BOUNDS ff ff pp", "0.0 100.0", "0.0 100.0", "-0.5 0.5",
+                  "ITEM: ATOMS id type x y z radius"]  # fmt: skip
+        # LAMMPS writes atoms in any order
+        lines += [f"{b + 1} 1 {1e3 * XY[k, b, 0]!r} {1e3 * XY[k, b, 1]!r} 0.0 5.0" for b in reversed(seen)]
+    (folder / "pucks.lammpstrj").write_text("\n".join(lines).replace("np.float64(", "").replace(")", "") + "\n")
+    return "pucks.lammpstrj", {"unit": "mm", "time_unit": "1e-5"}, ("1", "2")
+
+
+def h5md(folder):
+    with h5py.File(folder / "pucks.h5md", "w") as file:
+        file.create_group("h5md").attrs["version"] = np.array([1, 1])
+        position = file.create_group("particles/pucks/position")
+        # the format has no gaps: both are seen in each frame
+        position["value"] = np.concatenate([100 * filled(), np.zeros((FRAMES, 2, 1))], axis=2)
+        position["value"].attrs["unit"] = "cm"
+        position["step"] = 20
+        position["time"] = 20.0
+        position["time"].attrs["unit"] = "ms"
+        box = file.create_group("particles/pucks/box")
+        box.attrs["dimension"] = 3
+        box.attrs["boundary"] = np.array([b"none", b"none", b"none"])
+    return "pucks.h5md", {}, ("0", "1")
+
+
+def gsd(folder):
+    hoomd = pytest.importorskip("gsd.hoomd")
+    with hoomd.open(str(folder / "pucks.gsd"), "w") as file:
+        for k in range(FRAMES):
+            frame = hoomd.Frame()
+            frame.configuration.step = 500 * k
+            frame.configuration.box = [5000, 5000, 1, 0, 0, 0]
+            frame.particles.N = 2
+            frame.particles.position = np.concatenate([1e3 * filled()[k], np.zeros((2, 1))], axis=1)
+            frame.particles.diameter = [10.0, 10.0]
+            file.append(frame)
+    return "pucks.gsd", {"unit": "mm", "fps": RATE}, ("0", "1")
+
+
+def wide_table(folder):
+    lines = ["t,x1,y1,x2,y2"]
+    for k in range(FRAMES):
+        cells = [repr(v) if np.isfinite(v) else "" for v in XY[k].ravel().tolist()]
+        lines.append(",".join([repr(float(T[k])), *cells]))
+    (folder / "wide.csv").write_text("\n".join(lines) + "\n")
+    return "wide.csv", {}, ("1", "2")
+
+
+def long_table(folder):
+    frame = pd.DataFrame([(b + 4, k, *(XY[k, b] / 0.0254)) for k in range(FRAMES) for b in range(2)],
+                         columns=["object", "frame", "pos_x", "pos_y"])  # fmt: skip
+    frame.to_csv(folder / "long.txt", sep="\t", index=False)
+    return "long.txt", {"unit": "in", "fps": RATE}, ("4", "5")
+
+
+def filled():
+    t, xy = T, XY.copy()
+    xy[:, 1] = np.stack([0.06 - 0.013 * t, 0.03 + 0.004 * np.sin(9 * t)], axis=-1)
+    return xy
+
+
+FILES = (
+    trackpy_csv_with_index, trackpy_csv_without_index, trackpy_hdf, trackpy_store, deeplabcut_csv, deeplabcut_h5,
+    sleap_h5, trackmate_csv, trackmate_xml, tracker_txt, kinovea_txt, ethovision_utf16, german_csv, excel, parquet,
+    extended_xyz, lammps_dump, h5md, gsd, wide_table, long_table,
+)  # fmt: skip
+NAMES = {"german_csv": "long", "excel": "wide", "parquet": "long", "lammps_dump": "lammps", "extended_xyz": "extxyz",
+         "wide_table": "wide", "long_table": "long"}  # fmt: skip
+WITHOUT_GAPS = {"h5md", "gsd"}
+
+
+@pytest.mark.parametrize("write", FILES, ids=lambda f: f.__name__)
+def test_found_by_looking_into_it_with_the_right_values(write, tmp_path):
+    file, options, ids = write(tmp_path)
+    (done,) = import_all(tmp_path / file, tmp_path / "out", bodies=["*:5mm:10g"], picture=False, **options)
+    assert done.format == NAMES.get(write.__name__, write.__name__.split("_")[0])
+    r = read_recording(tmp_path / "out")
+    assert r.ids == ids
+    np.testing.assert_allclose(r.t, T, rtol=0, atol=1e-12)
+    # GSD holds single precision, ASE writes eight decimals
+    exact = 1e-8 if write is gsd else 1e-11 if write is extended_xyz else 1e-13
+    np.testing.assert_allclose(r.xy, filled() if write.__name__ in WITHOUT_GAPS else XY, rtol=0, atol=exact)
+    assert r.sampling == pytest.approx(RATE)
+    assert {(b.radius, b.mass) for b in r.scene.bodies} == {(0.005, 0.01)}
+
+
+def test_every_importer_is_tried():
+    tried = {NAMES.get(f.__name__, f.__name__.split("_")[0]) for f in FILES}
+    assert tried == {importer.name for importer in IMPORTERS}
+
+
+class TestTrackers:
+    def test_pictures_have_y_down_and_pixels_need_a_size(self, tmp_path):
+        file, _, _ = trackpy_csv_with_index(tmp_path)
+        with pytest.raises(InputError, match=r"in pixels.*--unit"):
+            import_recording(tmp_path / file, fps=RATE, bodies=["*:5mm:10g"])
+        with pytest.raises(InputError, match="frame rate"):
+            import_recording(tmp_path / file, unit="0.1mm/px", bodies=["*:5mm:10g"])
+        (down,) = import_recording(tmp_path / file, unit=PIXEL, fps=RATE, bodies=["*:5mm:10g"])
+        np.testing.assert_allclose(down.xy[..., 1], XY[..., 1] - HEIGHT * PIXEL, atol=1e-13)
+        (kept,) = import_recording(tmp_path / file, unit=PIXEL, fps=RATE, bodies=["*:5mm:10g"], flip_y=False)
+        np.testing.assert_allclose(kept.xy[..., 1], HEIGHT * PIXEL - XY[..., 1], atol=1e-13)
+
+    def test_features_that_are_not_linked(self, tmp_path):
+        features().drop(columns="particle").to_csv(tmp_path / "f.csv")
+        with pytest.raises(InputError, match="not linked"):
+            import_recording(tmp_path / "f.csv", unit=PIXEL, fps=RATE, bodies=["*:5mm:10g"])
+
+    def test_short_tracks_can_be_left_out(self, tmp_path):
+        frame = features()
+        frame.loc[len(frame)] = [1, 2, 900.0, 3, 0.1, 20.0, 1200.0, 0.05, 3, 77]
+        frame.to_csv(tmp_path / "tracks.csv")
+        (r,) = import_recording(tmp_path / "tracks.csv", bodies=["*:5mm:10g"], min_frames=5, **TRACKPY)
+        assert r.ids == ("0", "1")
+
+    def test_several_animals_of_deeplabcut(self, tmp_path):
+        frame = _dlc_frame()
+        frame.columns = pd.MultiIndex.from_tuples(
+            [("DLC", f"animal{b + 1}", "center", c) for b in range(2) for c in ("x", "y", "likelihood")],
+            names=["scorer", "individuals", "bodyparts", "coords"],
+        )
+        frame.to_csv(tmp_path / "many.csv")
+        (r,) = import_recording(tmp_path / "many.csv", bodies=["*:5mm:10g"], **TRACKPY)
+        assert r.ids == ("animal1.center", "animal2.center")
+        np.testing.assert_allclose(r.xy, XY, atol=1e-13)
+
+    def test_tracker_with_one_mass_and_a_decimal_comma(self, tmp_path):
+        lines = ["mass A", "t\tx\ty"] + [
+            f"{t}\t{x}\t{y}".replace(".", ",") for t, (x, y) in zip(T, XY[:, 0], strict=True)
+        ]
+        (tmp_path / "a.txt").write_text("\n".join(lines))
+        (r,) = import_recording(tmp_path / "a.txt", bodies=["*:5mm:10g"])
+        assert r.ids == ("mass_A",)
+        np.testing.assert_allclose(r.xy[:, 0], XY[:, 0], atol=1e-13)
+
+    def test_a_time_code_of_kinovea(self, tmp_path):
+        (tmp_path / "k.txt").write_text(
+            "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 866,00 320,00\n0:00:00:50 847,00 321,00\n"
+            "0:00:01:00 820,00 322,00\n"
+        )
+        (r,) = import_recording(tmp_path / "k.txt", unit="1mm/px", bodies=["*:5cm:10g"])
+        np.testing.assert_allclose(r.t, [0, 0.5, 1.0])
+        np.testing.assert_allclose(r.xy[:, 0, 0], [0.866, 0.847, 0.820])
+        (r,) = import_recording(tmp_path / "k.txt", unit="1mm/px", fps=25, bodies=["*:5cm:10g"])
+        np.testing.assert_allclose(r.t, [0, 0.04, 0.08])
+
+    def test_nodes_of_one_animal_of_sleap(self, tmp_path):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["tracks"] = pixels().transpose(2, 1, 0)[None]
+            file["track_names"] = np.array([], dtype="S1")
+            file["node_names"] = np.array([b"head", b"tail"])
+        (r,) = import_recording(tmp_path / "a.h5", bodies=["*:5mm:10g"], **TRACKPY)
+        assert r.ids == ("head", "tail")
+        np.testing.assert_allclose(r.xy, XY, atol=1e-13)
+
+    def test_simple_tracks_of_trackmate(self, tmp_path):
+        points = "".join(f'<detection t="{k}" x="{k}.5" y="2.0" z="0"/>' for k in range(4))
+        (tmp_path / "t.xml").write_text(
+            '<?xml version="1.0"?><Tracks nTracks="1" spaceUnits="mm" frameInterval="0.25" timeUnits="sec">'
+            f'<particle nSpots="4">{points}</particle></Tracks>'
+        )
+        (r,) = import_recording(tmp_path / "t.xml", bodies=["*:5mm:10g"])
+        np.testing.assert_allclose(r.t, [0, 0.25, 0.5, 0.75])
+        np.testing.assert_allclose(r.xy[:, 0], [[0.0005 + 0.001 * k, -0.002] for k in range(4)])
+
+
+class TestTables:
+    def write(self, folder, text, name="table.csv"):
+        (folder / name).write_text(text)
+        return folder / name
+
+    def test_without_a_header_columns_have_numbers(self, tmp_path):
+        source = self.write(tmp_path, "0 1 2\n0.1 3 4\n0.2 5 6\n")
+        with pytest.raises(InputError, match=r"no header.*--columns"):
+            import_recording(source, bodies=["a:1:1"])
+        (r,) = import_recording(source, bodies=["a:1:1"], columns="t=1,x=2,y=3")
+        np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [3, 4], [5, 6]])
+
+    def test_rows_and_encoding_that_are_told(self, tmp_path):
+        text = "größe;1\nkeine;2\nt;x;y\n0;1,5;2\n1;1,6;2\n"
+        (tmp_path / "a.csv").write_bytes(text.encode("utf-16-be"))
+        (r,) = import_recording(tmp_path / "a.csv", bodies=["a:1:1"], skip_rows=2, encoding="utf-16-be", decimal=",")
+        np.testing.assert_array_equal(r.xy[:, 0], [[1.5, 2], [1.6, 2]])
+
+    def test_a_row_of_units(self, tmp_path):
+        source = self.write(tmp_path, "time,x,y,angle\nms,mm,mm,deg\n0,1,2,90\n20,3,4,180\n")
+        (r,) = import_recording(source, bodies=["a:1mm:1g"])
+        np.testing.assert_allclose(r.xy[:, 0], [[0.001, 0.002], [0.003, 0.004]])
+        np.testing.assert_allclose(r.angle[:, 0], [math.pi / 2, math.pi])
+        assert r.t[1] == pytest.approx(0.02)
+
+    def test_a_decimal_comma_that_was_denied(self, tmp_path):
+        source = self.write(tmp_path, "t;x;y\n0;1,5;2\n1;1,6;2\n")
+        with pytest.raises(InputError, match="decimal comma"):
+            import_recording(source, bodies=["a:1:1"], decimal=".")
+
+    @pytest.mark.parametrize(
+        ("name", "data", "message"),
+        [
+            ("a.png", b"\x89PNG\r\n\x1a\n0000", "PNG picture"),
+            ("a.mp4", b"\x00\x00\x00\x20ftypisom0000", "film.*granswim track"),
+            ("a.mat", b"MATLAB 5.0 MAT-file", "MATLAB"),
+            ("a.zip", b"PK\x03\x04rest", "ZIP"),
+            ("a.csv", b"", "is empty"),
+            ("a.csv", b"colour,size\nred,3\nblue,4\n", "no time and positions.*colour, size"),
+            ("a.bin", bytes(range(1, 200)) * 9, "binary file"),
+            ("a.xlsx", b"PK\x03\x04 no workbook", "not a workbook"),
+            ("a.xyz", b"2\nProperties=species:S:1:pos:R:3\nA 0 0 0\n", "ends within a frame"),
+            ("a.dump", b"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: ATOMS id x y\n1 2\n", "row 5"),
+            ("a.xml", b"<TrackMate><Model>", "not XML"),
+        ],
+    )
+    def test_what_is_none_of_these_is_named(self, tmp_path, name, data, message):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match=message) as caught:
+            import_recording(tmp_path / name, bodies=["*:1:1"], fps=1, unit=1)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+
+    def test_an_hdf5_file_of_something_else(self, tmp_path):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["temperature"] = [1.0, 2.0]
+        with pytest.raises(InputError, match="it holds: temperature"):
+            import_recording(tmp_path / "a.h5")
+
+
+class TestSaid:
+    def test_quantities(self):
+        near = [("5mm", 0.005), ("5 mm", 0.005), ("0.1mm/px", 1e-4), ("mm/px", 1e-3), ("1e-2", 0.01), ("mm", 1e-3),
+                ("1/30 m", 1 / 30), (0.25, 0.25), (".5cm", 0.005), ("1e-4m", 1e-4)]  # fmt: skip
+        for text, value in near:
+            assert quantity(text, LENGTHS, per=("px",)) == pytest.approx(value), text
+        for text in ("", "parsec", "5mm/s", "mm5", "1/0 m", "--", "5 5"):
+            assert quantity(text, LENGTHS, per=("px",)) is None, text
+
+    def test_bodies_laws_and_gravity_from_the_command_line(self, tmp_path, capsys):
+        file, _, _ = wide_table(tmp_path)
+        code = main([
+            "import", str(tmp_path / file), "--body", "*:5mm:10g", "--body", "2:6mm:20g:free", "--gravity",
+            "--law", "pin:2,anchor=0.06 0.3,length=0.27", "--law", "linear_drag,c=1e-3", "--out", str(tmp_path / "out"),
+        ])  # fmt: skip
+        out = capsys.readouterr().out
+        assert code == 0 and "2 bodies (1, 2), 30 frames" in out and "not seen in 5.0% of them" in out
+        r = read_recording(tmp_path / "out")
+        assert r.scene.body("1").radius == 0.005 and r.scene.body("2").mass == 0.02
+        assert r.scene.gravity == (0.0, -9.81)
+        pin = r.scene.laws_named("pin")[0]
+        assert pin.bodies == ("2",) and pin.values["anchor"] == (0.06, 0.3) and pin.values["length"] == 0.27
+        assert r.scene.laws_named("linear_drag")[0].values["c"] == 1e-3
+        assert (tmp_path / "out/tracks.png").read_bytes()[:4] == b"\x89PNG"
+
+    @pytest.mark.parametrize(
+        ("more", "message"),
+        [
+            (["--gravity", "1,2,3"], "gravity"),
+            (["--law", "pim:a"], "unknown law 'pim'"),
+            (["--law", "pin:1,lenght=2"], "unknown parameter 'lenght'"),
+            (["--law", "pin:1,length"], "PARAMETER=VALUE"),
+            (["--scene", "pendulums"], "no such|cannot read"),
+            (["--flip-y", "up"], "height or no"),
+            (["--decimal", "x"], "should be . or ,"),
+            (["--skip-rows", "-1"], "zero or more"),
+        ],
+    )
+    def test_what_is_wrong_is_said_in_a_line(self, tmp_path, capsys, more, message):
+        file, _, _ = wide_table(tmp_path)
+        try:
+            code = main(["import", str(tmp_path / file), "--body", "*:5mm:10g", *more, "--out", str(tmp_path / "out")])
+        except SystemExit as stopped:
+            code = stopped.code
+        said = capsys.readouterr().err
+        assert code == 2
+        assert re.search(message, said), said
+        assert not (tmp_path / "out").exists()
+
+    def test_absurd_units_are_warned_of(self, tmp_path):
+        t = np.arange(20) / 10
+        lines = ["t,x,y"] + [f"{a},{24 * a},{0.0}" for a in t.tolist()]
+        (tmp_path / "fast.csv").write_text("\n".join(lines))
+        (fast,) = import_all(tmp_path / "fast.csv", tmp_path / "slow", bodies=["a:2.5mm:1g"])
+        assert not [w for w in fast.look.warnings if "m/s" in w]
+        (fast,) = import_all(tmp_path / "fast.csv", tmp_path / "fast", bodies=["a:2.5mm:1g"], unit="10 m")
+        assert any("5 mm across move at 240 m/s" in w and "--unit" in w for w in fast.look.warnings)
+        assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
+
+    def test_gaps_jumps_and_noise_are_found(self, tmp_path):
+        rng = np.random.default_rng(3)
+        t = np.arange(400) / 100
+        x = 0.1 * np.sin(3 * t) + rng.normal(0, 2e-4, 400)
+        x[150] += 0.05  # the tracker was somewhere else once
+        keep = np.ones(400, bool)
+        keep[200:240] = False
+        lines = ["t,x,y"] + [f"{a},{b},0.0" for a, b in zip(t[keep].tolist(), x[keep].tolist(), strict=True)]
+        (tmp_path / "a.csv").write_text("\n".join(lines))
+        (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["a:1cm:10g"])
+        assert done.look.noise == pytest.approx(2e-4, rel=0.2)
+        assert done.look.jumps == 1 and "t = 1.5 s" in done.look.jump_at
+        assert any("no body is seen for 0.41 s" in w for w in done.look.warnings)
+
+    def test_each_key_that_is_written_has_a_remark(self, tmp_path):
+        file, _, _ = wide_table(tmp_path)
+        import_all(tmp_path / file, tmp_path / "out", bodies=["*:5mm:10g"], laws=["linear_drag,c=1e-3"], gravity=9.81)
+        text = (tmp_path / "out/recording.toml").read_text()
+        first = {}
+        for line in text.splitlines():
+            if " = " in line:
+                first.setdefault(line.split(" = ")[0], line)
+        assert {"format", "title", "sampling", "gravity", "id", "radius", "mass", "name", "c"} <= first.keys()
+        bare = [name for name, line in first.items() if "  # " not in line and not line.endswith("[")]
+        assert not bare, bare
+
+    def test_remarks_never_change_a_value(self):
+        text = (
+            'title = "a [b] # c"\n[scene]\ngravity = [\n    0.0,\n    -9.81,\n]\n[[law]]\nname = "pin"\nlength = 1.0\n'
+        )
+        assert "# m: length L of the rod" in commented(text)
+        assert len({(k.table, k.name) for k in KEYS}) == len(KEYS)
+
+
+class TestScenes:
+    def swing(self, folder, *, anchor=(0.1, 0.4), length=0.25, start=0.9, noise=1e-4, frames=600):
+        """A CSV of a pendulum in cm, with a picture's y, 60 a second."""
+        from scipy.integrate import solve_ivp
+
+        t = np.arange(frames) / 60
+        a = solve_ivp(lambda _, s: [s[1], -9.81 / length * np.sin(s[0]) - 0.35 * s[1]], (0, frames / 60), [start, 0.0],
+                      t_eval=t, rtol=1e-9, atol=1e-9).y[0]  # fmt: skip
+        rng = np.random.default_rng(5)
+        xy = np.array(anchor) + length * np.stack([np.sin(a), -np.cos(a)], axis=-1) + rng.normal(0, noise, (frames, 2))
+        lines = ["frame,x (cm),y (cm)"] + [f"{k},{100 * x!r},{60 - 100 * y!r}" for k, (x, y) in enumerate(xy.tolist())]
+        (folder / "swing.csv").write_text("\n".join(lines))
+        return folder / "swing.csv"
+
+    def test_a_pendulum_finds_its_pin(self, tmp_path):
+        (r,) = import_recording(self.swing(tmp_path), bodies=["bob:1cm:50g"], scene="pendulum", fps=60, flip_y=60.0)
+        pin = r.scene.laws_named("pin")[0].values
+        assert pin["length"] == pytest.approx(0.25, rel=1e-3)
+        assert pin["anchor"] == pytest.approx((0.1, 0.4), abs=3e-4)
+        assert r.scene.gravity == (0.0, -9.81) and r.scene.adjustable[0].name == "pin.length"
+
+    def test_a_short_arc_asks_for_the_length(self, tmp_path):
+        source = self.swing(tmp_path, start=0.01)
+        with pytest.raises(InputError, match="--law 'pin:bob,length"):
+            import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", fps=60, flip_y=60.0)
+        laws = ["pin:bob,length=0.25"]
+        (r,) = import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", laws=laws, fps=60, flip_y=60.0)
+        assert r.scene.laws_named("pin")[0].values["anchor"] == pytest.approx((0.1, 0.4), abs=3e-3)
+
+    def test_own_csv_of_a_pendulum_to_a_verdict_in_two_commands(self, tmp_path, capsys):
+        source = self.swing(tmp_path, noise=5e-4, frames=360)
+        assert main(["import", str(source), "--body", "bob:1cm:50g", "--scene", "pendulum", "--fps", "60",
+                     "--flip-y", "60", "--out", str(tmp_path / "swing")]) == 0  # fmt: skip
+        assert main(["diagnose", str(tmp_path / "swing"), "--out", str(tmp_path / "out")]) == 0
+        verdict = json.loads((tmp_path / "out/verdict.json").read_text())
+        # a drag on a rod's end and a viscous bearing are one and the same on a pendulum
+        assert verdict["verdict"] == "missing_physics"
+        assert verdict["mechanisms"][0]["name"] in ("linear_drag", "joint_drag")
+        capsys.readouterr()
+
+    def test_cart_puck_drop_swimmer(self, tmp_path):
+        t = np.arange(60) / 30
+        along = np.stack([0.3 + 0.1 * np.cos(2 * t), 0.2 + 0.05 * np.cos(2 * t)], axis=-1)
+        (tmp_path / "cart.csv").write_text(
+            "t,x,y\n" + "\n".join(f"{a},{x},{y}" for a, (x, y) in zip(t, along, strict=True))
+        )
+        (r,) = import_recording(
+            tmp_path / "cart.csv", bodies=["cart:2cm:1kg"], scene="cart", laws=["spring:cart,anchor=0 0,stiffness=4"]
+        )
+        assert r.scene.laws_named("rail")[0].values["direction"] == pytest.approx((0.894427, 0.447214), abs=1e-6)
+        assert r.scene.laws_named("spring")[0].values["stiffness"] == 4.0
+        (r,) = import_recording(tmp_path / "cart.csv", bodies=["ball:2cm:1kg"], scene="drop")
+        assert r.scene.gravity == (0.0, -9.81)
+        file, _, _ = wide_table(tmp_path)
+        (r,) = import_recording(tmp_path / file, bodies=["*:5mm:10g"], scene="puck")
+        assert r.scene.laws_named("contact_elastic") and r.scene.gravity == (0.0, 0.0)
+        t = np.arange(200) / 100
+        angle = 0.6 * np.sin(2 * math.pi * 7.0 * t)
+        lines = ["t,x0,y0,x1,y1,x2,y2"]
+        for a, b in zip(t, angle, strict=True):
+            lines.append(f"{a},{-0.003 * math.cos(b)},{-0.003 * math.sin(b)},0.0,0.0,0.003,0.0")
+        (tmp_path / "swim.csv").write_text("\n".join(lines))
+        (r,) = import_recording(tmp_path / "swim.csv", bodies=["*:1.5mm:14mg"], scene="swimmer")
+        assert [b.role for b in r.scene.bodies] == ["head", "tail", "tail"]
+        assert r.scene.laws_named("bending")[0].values["frequency"] == pytest.approx(7.0, rel=0.02)
