@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from ...errors import InputError
@@ -147,49 +148,114 @@ def _circle(xy: np.ndarray, length: float | None, below: np.ndarray) -> tuple[np
     return fit.x[:2], radius, 4 * spread / math.sqrt(len(xy)) / sagitta
 
 
+def _swing_fit(
+    t: np.ndarray,
+    xy: np.ndarray,
+    anchor: np.ndarray,
+    length: float,
+    gravity: tuple[float, float],
+    free: tuple[str, ...],
+) -> tuple[np.ndarray, float] | None:
+    """Anchor and length of a pendulum by its course as well as its arc; None where no damped swing fits.
+
+    theta'' = -(g/L) sin(theta) - a theta' - b |theta'| theta' over at most twelve swings, the dampings free: the
+    period tells the length far better than the arc does. ``free`` : which of anchor and length may move.
+    """
+    g = math.hypot(*gravity)
+    if g == 0:
+        return None
+    below = np.array(gravity) / g
+    side = np.array([-below[1], below[0]])
+    kept = t <= t[0] + 12 * 2 * math.pi * math.sqrt(length / g)
+    chosen = np.unique(np.linspace(0, np.count_nonzero(kept) - 1, 400).astype(int))
+    t, xy = t[kept][chosen] - t[0], xy[kept][chosen]
+    if len(t) < 20:
+        return None
+
+    away = xy - anchor
+    angle = np.unwrap(np.arctan2(away @ side, away @ below))
+    few = slice(0, max(3, int(np.searchsorted(t, 0.4 * math.sqrt(length / g)))))
+    speed, first = np.polyfit(t[few], angle[few], 1)
+    start = [first, speed, 0.0, 0.0, *(anchor if "anchor" in free else []), *([length] if "length" in free else [])]
+    size = np.array([0.1, 0.1 * math.sqrt(g / length), 0.1, 0.1, *([0.01 * length] * (len(start) - 4))])
+
+    def place(p: np.ndarray) -> tuple[np.ndarray, float]:
+        return (p[4:6] if "anchor" in free else anchor), (float(p[-1]) if "length" in free else length)
+
+    def misfit(q: np.ndarray) -> np.ndarray:
+        p = np.array(start) + size * (q - 1)
+        centre, rod = place(p)
+        if not 0.5 * length < rod < 2 * length:
+            return np.full(xy.size, length)
+        run = solve_ivp(
+            lambda _, s: (s[1], -g / rod * math.sin(s[0]) - (p[2] + p[3] * abs(s[1])) * s[1]),
+            (0.0, float(t[-1])),
+            p[:2],
+            t_eval=t,
+            rtol=1e-8,
+            atol=1e-9,
+        )
+        if run.y.shape[1] != len(t):
+            return np.full(xy.size, length)
+        turned = run.y[0][:, None]
+        return (centre + rod * (np.cos(turned) * below + np.sin(turned) * side) - xy).ravel()
+
+    # around one, so that the differences that make the derivatives are 1e-3 of each size
+    fit = least_squares(misfit, np.ones(len(start)), diff_step=1e-3, max_nfev=25)
+    centre, rod = place(np.array(start) + size * (fit.x - 1))
+    spread = float(np.sqrt(2 * fit.cost / (2 * len(t) - len(start))))
+    radial = float(np.std(np.hypot(*away.T)))
+    if not (rod > 0 and spread < 1.5 * radial):
+        return None
+    return np.array(centre), rod
+
+
+def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[float, float]) -> tuple[dict, str]:
+    """Anchor and length of one pendulum, what is not given from its tracks, and a remark. Raises InputError."""
+    t, xy = tracks.of(name)
+    if "anchor" in given and "length" in given:
+        return dict(given), ""
+    ask = f"say how long its rod is, as --law 'pin:{name},length=0.25'"
+    if len(xy) < 10:
+        if "length" not in given:
+            raise InputError(f"only the angle of {name} is measured: {ask}", where="scene pendulum")
+        return {"anchor": [0.0, 0.0], **given}, ""
+    below = np.array(gravity) / (math.hypot(*gravity) or 1.0)
+    free = tuple(key for key in ("anchor", "length") if key not in given)
+    if "anchor" in given:
+        anchor, error = np.array(given["anchor"], dtype=float), 0.0
+        length = float(np.median(np.hypot(*(xy - anchor).T)))
+    else:
+        anchor, length, error = _circle(xy, given.get("length"), below)
+    if error > 0.05:
+        found = f"{length:.3g} m +- {100 * error:.0f} %"
+        raise InputError(f"the arc of {name} is too short to tell its radius ({found}): {ask}", where="scene pendulum")
+    refined = _swing_fit(t, xy, anchor, length, gravity, free)
+    how = "its arc"
+    if refined is not None and abs(refined[1] / length - 1) < max(5 * error, 0.01):
+        (anchor, length), how = refined, "its arc and its period"
+    pin: dict[str, Any] = {"anchor": [_round(float(v)) for v in anchor], "length": _round(float(length))}
+    place = f"({pin['anchor'][0]:.5g}, {pin['anchor'][1]:.5g}) m, {pin['length']:.5g} m long"
+    return {**pin, **given}, f"{name} hangs on a rod from {place}, by {how}"
+
+
 def _pendulum(
     tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]
 ) -> Filled:
-    """Each body on a rigid rod from an anchor; both are found from the arc where they are not given."""
+    """Each body on a rigid rod from an anchor; both are found from its course where they are not given."""
     gravity = tuple(box.get("gravity", (0.0, -G)))
-    below = np.array(gravity) / (math.hypot(*gravity) or 1.0)
-    laws, notes, pins, adjustable = list(laws), [], [], []
+    laws, notes = list(laws), []
+    pins: list[dict[str, Any]] = []
     for body in bodies:
-        name = body["id"]
-        given = _take(laws, "pin", name)
-        _, xy = tracks.of(name)
-        length: Any = given.get("length")
-        anchor: Any = given.get("anchor")
-        if length is None and len(xy) < 10:
-            raise InputError(
-                f"only the angle of {name} is measured: say how long its rod is, as --law 'pin:{name},length=0.25'",
-                where="scene pendulum",
-            )
-        if (length is None or anchor is None) and len(xy) >= 10:
-            if anchor is not None:
-                length = float(np.median(np.hypot(*(xy - np.array(anchor)).T)))
-                error = 0.0
-            else:
-                centre, length, error = _circle(xy, length, below)
-                anchor = [_round(float(v)) for v in centre]
-            if anchor is None or "length" not in given or "anchor" not in given:
-                anchor, length = _with_period(tracks.of(name)[0], xy, np.array(anchor), length, gravity, given)
-            if error > 0.05:
-                raise InputError(
-                    f"the arc of {name} is too short to tell the length of its rod ({length:.3g} m +- "
-                    f"{100 * error:.0f} %): give it, as --law 'pin:{name},length=0.25'",
-                    where="scene pendulum",
-                )
-            centre_text = f"({anchor[0]:.4g}, {anchor[1]:.4g}) m"
-            notes.append(f"{name} moves on a circle about {centre_text}, radius {length:.4g} m: its pin")
-        fitted = {"anchor": anchor or [0.0, 0.0], "length": _round(float(length))}
-        pins.append({"name": "pin", "body": name, **given, **fitted})
-    low = min(float(p["length"]) for p in pins) * (1 - MARGIN)
-    high = max(float(p["length"]) for p in pins) * (1 + MARGIN)
-    adjustable.append({"law": "pin", "parameter": "length", "low": _round(low), "high": _round(high)})
+        values, note = _pin_of(body["id"], tracks, _take(laws, "pin", body["id"]), gravity)
+        pins.append({"name": "pin", "body": body["id"], **values})
+        notes += [note] if note else []
+    lengths = [float(p["length"]) for p in pins]
+    low, high = min(lengths) * (1 - MARGIN), max(lengths) * (1 + MARGIN)
+    adjustable: dict[str, Any] = {"law": "pin", "parameter": "length", "low": _round(low), "high": _round(high)}
     if len(pins) > 1:
-        adjustable[0]["per"] = "body"
-    return Filled({"scene": {**box, "gravity": list(gravity)}, "law": pins, "adjustable": adjustable}, notes, laws)
+        adjustable["per"] = "body"
+    return Filled({"scene": {**box, "gravity": list(gravity)}, "law": pins, "adjustable": [adjustable]}, notes, laws)
 
 
 def _puck(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
