@@ -4,6 +4,7 @@ Writes DIR/KIND-SEED/ (a recording, or a folder for each of several films), DIR/
 the truth) and, in another folder, the truth with its salt. Drawing needs the secret besides the seed.
 Kinds: bodies without a bed; bed, a swimmer and its grains filmed; unseen, films of the swimmer alone; curve, its
 speeds; small-bed, small-unseen, small-curve the same with 200 to 300 grains.
+--real-life draws, beside the effect, what laboratories add: coloured noise, outliers, masses that are off, and so on.
 """
 
 import argparse
@@ -22,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--secret", type=Path, metavar="FILE", help="what drawing needs besides the seed (default: yours)"
     )
     parser.add_argument("--kind", choices=tuple(KINDS), default="bodies")
+    parser.add_argument("--real-life", action="store_true", help="draw what laboratories add, beside the effect")
     parser.add_argument("--effect", metavar="NAME", help="a mechanism, or null, outside, pair, decoy_camera, ...")
 
 
@@ -29,7 +31,7 @@ def main(args: argparse.Namespace) -> int:
     from ..errors import InputError
     from ..proof.beds import SUSPECTS
     from ..proof.cases import CATEGORIES
-    from ..proof.conceal import conceal
+    from ..proof.conceal import conceal, real_kind
     from ..proof.seal import read_secret
     from ..proof.suspects import STRENGTH
 
@@ -39,7 +41,8 @@ def main(args: argparse.Namespace) -> int:
     if args.effect is not None and args.effect not in known:
         raise InputError(f"unknown effect {args.effect!r}; known: {', '.join(dict.fromkeys(known))}", where="--effect")
     sealed = args.sealed or args.out.with_name(f"{args.out.name}-sealed")
-    folder = conceal(args.seed, args.out, read_secret(args.secret), sealed, kind=args.kind, effect=args.effect)
+    kind = real_kind(args.kind) if args.real_life else args.kind
+    folder = conceal(args.seed, args.out, read_secret(args.secret), sealed, kind=kind, effect=args.effect)
     print(f"recording: {folder}")
     print(f"hash: {folder}.sha256")
     print(f"sealed: {sealed / (folder.name + '.json')}")

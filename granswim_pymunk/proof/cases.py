@@ -14,7 +14,7 @@ from ..scene import LawUse, Scene
 from .beds import digits
 from .fitting import Sight, Strength, calibrate, canonical, left, look, with_adjusted
 from .seal import generator
-from .setups import DRAGS, Setup, draw_setup
+from .setups import DRAGS, Setup, draw_setup, pin_length
 from .suspects import APPARATUS, OUTSIDE, STRENGTH, Sizes, draw, scale_strength, typical
 from .world import Effect, World
 
@@ -272,6 +272,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
         "sigma": sigma, "own": strength.own, "rivals": dict(strength.rivals), "moved": moved,
         "true_parameters": {a.name: float(true_scene.parameter(a.name)) for a in scene.adjustable},
         "noise": setup.noise, "frames": len(setup.t), "bodies_in_all": len(mobile),
+        "pin_length": pin_length(setup),
     }  # fmt: skip
     return Case((as_recording(setup, belief, values, f"bodies-{seed}", noise_known),), plain(truth))
 

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..recording import write_recording
 from .bed_cases import curve_case, seen_bed_case, swimmer_case
 from .cases import Case, bodies_case
+from .real_life import real_bodies_case
 from .seal import commitment, derived
 
 # bodies without a bed; a bed that is seen; several films of a swimmer alone; its speeds; each bed also in small
@@ -23,8 +24,22 @@ KINDS: dict[str, Callable[..., Case]] = {
     "small-unseen": partial(swimmer_case, small=True),
     "curve": curve_case,
     "small-curve": partial(curve_case, small=True),
+    "real-life": real_bodies_case,
 }
 MOMENT = 946684800  # s, 1 January 2000: what every file of a case says it was written
+
+
+def real_kind(kind: str) -> str:
+    """The kind under real-life conditions. Raises InputError where there is none."""
+    found = kind if kind.startswith("real-life") else _real(kind)
+    if found not in KINDS:
+        known = ", ".join(k for k in KINDS if not k.startswith("real-life") and _real(k) in KINDS)
+        raise InputError(f"{kind} is not drawn under real-life conditions; known: {known}", where="--kind")
+    return found
+
+
+def _real(kind: str) -> str:
+    return "real-life" if kind == "bodies" else f"real-life-{kind}"
 
 
 def write_beside(path: Path, text: str, mode: int = 0o644) -> None:

@@ -24,8 +24,8 @@ NO_CONTACT, LINEAR, HERTZ, ELASTIC = range(4)
 (
     GX, GY, PERIOD, CONTACT, K_C, GAMMA_C, RESTITUTION, DAMPING_POWER, DAMPING_SCALE, LOSS_POWER, LOSS_SCALE,
     K_U, GAMMA_U, L_U, K_B, GAMMA_B, FORM, K_3, POWER_3, JOINT_F, JOINT_W0, JOINT_FORM, HEAD_F, HEAD_ANGLE,
-    HEAD_AXIS, SKIN, REACH, BASE,
-) = range(28)  # fmt: skip
+    HEAD_AXIS, SKIN, REACH, MU_E, BASE,
+) = range(29)  # fmt: skip
 
 _jit = nb.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -416,10 +416,11 @@ def separate(xy, kind, radius, in_chain, chain, length, period, allowed, sweeps)
 
 
 @_jit
-def collide(xy, v, kind, mass, radius, base, duration):
+def collide(xy, v, spin, kind, mass, moment, radius, base, duration):
     """Straight motion for ``duration`` with every collision at its own moment; how many there were.
 
-    The normal relative velocity turns to -e times itself; e falls with the speed as (v/scale)^-power.
+    The normal relative velocity turns to -e times itself; e falls with the speed as (v/scale)^-power. Friction stops
+    the slip, or gives mu times the normal impulse where that is less.
     """
     n = xy.shape[0]
     left = duration
@@ -478,6 +479,20 @@ def collide(xy, v, kind, mass, radius, base, duration):
         v[i, 1] -= push * inverse_i * ny
         v[j, 0] += push * inverse_j * nx
         v[j, 1] += push * inverse_j * ny
+        if base[MU_E] > 0.0:
+            slip = -(v[j, 0] - v[i, 0]) * ny + (v[j, 1] - v[i, 1]) * nx - spin[i] * radius[i] - spin[j] * radius[j]
+            lever_i = radius[i] ** 2 / moment[i] if kind[i] == FREE else 0.0
+            lever_j = radius[j] ** 2 / moment[j] if kind[j] == FREE else 0.0
+            most = base[MU_E] * push
+            rub = min(max(-slip / (inverse_i + inverse_j + lever_i + lever_j), -most), most)
+            v[i, 0] += rub * inverse_i * ny
+            v[i, 1] -= rub * inverse_i * nx
+            v[j, 0] -= rub * inverse_j * ny
+            v[j, 1] += rub * inverse_j * nx
+            if kind[i] == FREE:
+                spin[i] -= rub * radius[i] / moment[i]
+            if kind[j] == FREE:
+                spin[j] -= rub * radius[j] / moment[j]
     return hits
 
 
@@ -542,7 +557,7 @@ def run(
                     omega[i] += 0.5 * dt * turning[i]
                     psi[i] += dt * omega[i]
             if contact == ELASTIC:
-                collide(xy, v, kind, mass, radius, base, dt)
+                collide(xy, v, spin, kind, mass, moment, radius, base, dt)
         # where constraints put their bodies
         for i in range(n):
             ahead[i, 0] = v[i, 0]

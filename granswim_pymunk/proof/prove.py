@@ -19,6 +19,7 @@ from typing import Any
 
 from ..errors import InputError
 from .conceal import conceal, write_beside
+from .real_score import PREFIX, RealRow, real_table, real_told, score_real
 from .score import Row, score_case
 from .seal import opened
 
@@ -29,6 +30,7 @@ LONGEST = 7200.0  # s, after which a diagnosis has failed
 REAL = ("pendulum", "falling_balls", "two_disk_spin")
 # development cases, small, and of every sort; the mix of the full form, 36 full seen beds among them
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
+QUICK_REAL = tuple(("real-life", seed) for seed in (1, 4, 6, 18, 24))
 FULL = {
     "bodies": range(1753, 1893),
     "bed": range(1070, 1106),
@@ -38,6 +40,8 @@ FULL = {
     "curve": range(1000, 1004),
     "small-curve": range(1002, 1018),
 }
+# under real-life conditions: three in ten of the bodies are nulls
+FULL_REAL = {"real-life": range(1000, 1200), "real-life-bed": range(1000, 1012)}
 
 
 @dataclass(frozen=True)
@@ -169,10 +173,64 @@ def prove_cases(
     return write_score(out)
 
 
-def full_cases(kind: str | None = None) -> list[tuple[str, int]]:
+def full_cases(kind: str | None = None, real_life: bool = False) -> list[tuple[str, int]]:
     """The cases of the full form, all or those of one kind: the quick kinds first."""
+    if real_life:
+        return [(k, seed) for k, seeds in FULL_REAL.items() if kind in (None, k) for seed in seeds]
     order = ("bodies", "small-curve", "small-unseen", "small-bed", "bed", "curve", "unseen")
     return [(k, seed) for k in order if kind in (None, k) for seed in FULL[k]]
+
+
+def sliced(cases: Sequence[tuple[str, int]], part: int, parts: int) -> list[tuple[str, int]]:
+    """The ``part``-th of ``parts`` slices, counted from one: of every kind as many, in rising order.
+
+    Raises InputError where there is no such slice.
+    """
+    if not 1 <= part <= parts:
+        raise InputError(f"expected k/n with k from 1 to n, got {part}/{parts}", where="--slice")
+    kinds = dict.fromkeys(kind for kind, _ in cases)
+    result = []
+    for kind in kinds:
+        mine = [case for case in cases if case[0] == kind]
+        result += mine[len(mine) * (part - 1) // parts : len(mine) * part // parts]
+    return result
+
+
+def claim(out: str | Path, series: int, commit: str) -> None:
+    """Write into ``out`` which series lies there, scored with which commit.
+
+    Raises InputError where it is another: a series is gone on with from a checkout of its commit.
+    """
+    file = Path(out) / "series.json"
+    mine = {"series": series, "commit": commit}
+    if file.exists():
+        there = json.loads(file.read_text(encoding="utf-8"))
+        if there != mine:
+            raise InputError(
+                f"holds series {there['series']} of commit {there['commit']}, not {series} of {commit}", file=file
+            )
+    else:
+        write_beside(file, json.dumps(mine, indent=1) + "\n")
+
+
+def slice_table(out: str | Path, cases: Sequence[tuple[str, int]], part: int, parts: int) -> Path:
+    """slice-K-of-N.csv in ``out``: the rows of a slice's cases that are done."""
+    out = Path(out)
+    names = {f"{kind}-{seed}" for kind, seed in cases}
+    results = [r for r in read_results(out) if r["case"] in names]
+    real = [score_real(r) for r in results if is_real(r)]
+    file = out / f"slice-{part}-of-{parts}.csv"
+    write_beside(file, real_table(real) if real else table_text([score_case(r) for r in results]))
+    return file
+
+
+def is_real(result: dict[str, Any]) -> bool:
+    return str(result["case"]).startswith(PREFIX)
+
+
+def real_rows(out: str | Path) -> list[RealRow]:
+    """The scored real-life cases of a folder."""
+    return [score_real(result) for result in read_results(Path(out)) if is_real(result)]
 
 
 def read_results(out: Path) -> list[dict[str, Any]]:
@@ -183,11 +241,20 @@ def read_results(out: Path) -> list[dict[str, Any]]:
 
 
 def write_score(out: str | Path) -> list[Row]:
-    """score.csv and proof.html from all results in ``out``; the rows."""
+    """score.csv and proof.html from all results in ``out``; the rows.
+
+    Real-life cases have a table and figures of their own: real-life.csv, real-life.txt.
+    """
     from .page import write_page
 
     out = Path(out)
-    results = read_results(out)
+    conditions = real_rows(out)
+    if conditions:
+        write_beside(out / "real-life.csv", real_table(conditions))
+        write_beside(out / "real-life.txt", "\n".join(real_told(conditions)) + "\n")
+    results = [result for result in read_results(out) if not is_real(result)]
+    if conditions and not results:
+        return []
     rows = [score_case(result) for result in results]
     real = {f.stem: json.loads(f.read_text(encoding="utf-8")) for f in sorted((out / "real").glob("*.json"))}
     write_beside(out / "score.csv", table_text(rows))

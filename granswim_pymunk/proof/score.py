@@ -48,6 +48,7 @@ class Row:
     p: float | None
     seconds: float
     failed: str = ""
+    complete: bool | None = None  # as the verdict says, None where it does not
 
     @property
     def eligible(self) -> bool:
@@ -65,6 +66,7 @@ class Row:
             "numbers": len(self.covered), "covered": sum(self.covered),
             **{f"heldout_{k}": _short(v) for k, v in self.held.items()},
             "p": _short(self.p), "seconds": _short(self.seconds), "failed": self.failed,
+            "complete": "" if self.complete is None else int(self.complete),
         }  # fmt: skip
 
 
@@ -110,7 +112,17 @@ def _row(line: Mapping[str, str]) -> Row:
         physics_named=line["physics_named"] == "1", covered=(True,) * hits + (False,) * (numbers - hits), errors={},
         held={k.removeprefix("heldout_"): number(k) for k in line if k.startswith("heldout_")},
         p=number("p"), seconds=number("seconds") or 0.0, failed=line["failed"] or "",
+        complete=None if not line.get("complete") else line["complete"] == "1",  # older tables have no such column
     )  # fmt: skip
+
+
+# in a pin a drag is one of the joint, and so is dry friction: the contract's names there
+IN_A_PIN = {"linear_drag": "joint_drag", "coulomb_substrate": "joint_friction"}
+
+
+def standing(name: str, truth: Mapping[str, Any]) -> set[str]:
+    """The names that an effect has in this apparatus."""
+    return {name, IN_A_PIN[name]} if truth["setup"] == "pendulum" and name in IN_A_PIN else {name}
 
 
 def score_case(result: Mapping[str, Any]) -> Row:
@@ -131,16 +143,18 @@ def score_case(result: Mapping[str, Any]) -> Row:
     alike = {r["name"] for r in verdict.get("rivals", []) if r.get("indistinguishable")}
     category = truth["category"]
     if category == "mechanism":
-        right = kind in ("missing_physics", "measurement") and named == names
-        near = {names[0], *(k for k, v in rivals.items() if v < APART)}
+        own = standing(names[0], truth)
+        right = kind in ("missing_physics", "measurement") and len(named) == 1 and first in own
+        near = {*own, *(k for k, v in rivals.items() if v < APART)}
         # of one class: by the proof's own simulator, or as the verdict itself says
-        in_class = right or (kind in ("missing_physics", "measurement") and (first in near or names[0] in alike))
+        in_class = right or (kind in ("missing_physics", "measurement") and bool(first in near or own & alike))
     elif category == "decoy_camera":
         right = kind == "measurement" and named == names
         near = {names[0], *(k for k, v in rivals.items() if v < APART)}
         in_class = right or (bool(first) and (first in near or names[0] in alike))
     elif category == "pair":
-        right = set(named) == set(names)
+        stands = [standing(n, truth) for n in names]
+        right = len(named) == len(names) and all(own & set(named) for own in stands)
         in_class = right
     elif category == "outside":
         right = in_class = kind == "unmodelled"
@@ -148,7 +162,7 @@ def score_case(result: Mapping[str, Any]) -> Row:
         right = in_class = kind in ("no_mismatch", "recalibrate")
     # a force without a name has numbers of its own, which no truth speaks of
     comparable = right and len(effects) == 1 and category != "outside"
-    covered, errors = _numbers(effects, mechanisms) if comparable else ((), {})
+    covered, errors = _numbers(effects, mechanisms, truth.get("pin_length")) if comparable else ((), {})
     fit = (verdict.get("fit") or {}).get("heldout") or {}
     null = verdict.get("null")
     return Row(
@@ -159,6 +173,7 @@ def score_case(result: Mapping[str, Any]) -> Row:
         physics_named=bool(physics), covered=covered, errors=errors,
         held={k: fit.get(k) for k in ("naive", "recalibrated", "revised", "noise_floor")},
         p=None if null is None else null["p_false_alarm"], seconds=result["seconds"], failed=result.get("failed", ""),
+        complete=verdict.get("complete"),
     )  # fmt: skip
 
 
@@ -191,10 +206,19 @@ def _classes(bodies: Sequence[str], swimmer: Sequence[str] | None) -> set[str]:
     return out
 
 
-def _numbers(effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]]):
-    """Whether each interval holds the truth, and relative errors; nothing where the true form is another one."""
+def _numbers(
+    effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]], pin_length: float | None = None
+):  # fmt: skip
+    """Whether each interval holds the truth, and relative errors; nothing where the true form is another one.
+
+    pin_length : of a pendulum [m], by which a drag of its bob is one of its joint
+    """
     effect, entry = effects[0], mechanisms[0]
     if effect["other"] or len(mechanisms) != 1:
+        return (), {}
+    if entry["name"] == "joint_drag" and effect["name"] == "linear_drag" and pin_length is not None:
+        effect = {**effect, "values": {"c": effect["values"]["c"] * pin_length**2}}
+    elif entry["name"] != effect["name"]:
         return (), {}
     true = Effect(effect["name"], {k: tuple(v) if isinstance(v, list) else v for k, v in effect["values"].items()})
     found = entry["parameters"]
@@ -278,6 +302,10 @@ def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
         _figure("outside, and no known law comes nearer than 5 standard errors: a confident wrong name",
                 "at most 10 %", [r.physics_named for r in unlike], 0.1, False),
         _figure("95 % intervals that hold the truth", "90 to 99 %", intervals, 0.9, True, 0.99),
+        _figure("right names said to be complete", "at least 85 %",
+                [r.complete for r in strong if r.right_name and r.complete is not None], 0.85, True),
+        _figure("outside the library: a wrong name said to be complete", "at most 5 %",
+                [bool(r.physics_named and r.complete) for r in outside if r.complete is not None], 0.05, False),
     ]  # fmt: skip
 
 
@@ -300,13 +328,19 @@ def held_out(rows: Sequence[Row]) -> dict[str, float]:
     return result
 
 
-def told(rows: Sequence[Row]) -> list[str]:
-    """The figures of merit, and the held-out error, a line each."""
+def figure_lines(figures: Sequence[Figure]) -> list[str]:
+    """Figures, a line each, and whether what is asked is reached."""
     lines = []
-    for f in figures_of_merit(rows):
+    for f in figures:
         share = "no cases" if f.share is None else f"{100 * f.share[0]:.0f} % ({f.hits} of {f.n})"
         state = "" if f.reached is None else ", reached" if f.reached else ", NOT reached"
         lines.append(f"{f.what}: {share}; asked {f.asked}{state}")
+    return lines
+
+
+def told(rows: Sequence[Row]) -> list[str]:
+    """The figures of merit, and the held-out error, a line each."""
+    lines = figure_lines(figures_of_merit(rows))
     held = held_out(rows)
     if "revised" in held:
         median = f"median of {held['n']:.0f}: {held['revised']:.2f}"

@@ -10,7 +10,9 @@ import hashlib
 import hmac
 import json
 import os
+import re
 import secrets
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -47,6 +49,43 @@ def read_secret(file: str | Path | None = None) -> bytes:
     if len(secret) < SHORTEST:
         raise InputError(f"a secret has {SHORTEST} bytes or more, got {len(secret)}", file=path)
     return secret
+
+
+def series_secret(number: int, commit: str) -> bytes:
+    """The secret of a series: the hexadecimal SHA-256 of the text ``series NUMBER COMMIT``.
+
+    It can neither be chosen nor lost. Raises InputError where ``commit`` is not the 40 digits of one.
+    """
+    if not re.fullmatch(r"[0-9a-f]{40}", commit):
+        raise InputError(f"a commit has 40 hexadecimal digits, got {commit!r}", where="--commit")
+    if number < 1:
+        raise InputError(f"should be one or more, got {number}", where="--series")
+    return hashlib.sha256(f"series {number} {commit}".encode("ascii")).hexdigest().encode("ascii")
+
+
+def checked_out(number: int, folder: Path | None = None) -> str:
+    """The commit of the checkout that this code runs from, if series ``number`` may be scored with it.
+
+    Raises InputError where the code is not in a checkout, differs from its commit, or its list of series
+    (docs/proof.md) does not have the number.
+    """
+    folder = Path(__file__).resolve().parent if folder is None else folder
+
+    def git(*words: str) -> str:
+        try:
+            done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, check=True)
+        except (OSError, subprocess.CalledProcessError):
+            message = "a series is scored from a checkout; give its commit with --commit"
+            raise InputError(message, where="--series") from None
+        return done.stdout
+
+    commit = git("rev-parse", "HEAD").strip()
+    changed = git("status", "--porcelain", "--untracked-files=no").splitlines()
+    if changed:
+        raise InputError(f"the checkout differs from its commit: {changed[0].strip()}", where="--series")
+    if not re.search(rf"^\| *{number} *\|", git("show", "HEAD:docs/proof.md"), re.MULTILINE):
+        raise InputError(f"{number} is not in the list of docs/proof.md; list it before it begins", where="--series")
+    return commit
 
 
 def derived(secret: bytes, *parts: str | int) -> bytes:

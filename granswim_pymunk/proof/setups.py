@@ -279,6 +279,53 @@ def falling(rng: np.random.Generator) -> Setup:
     return Setup("falling", scene, t, 5e-4, between(rng, 1e-4, 6e-4), suspects, ("camera_scale", "camera_tilt"))
 
 
+def pucks(rng: np.random.Generator) -> Setup:
+    """Four to six disks that meet three to ten times; not one of SETUPS, whose draws are fixed."""
+    for _ in range(500):
+        count = int(rng.integers(4, 7))
+        turn = rng.uniform(0, 2 * math.pi)
+        bodies = []
+        for n, name in enumerate(_names(rng, count)):
+            radius = float(rng.uniform(0.02, 0.035))
+            at = turn + 2 * math.pi * (n + rng.uniform(-0.25, 0.25)) / count
+            place = rng.uniform(0.14, 0.3) * np.array([math.cos(at), math.sin(at)])
+            way = math.atan2(-place[1], -place[0]) + rng.normal() * 0.25
+            velocity = rng.uniform(0.3, 0.8) * np.array([math.cos(way), math.sin(way)])
+            mass = float(f"{radius**2 * rng.uniform(50.0, 110.0):.4g}")
+            bodies.append(Body(name, "free", round(radius, 5), mass, initial=_initial(place, velocity)))
+        restitution = float(f"{rng.uniform(0.7, 0.97):.3g}")
+        scene = Scene(tuple(bodies), (use("contact_elastic", restitution=restitution),))
+        t, _ = _times(rng, rng.uniform(1.0, 1.5), 240.0)
+        suspects = ("restitution", "distance_force", "contact_friction", "linear_drag", "quadratic_drag",
+                    "coulomb_substrate", "uniform_force")  # fmt: skip
+        setup = Setup("pucks", scene, t, 2e-4, between(rng, 1e-4, 4e-4), suspects, ("camera_scale",))
+        if _far_apart(scene) and 3 <= len(meetings(setup)) <= 10:
+            return setup
+    raise AssertionError("no pucks that meet in 500 draws")
+
+
+def _far_apart(scene: Scene) -> bool:
+    """Whether the disks' edges are 5 mm apart and more at the start."""
+    xy = np.array([b.initial[:2] for b in scene.bodies if b.initial is not None])
+    radius = np.array([b.radius for b in scene.bodies])
+    i, j = np.triu_indices(len(xy), 1)
+    return bool((np.hypot(*(xy[i] - xy[j]).T) - radius[i] - radius[j]).min() > 5e-3)
+
+
+def meetings(setup: Setup) -> np.ndarray:
+    """Frames (k,) before which something met, of a scene of instantaneous collisions without other forces."""
+    from .world import World
+
+    v = World(setup.scene, [], setup.dt).sample(setup.t, t0=float(setup.t[0])).v
+    return np.flatnonzero(np.any(np.abs(np.diff(v, axis=0)) > 1e-9, axis=(1, 2)))
+
+
+def pin_length(setup: Setup) -> float | None:
+    """Length of the pendulum [m], by which a drag is a torque."""
+    pins = setup.scene.laws_named("pin")
+    return float(pins[0].values["length"]) if pins else None
+
+
 SETUPS: dict[str, Callable[[np.random.Generator], Setup]] = {
     make.__name__: make for make in (table, meeting, pressing, pendulum, cart, motor, falling)
 }

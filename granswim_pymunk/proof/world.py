@@ -224,6 +224,8 @@ class World:
             self.fields.append((k.FRICTION, [small, smoothing], weights))
         elif name == "uniform_force":
             self.fields.append((k.UNIFORM, list(values["a"]), self._weights(rows, self.mass[rows])))
+        elif name == "contact_friction" and base[k.CONTACT] == k.ELASTIC:
+            base[k.MU_E] = values["mu"]
         elif name == "contact_friction":
             self.pairs.append((k.CONTACT_FRICTION, [values["mu"], other.get("v_0", 1e-3), smoothing]))
         elif name == "rolling_resistance":

@@ -1,0 +1,220 @@
+"""Scores of cases under real-life conditions: the name of the largest effect, completeness, and what else is named.
+
+Verdicts of version 2 say ``complete``, ``explained`` and ``remains``; where a verdict does not, the columns that need
+them stay empty and the figures leave the case out.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scipy import stats
+
+from .score import APART, Figure, _figure, _numbers, _short, figure_lines, standing
+
+STRONG = 10.0  # ideal standard errors of the largest effect, of which enough cases are wanted
+SURE = 1e-3  # p at which an ideal test sees what is left
+PREFIX = "real-life"
+NOTHING = ("no_mismatch", "recalibrate")
+BEDS = ("real-life-bed", "real-life-small-bed")
+
+
+@dataclass(frozen=True)
+class RealRow:
+    """One case, scored.
+
+    drawn : nuisances that were drawn;  sigma, second_sigma : ideal standard errors;  complete : as the verdict says
+    strange : names that were neither drawn nor equivalent;  entries : how many names there are
+    left : ideal standard errors of what was drawn and not named, None where that is not known
+    covered : for each number with an interval, whether it holds the truth;  alone : no second effect, or it is named
+    """
+
+    case: str
+    setup: str
+    category: str
+    truth: tuple[str, ...]
+    drawn: tuple[str, ...]
+    sigma: float
+    second_sigma: float
+    rival: str
+    d_prime: float
+    verdict: str
+    named: tuple[str, ...]
+    right_name: bool
+    right_class: bool
+    complete: bool | None
+    share: float | None
+    strange: tuple[str, ...]
+    entries: int
+    left: float | None
+    covered: tuple[bool, ...]
+    alone: bool
+    heldout: str
+    seconds: float
+    failed: str = ""
+
+    @property
+    def bed(self) -> bool:
+        return self.case.rpartition("-")[0] in BEDS
+
+    @property
+    def wrong_complete(self) -> bool:
+        """A wrong name said to be complete: of what was concealed, or one where nothing was."""
+        if not self.named or self.complete is not True or self.verdict == "unmodelled":
+            return False
+        return bool(self.strange) if self.category == "null" else not self.right_class
+
+    @property
+    def seen(self) -> bool:
+        """Whether an ideal test sees what is left."""
+        return self.left is not None and stats.norm.sf(self.left) < SURE
+
+    def as_dict(self) -> dict[str, Any]:
+        """As a line of a table."""
+        return {
+            "case": self.case, "setup": self.setup, "category": self.category, "truth": "+".join(self.truth),
+            "nuisances": "+".join(self.drawn), "sigma": _short(self.sigma), "second_sigma": _short(self.second_sigma),
+            "best_rival": self.rival, "d_prime": _short(self.d_prime), "verdict": self.verdict,
+            "named": "+".join(self.named), "right_name": int(self.right_name), "right_class": int(self.right_class),
+            "complete": "" if self.complete is None else int(self.complete), "share": _short(self.share),
+            "strange": "+".join(self.strange), "entries": self.entries, "left": _short(self.left),
+            "numbers": len(self.covered), "covered": sum(self.covered), "alone": int(self.alone),
+            "heldout": self.heldout, "seconds": _short(self.seconds), "failed": self.failed,
+        }  # fmt: skip
+
+
+def nuisances(truth: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Component -> names that are right for it, of the nuisances that were drawn and act on what is compared."""
+    found: dict[str, tuple[str, ...]] = {}
+    if truth.get("tilt") is not None:
+        found["tilt"] = ("uniform_force", "camera_tilt")
+    if truth.get("scale"):
+        found["scale"] = ("camera_scale",)
+    if truth.get("mass"):
+        found["mass"] = ("added_mass",)
+    if truth.get("radius"):
+        found["radius"] = ()
+    return found
+
+
+def _near(name: str, rivals: Mapping[str, float | None], truth: Mapping[str, Any]) -> set[str]:
+    """Names that are as good as this one: its own, and rivals within d' of 2."""
+    return {*standing(name, truth), *(k for k, v in rivals.items() if v is not None and v < APART)}
+
+
+def score_real(result: Mapping[str, Any]) -> RealRow:
+    """Score one result: ``truth`` (opened), ``verdict`` (verdict.json, or None where the diagnosis failed)."""
+    truth, verdict = result["truth"], result["verdict"] or {}
+    effects = truth["effects"]
+    names = tuple(e["name"] for e in effects)
+    mechanisms = verdict.get("mechanisms", [])
+    kind = verdict.get("verdict", "failed")
+    # a curve without a name is no name
+    named = tuple(dict.fromkeys(m["name"] for m in mechanisms if m["name"] != "unknown"))
+    alike = {r["name"] for r in verdict.get("rivals", []) if r.get("indistinguishable")}
+    rivals = {k: v for k, v in truth["rivals"].items() if v is not None}
+    rival, d_prime = min(rivals.items(), key=lambda item: item[1], default=("", math.inf))
+    positive = kind in ("missing_physics", "measurement")
+    drawn = nuisances(truth)
+    near = [_near(n, truth["rivals"] if k == 0 else truth.get("second_rivals", {}), truth) for k, n in enumerate(names)]
+    if names:
+        right = positive and bool(standing(names[0], truth) & set(named))
+        in_class = right or (positive and bool(near[0] & set(named) or (named and standing(names[0], truth) & alike)))
+    else:
+        right = in_class = kind in NOTHING
+    equivalent = set().union(*near, *(set(v) for v in drawn.values()))
+    strange = tuple(n for n in named if n not in equivalent)
+    if len(strange) == 1 and names and strange[0] == named[0] and standing(names[0], truth) & alike:
+        strange = ()  # the verdict itself says that it cannot tell it from the truth
+    strange = strange if positive else ()
+    if not names:
+        right = in_class = not strange and kind != "failed"
+    parts = [p for p, n in zip(("first", "second"), near, strict=False) if n & set(named)]
+    parts += [p for p, n in drawn.items() if set(n) & set(named)]
+    left = truth.get("left", {}).get("+".join(sorted(parts)))
+    covered = _covered(truth, mechanisms, near)
+    fit = verdict.get("explained") or {}
+    return RealRow(
+        case=result["case"], setup=truth["setup"], category=truth["category"], truth=names, drawn=tuple(drawn),
+        sigma=_number(truth["sigma"]), second_sigma=_number(truth.get("second_sigma")), rival=rival, d_prime=d_prime,
+        verdict=kind, named=named if positive else (), right_name=bool(right), right_class=bool(in_class),
+        complete=verdict.get("complete"), share=fit.get("share"), strange=strange,
+        entries=len(named) if positive else 0, left=left, covered=covered,
+        alone=len(names) < 2 or "second" in parts, heldout=str(verdict.get("heldout") or ""),
+        seconds=result["seconds"], failed=result.get("failed", ""),
+    )  # fmt: skip
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _covered(
+    truth: Mapping[str, Any], mechanisms: Sequence[Mapping[str, Any]], near: Sequence[set[str]]
+) -> tuple[bool, ...]:
+    """Intervals that hold the truth, of the drawn effects that are named themselves with one entry."""
+    covered: list[bool] = []
+    for effect, believed in zip(truth["effects"], truth["believed"], strict=True):
+        mine = [m for m in mechanisms if m["name"] in standing(effect["name"], truth)]
+        if believed is not None and len(mine) == 1:
+            covered += _numbers([believed], mine, truth.get("pin_length"))[0]
+    return tuple(covered)
+
+
+def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
+    """The figures that real-life cases are to show."""
+    concealed = [r for r in rows if r.truth]
+    strong = [r for r in concealed if r.sigma >= STRONG]
+    nulls = [r for r in rows if not r.truth]
+    entries = sum(r.entries for r in rows)
+    strange = sum(len(r.strange) for r in rows)
+    seen = [r.complete is False for r in rows if r.seen and r.complete is not None]
+    alone = [c for r in rows if r.alone for c in r.covered]
+    beside = [c for r in rows if not r.alone for c in r.covered]
+    told = [r for r in rows if r.complete is not None]
+    return [
+        _figure("largest effect: right name or class", "at least 85 %", [r.right_class for r in concealed], 0.85, True),
+        _figure(f"the same, of {STRONG:g} ideal standard errors and more", "at least 85 %",
+                [r.right_class for r in strong], 0.85, True),
+        _figure("right name itself", "no figure", [r.right_name for r in concealed], 0.0, True),
+        _figure("full beds: right name or class", "at least 85 %",
+                [r.right_class for r in concealed if r.bed], 0.85, True),
+        _figure("a wrong name said to be complete, of all cases", "at most 5 %", [r.wrong_complete for r in told], 0.05,
+                False),
+        _figure("names neither drawn nor equivalent, of all entries", "at most 10 %",
+                [True] * strange + [False] * (entries - strange), 0.1, False),
+        _figure("an ideal test sees what is left: said to be incomplete", "at least 80 %", seen, 0.8, True),
+        _figure("nulls with a mechanism that is no nuisance drawn", "at most 5 %", [bool(r.strange) for r in nulls],
+                0.05, False),
+        _figure("95 % intervals that hold the truth, no second effect or a named one", "at least 85 %", alone, 0.85,
+                True),
+        _figure("95 % intervals that hold the truth, a second effect not named", "at least 70 %", beside, 0.7, True),
+    ]  # fmt: skip
+
+
+def real_table(rows: Sequence[RealRow]) -> str:
+    """The rows as CSV."""
+    if not rows:
+        return ""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0].as_dict()), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow(row.as_dict())
+    return text.getvalue()
+
+
+def real_told(rows: Sequence[RealRow]) -> list[str]:
+    """The figures, a line each, and how many cases there are."""
+    strong = sum(r.sigma >= STRONG for r in rows if r.truth)
+    nulls, beds = sum(not r.truth for r in rows), sum(r.bed for r in rows)
+    return [
+        f"{len(rows)} real-life cases: {len(rows) - nulls} with an effect, {strong} of them of {STRONG:g} ideal "
+        f"standard errors and more, {nulls} nulls, {beds} beds",
+        *figure_lines(real_figures(rows)),
+    ]
