@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import signal
 import sys
+import threading
 from collections.abc import Sequence
+from typing import Any
 
 # many small matrices: threads of the linear algebra library would only wait for each other
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 from .commands import COMMANDS  # noqa: E402
-from .errors import InputError, SimulationError  # noqa: E402
+from .errors import InputError, SimulationError, Terminated  # noqa: E402
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
@@ -32,11 +35,17 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     return parser
 
 
+def _terminate(number: int, frame: Any) -> None:
+    raise Terminated
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130."""
+    """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130, SIGTERM: 143."""
     argv = list(sys.argv[1:] if argv is None else argv)
     only = argv[0] if argv and argv[0] in COMMANDS else None
     args = build_parser(only).parse_args(argv)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         return int(args.main(args))
     except InputError as error:
@@ -45,9 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SimulationError as error:
         print(f"granswim {args.command}: the run stopped: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print(f"granswim {args.command}: interrupted; what was written is kept", file=sys.stderr)
-        return 130
+        return 128 + (signal.SIGTERM if isinstance(error, Terminated) else signal.SIGINT)
     except BrokenPipeError:
         return 1
 

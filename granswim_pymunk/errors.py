@@ -26,3 +26,7 @@ class InputError(ValueError):
 
 class SimulationError(RuntimeError):
     """A run could not go on (a body escaped, a number is not finite, a list overflowed)."""
+
+
+class Terminated(KeyboardInterrupt):
+    """The program was asked to end (SIGTERM): it ends as after Ctrl-C, with another exit code."""

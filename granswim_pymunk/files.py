@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -43,6 +44,58 @@ def written_whole(path: str | Path, mode: int = 0o644, *, sure: bool = False) ->
 
 def _cannot(error: OSError) -> str:
     return error.strerror or str(error)
+
+
+@contextmanager
+def writing(path: str | Path, kept: str = "") -> Iterator[None]:
+    """A disk that takes no more becomes an InputError that names the file; ``kept``: what is safe all the same."""
+    try:
+        yield
+    except OSError as error:
+        more = f"; {kept}" if kept else ""
+        raise InputError(f"cannot write it: {_cannot(error)}{more}", file=error.filename or path) from None
+
+
+class Reserved:
+    """Room on the disk for a file that grows, asked for before it is written to.
+
+    HDF5 that meets a full disk in the middle of a write leaves a file that cannot be read, and may end the program.
+    What has been reserved is there when it is needed.
+    """
+
+    AHEAD = 1 << 18  # bytes: so much more is asked for, so that it need not be asked for each time
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._until = 0
+
+    def until(self, size: int) -> None:
+        """Make sure that the file can grow to ``size`` bytes. Raises OSError where the disk has no room for it."""
+        if size <= self._until or not hasattr(os, "posix_fallocate"):
+            return
+        handle = os.open(self.path, os.O_WRONLY)
+        try:
+            for wanted in (size + self.AHEAD, size):
+                try:
+                    os.posix_fallocate(handle, 0, wanted)
+                except OSError as error:
+                    if error.errno in (errno.EINVAL, errno.EOPNOTSUPP):  # a disk that cannot say
+                        self._until = sys.maxsize
+                        return
+                    if wanted == size:
+                        raise OSError(error.errno, error.strerror, str(self.path)) from None
+                else:
+                    self._until = wanted
+                    return
+        finally:
+            os.close(handle)
+
+    def give_back(self, size: int) -> None:
+        """Cut the file to the ``size`` that was written."""
+        self._until = 0
+        with suppress(OSError):
+            if self.path.stat().st_size > size:
+                os.truncate(self.path, size)
 
 
 def _made(folder: Path) -> list[Path]:

@@ -214,9 +214,9 @@ class Painter:
             return np.zeros(len(self.radius)) if contacts is None else body_force(contacts, len(self.radius))
         return np.hypot(state.v[:, 0], state.v[:, 1])
 
-    def fit(self, state: State, contacts: Contacts | None = None) -> None:
-        """Widen view and colours so that this state fits in."""
-        value = self.values(state, contacts)
+    def fit(self, state: State, contacts: Contacts | None = None, force: np.ndarray | None = None) -> None:
+        """Widen view and colours so that this state fits in; ``force``: (n,) sums of its contact forces [N]."""
+        value = force if force is not None and self.color == "force" else self.values(state, contacts)
         if self._fixed_top is None:
             among = value[self.grain] if self.grain.any() else value[~self.wall]
             # a handful of grains knocked by the tail may be off the scale
@@ -636,6 +636,8 @@ def write_video(
             _write_gif(frames, beside, fps, progress)
         else:
             _write_mp4(frames, beside, fps, progress)
+            if _length(beside) != len(frames):  # ffmpeg says nothing of a full disk
+                raise InputError("cannot write it: ffmpeg left out pictures", file=path)
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)
@@ -691,8 +693,21 @@ def _write_mp4(
                 writer.send(np.ascontiguousarray(np.asarray(picture.convert("RGB").crop((0, 0, *size)))))
             if progress is not None:
                 progress(k + 1, len(frames))
+    except OSError as error:
+        # imageio_ffmpeg puts ffmpeg's whole command line into it
+        raise InputError(f"cannot write it: {(error.strerror or str(error)).splitlines()[0]}", file=path) from None
     finally:
         writer.close()
+
+
+def _length(path: Path) -> int:
+    """Number of pictures in a video, 0 where it cannot be read."""
+    import imageio_ffmpeg
+
+    try:
+        return int(imageio_ffmpeg.count_frames_and_secs(str(path))[0])
+    except (OSError, RuntimeError):
+        return 0
 
 
 # ---- small things -----------------------------------------------------------------------------

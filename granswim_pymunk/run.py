@@ -12,7 +12,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -29,8 +29,8 @@ from tqdm import tqdm
 from . import __version__
 from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
 from .engine.watch import OVERLAP
-from .errors import InputError, SimulationError
-from .files import claimed, refuse_links, written_whole
+from .errors import InputError, SimulationError, Terminated
+from .files import claimed, refuse_links, writing, written_whole
 from .packing import pack, quality
 from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
 from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
@@ -190,7 +190,7 @@ def run_scene(
             "total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
             "view": {name: options.get(name) for name in ("top", "view", "width")},
         }  # fmt: skip
-        return run.go(scene, sim, plan, painter, folder, video, note)
+        return run.go(_Job(scene, sim, plan, painter, folder, video, note))
 
 
 def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
@@ -217,7 +217,7 @@ def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
             plan = _Plan.make(note["total"], note["frames"], scene.time, sim.dt)
         run.say(f"going on at step {sim.step} of {note['total']}, t = {sim.t:.6g} s")
         run.describe(scene, sim, note["total"], requested=sim.mode)
-        return run.go(scene, sim, plan, painter, folder, note["video"], note, going_on=True)
+        return run.go(_Job(scene, sim, plan, painter, folder, note["video"], note), going_on=True)
 
 
 def _above_zero(value: float | None, name: str, file: Path | None) -> float:
@@ -251,13 +251,36 @@ class _Plan:
         return cls(tuple(sorted(set(stored))), frozenset(pictures) if frames else frozenset())
 
 
+Picture = tuple[Path, int, Scale | None]  # file, number of the state, scale it was drawn with
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is run, drawn and written; ``note``: what a checkpoint keeps of it."""
+
+    scene: Scene
+    sim: Simulation
+    plan: _Plan
+    painter: Painter
+    folder: Path
+    video: str
+    note: dict[str, Any]
+
+    @property
+    def trajectory(self) -> Path:
+        return self.folder / TRAJECTORY
+
+    def picture(self, number: int) -> Path:
+        return self.folder / PICTURES / f"frame_{number:05d}.png"
+
+
 class _Run:
     """One run: its clock, its progress bars, its interruption."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet
         self.spent: dict[str, float] = {}
-        self.stopped = False
+        self.stopped = self.terminated = False
         self.last_checkpoint: float | None = None
         self.began = time.time()
 
@@ -314,142 +337,171 @@ class _Run:
 
     @contextmanager
     def gentle_interrupt(self) -> Iterator[None]:
-        """The first Ctrl-C asks the run to stop after this block; a second one stops at once."""
+        """The first Ctrl-C or SIGTERM asks the run to stop after this block; a second one stops at once."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = signal.getsignal(signal.SIGINT)
+        before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, signal.SIGTERM)}
 
         def ask(number: int, frame: FrameType | None) -> None:
             self.stopped = True
-            signal.signal(signal.SIGINT, before)
+            self.terminated = number == signal.SIGTERM
+            signal.signal(number, before[signal.Signals(number)])
 
-        signal.signal(signal.SIGINT, ask)
+        for number in before:
+            signal.signal(number, ask)
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
-    def go(
-        self,
-        scene: Scene,
-        sim: Simulation,
-        plan: _Plan,
-        painter: Painter,
-        folder: Path,
-        video: str,
-        note: dict[str, Any],
-        going_on: bool = False,
-    ) -> RunResult:
-        total = plan.stored[-1]
-        block = max(round(BLOCK[sim.mode] / max(len(scene.bodies), 20)), 1)
-        path = folder / TRAJECTORY
-        pictures: list[tuple[Path, int, Scale | None]] = []
+    def go(self, job: _Job, going_on: bool = False) -> RunResult:
+        """Simulate, draw, write; whatever ends it, what was written stays and is said."""
         reason = "finished"
-        failure: SimulationError | None = None
+        failure: Exception | None = None
         made: Path | None = None
-        if going_on:
-            writer = TrajectoryWriter.reopen(path, sim.step)
-        else:
-            # first of all whose files these are: a run that is killed leaves no files that nobody owns
-            planned = None if video == "none" else folder / f"video.{video}"
-            self.report(folder, self.diagnose(scene, sim, "running", path, (), planned))
-            _write_text(folder / SCENE, scene.to_toml())
-            writer = TrajectoryWriter(path, scene)
-        have = writer.frames
-        # drawn again from the trajectory when the scale is known
-        pictures += [
-            (folder / PICTURES / f"frame_{k:05d}.png", frame, None)
-            for k, (frame, _) in enumerate(
-                (frame, step) for frame, step in enumerate(plan.stored[:have]) if step in plan.drawn
-            )
-        ]
-        begun = sim.step
-        watch = Watch(sim, note["max_overlap"])
-        saved = time.monotonic()
+        pictures: list[Picture] = []
         with self.gentle_interrupt():
-            form = (
-                "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} steps [{elapsed}<{remaining}{postfix}]"
-            )
-            bar = self.bar("simulating", total, unit_scale=True, bar_format=form, initial=begun)
-            with bar, writer:
-                try:
-                    if have:
-                        earlier = read_trajectory(path) if not painter.live else None
-                        for frame in range(have if earlier is not None else 0):
-                            painter.remember(earlier.state(frame))  # type: ignore[union-attr]
-                    for step in plan.stored[have:]:
-                        with self.timed("simulation"):
-                            while sim.step < step and not self.stopped:
-                                size = min(block, step - sim.step)
-                                sim.advance(size)
-                                bar.update(size)
-                                watch.look()
-                                if time.monotonic() - saved > CHECKPOINT_EVERY:
-                                    self.save(sim, folder, note)
-                                    saved = time.monotonic()
-                        if sim.step < step:
-                            break
-                        bar.set_postfix_str(f"t = {sim.t:.4g} s", refresh=False)
-                        with self.timed("trajectory"):
-                            state, contacts = _store(writer, sim, scene)
-                        painter.remember(state)
-                        if step in plan.drawn:
-                            with self.timed("frames"):
-                                name = folder / PICTURES / f"frame_{len(pictures):05d}.png"
-                                scale = None
-                                if painter.live:
-                                    painter.paint(state, contacts)
-                                    painter.save(name)
-                                    scale = painter.scale.copy()
-                                else:
-                                    painter.fit(state, contacts)
-                                pictures.append((name, writer.frames - 1, scale))
-                    if sim.step > begun:
-                        self.save(sim, folder, note)
-                except SimulationError as error:
-                    last = self.last_checkpoint
-                    if last is not None:
-                        kept = f"; the checkpoint of t = {last:.6g} s is kept in {folder / CHECKPOINT}"
-                        error = SimulationError(f"{error}{kept}")
-                    failure, reason = error, f"failed: {error}"
-            if self.stopped:
-                reason = "interrupted"
-            if reason == "finished":
-                with self.timed("frames"):
-                    self.redraw(scene, path, painter, pictures)
-                if video != "none" and pictures and not self.stopped:
-                    with self.timed("video"):
-                        made = self.video(folder / f"video.{video}", [name for name, _, _ in pictures])
+            writer = self.open(job, going_on)
+            try:
+                with writer:
+                    self.recall(job, writer, pictures)
+                    self.simulate(job, writer, pictures)
+                if self.stopped:
+                    reason = "interrupted"
+                else:
+                    made = self.draw(job, pictures)
+            except SimulationError as error:
+                last = self.last_checkpoint
+                if last is not None:
+                    kept = f"; the checkpoint of t = {last:.6g} s is kept in {job.folder / CHECKPOINT}"
+                    error = SimulationError(f"{error}{kept}")
+                failure, reason = error, f"failed: {error}"
+            except (OSError, InputError) as error:  # a disk that takes no more
+                failure = self.full(job, error)
+                reason = f"failed: {failure}"
         names = tuple(name for name, _, _ in pictures if name.exists())
-        diagnostics = self.diagnose(scene, sim, reason, path, names, made)
-        self.report(folder, diagnostics)
+        diagnostics = self.diagnose(job, reason, names, made)
+        try:
+            self.report(job.folder, diagnostics)
+        except OSError as error:
+            failure = failure or self.full(job, error)
         if failure is not None:
             raise failure
         if self.stopped:
-            self.say(f"stopped at t = {sim.t:.4g} s; {len(names)} frames and the trajectory are in {folder}")
-            if not sim.impulse:
-                self.say(f"granswim run --resume {folder}  goes on")
-            raise KeyboardInterrupt
-        (folder / CHECKPOINT).unlink(missing_ok=True)
-        self.say(_summary(scene, path, folder, names, made, self.spent))
-        return RunResult(folder, scene, sim.state(), path, names, made, reason, diagnostics)
+            self.say(f"stopped at t = {job.sim.t:.4g} s; {len(names)} frames and the trajectory are in {job.folder}")
+            if not job.sim.impulse:
+                self.say(f"granswim run --resume {job.folder}  goes on")
+            raise Terminated if self.terminated else KeyboardInterrupt
+        (job.folder / CHECKPOINT).unlink(missing_ok=True)
+        self.say(_summary(job.scene, job.trajectory, job.folder, names, made, self.spent))
+        return RunResult(
+            job.folder, job.scene, job.sim.state(), job.trajectory, names, made, reason, diagnostics
+        )
+
+    def full(self, job: _Job, error: OSError | InputError) -> InputError:
+        """What is said of a disk that took no more; the checkpoint is written if there is room for it now."""
+        with suppress(OSError, InputError, SimulationError):
+            if job.sim.step > 0:
+                self.save(job)
+        what = str(error) if isinstance(error, InputError) else f"cannot write it: {error.strerror or error}"
+        file = None if isinstance(error, InputError) else error.filename or job.folder
+        more = "what was written can be read"
+        if (job.folder / CHECKPOINT).is_file():
+            more += f", granswim run --resume {job.folder} goes on"
+        return InputError(f"{what}; {more}", file=file)
+
+    def open(self, job: _Job, going_on: bool) -> TrajectoryWriter:
+        """The trajectory to be added to. Raises InputError where the disk has no room for a new one."""
+        if going_on:
+            return TrajectoryWriter.reopen(job.trajectory, job.sim.step)
+        with writing(job.folder):
+            # first of all whose files these are: a run that is killed leaves no files that nobody owns
+            planned = None if job.video == "none" else job.folder / f"video.{job.video}"
+            self.report(job.folder, self.diagnose(job, "running", (), planned))
+            _write_text(job.folder / SCENE, job.scene.to_toml())
+        return TrajectoryWriter(job.trajectory, job.scene)
+
+    def recall(self, job: _Job, writer: TrajectoryWriter, pictures: list[Picture]) -> None:
+        """The states that were stored before: a painter that goes on has seen them, and draws them again.
+
+        So scale, view and paths of all pictures are those of a run that was never stopped.
+        """
+        if not writer.frames:
+            return
+        earlier = read_trajectory(job.trajectory)
+        force = earlier.more.get("contact_force")
+        for frame, step in enumerate(job.plan.stored[: writer.frames]):
+            state = earlier.state(frame)
+            job.painter.remember(state)
+            if step in job.plan.drawn:
+                job.painter.fit(state, force=None if force is None else force[frame])
+                pictures.append((job.picture(len(pictures)), frame, None))
+
+    def simulate(self, job: _Job, writer: TrajectoryWriter, pictures: list[Picture]) -> None:
+        """From the step that the simulation has come to, to the end or to where it is stopped."""
+        sim, plan, painter = job.sim, job.plan, job.painter
+        total, begun = plan.stored[-1], sim.step
+        block = max(round(BLOCK[sim.mode] / max(len(job.scene.bodies), 20)), 1)
+        watch = Watch(sim, job.note["max_overlap"])
+        saved = time.monotonic()
+        form = "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} steps [{elapsed}<{remaining}{postfix}]"
+        with self.bar("simulating", total, unit_scale=True, bar_format=form, initial=begun) as bar:
+            for step in plan.stored[writer.frames :]:
+                with self.timed("simulation"):
+                    while sim.step < step and not self.stopped:
+                        size = min(block, step - sim.step)
+                        sim.advance(size)
+                        bar.update(size)
+                        watch.look()
+                        if time.monotonic() - saved > CHECKPOINT_EVERY:
+                            self.save(job)
+                            saved = time.monotonic()
+                if sim.step < step:
+                    break
+                bar.set_postfix_str(f"t = {sim.t:.4g} s", refresh=False)
+                with self.timed("trajectory"):
+                    state, contacts = _store(writer, sim, job.scene)
+                painter.remember(state)
+                if step in plan.drawn:
+                    with self.timed("frames"):
+                        name, scale = job.picture(len(pictures)), None
+                        if painter.live:
+                            painter.paint(state, contacts)
+                            painter.save(name)
+                            scale = painter.scale.copy()
+                        else:
+                            painter.fit(state, contacts)
+                        pictures.append((name, writer.frames - 1, scale))
+            if sim.step > begun:
+                self.save(job)
+
+    def draw(self, job: _Job, pictures: list[Picture]) -> Path | None:
+        """What is drawn when all is known: pictures of another scale than the last one's, and the video."""
+        with self.timed("frames"):
+            self.redraw(job.scene, job.trajectory, job.painter, pictures)
+        if job.video == "none" or not pictures or self.stopped:
+            return None
+        with self.timed("video"):
+            return self.video(job.folder / f"video.{job.video}", [name for name, _, _ in pictures])
 
     @staticmethod
     def report(folder: Path, diagnostics: dict[str, Any]) -> None:
         _write_text(folder / REPORT, json.dumps(diagnostics, indent=1) + "\n")
 
-    def save(self, sim: Simulation, folder: Path, note: dict[str, Any]) -> None:
-        """A checkpoint; with impulses there is none."""
-        if sim.impulse:
+    def save(self, job: _Job) -> None:
+        """A checkpoint; with impulses there is none. Raises InputError where the disk is full."""
+        if job.sim.impulse:
             return
         with self.timed("checkpoints"):
-            save_checkpoint(sim, folder / CHECKPOINT, note=note)
-        self.last_checkpoint = sim.t
+            try:
+                save_checkpoint(job.sim, job.folder / CHECKPOINT, note=job.note)
+            except SimulationError as error:
+                raise InputError(str(error)) from None
+        self.last_checkpoint = job.sim.t
 
-    def redraw(
-        self, scene: Scene, path: Path, painter: Painter, pictures: list[tuple[Path, int, Scale | None]]
-    ) -> None:
+    def redraw(self, scene: Scene, path: Path, painter: Painter, pictures: list[Picture]) -> None:
         """Draw what was not drawn yet, or before the scale was known: all frames show the same."""
         if not pictures:
             return
@@ -482,15 +534,8 @@ class _Run:
 
             return write_video(names, path, VIDEO_FPS, show)
 
-    def diagnose(
-        self,
-        scene: Scene,
-        sim: Simulation,
-        reason: str,
-        path: Path,
-        names: tuple[Path, ...],
-        made: Path | None,
-    ) -> dict[str, Any]:
+    def diagnose(self, job: _Job, reason: str, names: tuple[Path, ...], made: Path | None) -> dict[str, Any]:
+        scene, sim = job.scene, job.sim
         return {
             "title": scene.title,
             "scene_hash": scene.identity,
@@ -508,10 +553,10 @@ class _Run:
             "bodies": len(scene.bodies),
             "engine": sim.diagnostics,
             "files": {
-                "trajectory": path.name,
+                "trajectory": TRAJECTORY,
                 "frames": len(names),
                 "video": made.name if made else None,
-                "scene": "scene.toml",
+                "scene": SCENE,
             },
             "versions": {
                 "granswim_pymunk": __version__,

@@ -19,13 +19,13 @@ from __future__ import annotations
 import functools
 import hashlib
 import inspect
+import io
 import itertools
 import json
 import os
 import pickle
 import signal
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
@@ -40,6 +40,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from .errors import InputError
+from .files import writing, written_whole
 from .fingerprint import fingerprint
 from .laws import all_laws
 from .scene import Scene
@@ -185,22 +186,18 @@ def _pack(build: Build, measure: Measure) -> bytes:
 
 
 def write_dataset(data: xr.Dataset, file: str | Path) -> None:
-    """netCDF, written beside and renamed: a reader never sees half of it. Raises InputError."""
+    """netCDF, written beside and renamed: a reader never sees half of it. Raises InputError.
+
+    It is put together in memory: HDF5 that meets a full disk leaves a broken file, and may end the program.
+    """
     file = Path(file)
-    try:
+    small = {name: {"zlib": True} for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fi"}
+    whole = io.BytesIO()
+    data.to_netcdf(whole, engine="h5netcdf", encoding=small)
+    with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        os.close(handle)
-    except OSError as error:
-        raise InputError(f"cannot write it: {error.strerror}", file=file) from None
-    try:
-        small = {name: {"zlib": True} for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fi"}
-        data.to_netcdf(beside, engine="h5netcdf", encoding=small)
-        os.chmod(beside, 0o644)
-        os.replace(beside, file)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
+        with written_whole(file) as stream:
+            stream.write(whole.getbuffer())
 
 
 def read_dataset(file: str | Path) -> xr.Dataset:

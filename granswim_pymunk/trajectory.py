@@ -20,6 +20,7 @@ allows an attribute to be, so it stands in a dataset.
 from __future__ import annotations
 
 import getpass
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -32,7 +33,7 @@ import numpy as np
 
 from . import __version__
 from .errors import InputError
-from .files import refuse_links
+from .files import Reserved, refuse_links
 from .scene import ROLES, Scene, scene_from_dict
 
 if TYPE_CHECKING:
@@ -77,11 +78,17 @@ class Trajectory:
         return State(t=float(self.t[frame]), xy=self.xy[frame], v=self.v[frame], angle=angle, spin=spin)
 
 
+# bytes that HDF5 may need beside the numbers: for the trees in which it finds its chunks, and for everything else
+_EACH_CHUNK = 8192
+_EACH_FILE = 16384
+
+
 class TrajectoryWriter:
     """Writes a trajectory frame by frame; what has been added can be read even if the program is killed.
 
-    Use as a context manager. ``add`` takes positions (n, 2) [m], velocities (n, 2) [m/s], ``more`` values
-    (n,) of each body and ``observables``; the first frame decides which there are.
+    Room for a state is reserved before it is written: on a full disk ``add`` raises OSError, and the states before
+    can be read. Use as a context manager. ``add`` takes positions (n, 2) [m], velocities (n, 2) [m/s], ``more``
+    values (n,) of each body and ``observables``; the first frame decides which there are.
     """
 
     def __init__(self, path: str | Path, scene: Scene, author: str | None = None) -> None:
@@ -96,6 +103,20 @@ class TrajectoryWriter:
             self._file = h5py.File(self.path, "x")  # a file of its own, whatever appears there meanwhile
         except OSError as error:
             raise InputError(f"cannot write it: {error.strerror or error}", file=path) from None
+        self._room = Reserved(self.path)
+        said = scene.to_toml()
+        try:
+            self._reserve(len(said.encode()) + 64 * len(scene.bodies) + len(scene.title.encode()) * 4)
+        except OSError as error:
+            self._file.close()
+            self.path.unlink(missing_ok=True)
+            raise InputError(f"cannot write it: {error.strerror}", file=path) from None
+        self._write_head(scene, said, author)
+
+    def _reserve(self, more: int) -> None:
+        self._room.until(self._file.id.get_filesize() + more + _EACH_FILE)
+
+    def _write_head(self, scene: Scene, said: str, author: str | None) -> None:
         file = self._file
         text = h5py.string_dtype("utf-8")
         head = file.create_group("h5md")
@@ -121,7 +142,7 @@ class TrajectoryWriter:
         group.create_dataset("radius", data=[b.radius for b in scene.bodies]).attrs["unit"] = "m"
         group.create_dataset("mass", data=[b.mass for b in scene.bodies]).attrs["unit"] = "kg"
         parameters = file.create_group("parameters")
-        parameters.create_dataset("scene", data=scene.to_toml(), dtype=text)
+        parameters.create_dataset("scene", data=said, dtype=text)
         for place in (file, parameters):
             place.attrs["scene_hash"] = scene.identity
             place.attrs["seed"] = scene.seed
@@ -142,6 +163,12 @@ class TrajectoryWriter:
             file = self._file = h5py.File(self.path, "r+")
         except OSError as error:
             raise InputError(f"cannot write it: {error.strerror or error}", file=path) from None
+        self._room = Reserved(self.path)
+        try:
+            self._reserve(0)
+        except OSError as error:
+            file.close()
+            raise InputError(f"cannot write it: {error.strerror}", file=path) from None
         group = self._group = file["particles/all"]
         self._series = {}
         self.frames = 0
@@ -175,9 +202,8 @@ class TrajectoryWriter:
         if "step" not in element:
             element["step"] = self._series["step"]
             element["time"] = self._series["time"]
-        chunk = (1, *value.shape) if value.size > 8 else (1024, *value.shape)
         data = element.create_dataset(
-            "value", (0, *value.shape), "f8", maxshape=(None, *value.shape), chunks=chunk
+            "value", (0, *value.shape), "f8", maxshape=(None, *value.shape), chunks=_chunk(value.shape)
         )
         if unit:
             data.attrs["unit"] = unit
@@ -192,9 +218,12 @@ class TrajectoryWriter:
         more: Mapping[str, np.ndarray] | None = None,
         observables: Mapping[str, float] | None = None,
     ) -> None:
-        """Append one frame and flush it to the file."""
+        """Append one frame and flush it to the file. Raises OSError, and adds nothing, where the disk is full."""
         values = {"position": xy, "velocity": v, **(more or {})}
         totals = observables or {}
+        shapes = [(), (), *(np.asarray(value).shape for value in (*values.values(), *totals.values()))]
+        chunks = [_chunk(shape) for shape in shapes]
+        self._reserve(sum(8 * math.prod(c) + _EACH_CHUNK for c in chunks if self.frames % c[0] == 0))
         if not self._series:
             self._begin(values, totals)
         rows: dict[str, Any] = {"step": step, "time": t}
@@ -210,7 +239,12 @@ class TrajectoryWriter:
         self._file.flush()
 
     def close(self) -> None:
-        self._file.close()
+        """Close the file; what was reserved and not needed is given back. A second time it does nothing."""
+        if self._file.id.valid:
+            self._file.flush()
+            size = self._file.id.get_filesize()
+            self._file.close()
+            self._room.give_back(size)
 
     def __enter__(self) -> TrajectoryWriter:
         return self
@@ -219,6 +253,11 @@ class TrajectoryWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _chunk(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """States of many numbers one by one, of few a thousand at a time."""
+    return (1, *shape) if math.prod(shape) > 8 else (1024, *shape)
 
 
 def _user() -> str:

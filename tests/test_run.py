@@ -463,3 +463,116 @@ def test_output_is_tried_before_the_work(two, tmp_path, capsys, monkeypatch):
     for out in (tmp_path / "file" / "out", tmp_path / ("x" * 300)):
         assert main(["run", str(two), "--out", str(out)]) == 2
         assert "cannot make this folder" in capsys.readouterr().err
+
+
+# ---- a disk that takes no more, and being told to end ------------------------------------------
+
+LIMITED = """
+import resource, sys
+from granswim_pymunk.cli import main
+limit = int(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+def limited(limit, *arguments):
+    command = [sys.executable, "-c", LIMITED, str(limit), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.parametrize("limit", [10_000, 250_000])
+def test_full_disk(tmp_path, limit):
+    """One line and exit code 2; what was written can be read, and with room again it goes on to the same bits."""
+    two = tmp_path / "two.toml"
+    two.write_text(TWO_DISKS + "output = 1e-5\ndt = 1e-5\n")
+    whole = run_scene(two, tmp_path / "whole", frames=0, quiet=True)
+    assert whole.trajectory.stat().st_size > 300_000
+    out = tmp_path / "out"
+    done = limited(limit, "run", two, "--out", out, "--frames", "0")
+    assert done.returncode == 2, done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("granswim")]
+    assert len(errors) == 1 and "cannot write it" in errors[0] and "Traceback" not in done.stderr
+    if limit < 100_000:
+        assert not (out / "trajectory.h5").exists()
+        return
+    assert "--resume" in errors[0]
+    stored = read_trajectory(out / "trajectory.h5")
+    assert 100 < len(stored) < 2001
+    assert json.loads((out / "run.json").read_text())["stopped"].startswith("failed")
+    assert main(["run", "--resume", str(out)]) == 0
+    again = read_trajectory(out / "trajectory.h5")
+    expected = read_trajectory(whole.trajectory)
+    assert np.array_equal(again.step, expected.step) and np.array_equal(again.xy, expected.xy)
+
+
+def test_full_disk_for_pictures(tmp_path, two, monkeypatch):
+    """Pictures that find no room: the trajectory and a checkpoint stand."""
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+
+        def full(self, path):
+            raise OSError(28, "No space left on device", str(path))
+
+        patch.setattr("granswim_pymunk.render.Painter.save", full)
+        with pytest.raises(InputError, match=r"No space left.*--resume"):
+            run_scene(two, out, frames=4, video="none", quiet=True)
+    assert main(["run", "--resume", str(out)]) == 0
+    assert len(list((out / "frames").glob("*.png"))) == 4
+
+
+def test_what_was_reserved_is_given_back(tmp_path):
+    scene = read_scene(shipped_scenarios()["two_disks"])
+    path = tmp_path / "t.h5"
+    with TrajectoryWriter(path, scene) as writer:
+        for k in range(3):
+            writer.add(k, float(k), np.full((2, 2), k), np.zeros((2, 2)))
+        assert path.stat().st_size > 200_000
+    assert path.stat().st_size < 150_000 and len(read_trajectory(path)) == 3
+
+
+def test_sigterm_writes_a_checkpoint(tmp_path):
+    scene = dataclasses.replace(little_bed(), time=Time(dt=4e-6, duration=100.0))
+    (tmp_path / "long.toml").write_text(scene.to_toml())
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "granswim_pymunk", "run", str(tmp_path / "long.toml"), "--out", str(out)]
+    command += ["--fps", "200"]
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    late = time.monotonic() + 60
+    while len(list((out / "frames").glob("*.png"))) < 2 and time.monotonic() < late:
+        time.sleep(0.05)
+    run.send_signal(signal.SIGTERM)
+    _, error = run.communicate(timeout=60)
+    assert run.returncode == 143 and "Traceback" not in error and "kept" in error
+    assert (out / "checkpoint.npz").is_file()
+    assert json.loads((out / "run.json").read_text())["stopped"] == "interrupted"
+
+
+@pytest.mark.parametrize("color", ["speed", "force"])
+def test_resumed_pictures_are_those_of_a_whole_run(tmp_path, monkeypatch, color):
+    """The scale of a bed's colours comes from all pictures, those before the checkpoint too."""
+    scene = little_bed(seed=2)
+    # fastest at the start: what comes after the checkpoint alone would ask for another scale
+    bodies = tuple(
+        dataclasses.replace(b, initial=(*b.initial[:2], 0.3, 0.0)) if b.role == "head" else b for b in scene.bodies
+    )
+    scene = dataclasses.replace(scene, bodies=bodies)
+    more = {"frames": 5, "video": "none", "quiet": True, "color": color, "max_overlap": math.inf}
+    whole = run_scene(scene, tmp_path / "whole", **more)
+    monkeypatch.setattr("granswim_pymunk.run.CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setitem(run_scene.__globals__["BLOCK"], "verlet", 4000)
+    advance = Simulation.advance
+
+    def interrupted(self, steps):
+        advance(self, steps)
+        if self.step >= 1400:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "part"
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, "advance", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run_scene(scene, out, **more)
+    assert main(["run", "--resume", str(out)]) == 0
+    for frame in whole.frames:
+        assert np.array_equal(np.asarray(Image.open(frame)), np.asarray(Image.open(out / "frames" / frame.name)))

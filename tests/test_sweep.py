@@ -280,3 +280,25 @@ def test_observe_a_swimmer() -> None:
     assert abs(float(found["speed"])) < 1e-2 and float(found["speed_error"]) > 0
     with pytest.raises(InputError, match="settle"):
         observe(scene, duration=0.1, settle=0.2)
+
+
+def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, exit code 2; finished runs stay, nothing half written does, and the sweep goes on later."""
+    arguments = ["sweep", "falling_ball", "--duration", "0.05", "--out", str(tmp_path), "--processes", "1"]
+    arguments += ["--vary", "seed=0:3"]
+    real = os.fdopen
+
+    def full_after_two(handle: int, *how: str):
+        if len(list((tmp_path / "runs").glob("*.nc"))) == 2:
+            os.close(handle)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(handle, *how)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("granswim_pymunk.files.os.fdopen", full_after_two)
+        assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert "No space left" in error and "Traceback" not in error
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+    assert main(arguments) == 0
+    assert (read_dataset(tmp_path / "table.nc")["reason"] == "").all()
