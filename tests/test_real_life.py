@@ -13,13 +13,16 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.proof import prove, real_life
+from granswim_pymunk.proof import prove, real_beds, real_life, windows
+from granswim_pymunk.proof.bed_cases import _number
+from granswim_pymunk.proof.beds import draw_bed, packed
 from granswim_pymunk.proof.conceal import conceal, real_kind
 from granswim_pymunk.proof.ideal import Errors, Response, Truth
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced
+from granswim_pymunk.proof.real_beds import real_bed_case
 from granswim_pymunk.proof.real_life import disturbed, draw_errors, real_bodies_case
 from granswim_pymunk.proof.real_score import real_figures, real_table, score_real
-from granswim_pymunk.proof.seal import checked_out, opened, series_secret
+from granswim_pymunk.proof.seal import checked_out, generator, opened, series_secret
 from granswim_pymunk.proof.setups import Setup, cart, meetings, pendulum, pucks
 from granswim_pymunk.proof.world import Effect, World
 from granswim_pymunk.recording import read_recording
@@ -164,6 +167,46 @@ class TestDraw:
         assert main([*given, "--kind", "curve"]) == 2
         assert "curve is not drawn under real-life conditions" in capsys.readouterr().err
         assert real_kind("bodies") == real_kind("real-life") == "real-life"
+
+
+class TestBeds:
+    def test_a_bed_is_misjudged_and_filmed_badly(self, monkeypatch) -> None:
+        """Radii and masses of the recording are not those of the run; the picture has the noise that is sealed."""
+        real = real_beds.draw_bed
+
+        def short(rng, name, small):
+            setup = real(rng, name, small)
+            return replace(setup, t=setup.t[:70], scene=replace(setup.scene, adjustable=()))
+
+        monkeypatch.setattr(real_beds, "draw_bed", short)
+        monkeypatch.setattr(windows, "MOST", {True: 2, False: 2})
+        case = real_bed_case(1, DEVELOPMENT_SECRET, "null", small=True)
+        truth, recording = case.truth, case.recording
+        assert truth["category"] == "null" and truth["stated"] == "double" and len(truth["radius"]) > 200
+        errors = Errors(**truth["errors"])
+        assert recording.position_noise == pytest.approx(2 * errors.fast, rel=0.01)
+        packing = packed(short(generator(DEVELOPMENT_SECRET, "real-life-small-bed", 1, "public"), "bed", True).scene,
+                         _number(DEVELOPMENT_SECRET, "real-life-small-bed", 1, "packing"))  # fmt: skip
+        true = np.array([b.radius for b in packing.bodies if b.mobile])
+        believed = np.array([b.radius for b in recording.scene.bodies if b.mobile])
+        off = np.array(list(truth["radius"].values()))
+        assert believed * off == pytest.approx(true, rel=1e-5) and 0.008 < np.std(off) < 0.032
+        assert len(recording.t) == 70 and recording.xy.shape[1] == len(true)
+
+    def test_effects_of_a_bed_come_in_twos_of_which_one_is_small(self, monkeypatch) -> None:
+        asked = []
+
+        def reached(bench, plan, target, rough=False):
+            asked.append(target)
+            return 1.0, target
+
+        monkeypatch.setattr(real_beds, "strong", reached)
+        setup = draw_bed(np.random.default_rng(0), "bed", True)
+        rng = np.random.default_rng(1)
+        drawn = [real_beds.draw_effects(setup, None, rng, None) for _ in range(60)]
+        assert {len(d) for d in drawn} == {1, 2} and min(asked) > 0.8
+        assert all(9 <= target <= 39 for target in asked if target > 8) and any(target < 8 for target in asked)
+        assert all(d[0][0].name != d[1][0].name for d in drawn if len(d) == 2)
 
 
 TRUTH = {

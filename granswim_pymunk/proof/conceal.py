@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..recording import write_recording
 from .bed_cases import curve_case, seen_bed_case, swimmer_case
 from .cases import Case, bodies_case
+from .real_beds import real_bed_case
 from .real_life import real_bodies_case
 from .seal import commitment, derived
 
@@ -25,6 +26,8 @@ KINDS: dict[str, Callable[..., Case]] = {
     "curve": curve_case,
     "small-curve": partial(curve_case, small=True),
     "real-life": real_bodies_case,
+    "real-life-bed": real_bed_case,
+    "real-life-small-bed": partial(real_bed_case, small=True),
 }
 MOMENT = 946684800  # s, 1 January 2000: what every file of a case says it was written
 
