@@ -11,9 +11,11 @@ import json
 import math
 import tomllib
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import cached_property
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,16 @@ from .errors import InputError
 from .fingerprint import fingerprint
 from .laws import AUTOMATIC, Law, get_law
 from .laws.base import Parameter
+from .limits import (
+    DEEPEST,
+    LARGEST_TABLE,
+    LARGEST_TOML,
+    MOST_BODIES,
+    check_id,
+    check_keys,
+    one_title,
+    ordinary_file,
+)  # fmt: skip
 
 ROLES = ("head", "tail", "grain", "wall", "free")
 STANDARD_GRAVITY = 9.81  # m/s^2, where a law needs g and the scene has none (contract)
@@ -33,6 +45,10 @@ LARGEST_NUMBER = 1e100  # anywhere in a scene or a recording.toml
 
 class SceneWarning(UserWarning):
     """Something in a recording.toml was not understood and was left out."""
+
+
+def _too_many(count: int) -> InputError:
+    return InputError(f"has {count} bodies; more than {MOST_BODIES} cannot be computed")
 
 
 def _number(value: Any, name: str, unit: str, *, file: Any, where: str | None, positive: bool = False) -> float:
@@ -69,6 +85,7 @@ class Body:
     inertia: float | None = None
 
     def __post_init__(self) -> None:
+        check_id(str(self.id))
         where = f"body {self.id}"
         if self.role not in ROLES:
             raise InputError(f"role should be one of {', '.join(ROLES)}, got {self.role!r}", where=where)
@@ -190,9 +207,12 @@ class Scene:
     # ---- checks -------------------------------------------------------------------------------
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "title", one_title(self.title))
+        if len(self.bodies) > MOST_BODIES:
+            raise _too_many(len(self.bodies))
         ids = [body.id for body in self.bodies]
         if len(set(ids)) != len(ids):
-            twice = next(i for i in ids if ids.count(i) > 1)
+            twice = Counter(ids).most_common(1)[0][0]
             raise InputError("this id is used twice", where=f"body {twice}")
         known = set(ids)
         for item in self.laws:
@@ -213,14 +233,14 @@ class Scene:
 
     def check_overlaps(self) -> None:
         """Raise InputError where two bodies that can touch overlap by more than half the smaller radius."""
-        from scipy.spatial import cKDTree
+        from .touching import overlapping  # scipy takes long to import
 
         placed = [b for b in self.bodies if b.initial is not None]
         if len(placed) < 2 or not any(item.law.kind in ("pair", "impulse") for item in self.laws):
             return
         xy = np.array([b.initial[:2] for b in placed if b.initial is not None])
         radius = np.array([b.radius for b in placed])
-        for i, j in cKDTree(xy).query_pairs(2 * radius.max()):
+        for i, j in overlapping(xy, radius):
             a, b = placed[i], placed[j]
             if {a.role, b.role} <= {"head", "tail"} or {a.role, b.role} == {"wall"}:
                 continue
@@ -233,10 +253,14 @@ class Scene:
     # ---- asking -------------------------------------------------------------------------------
 
     def body(self, name: str) -> Body:
-        for body in self.bodies:
-            if body.id == name:
-                return body
-        raise InputError("the scene has no such body", where=f"body {name}")
+        try:
+            return self._by_id[name]
+        except KeyError:
+            raise InputError("the scene has no such body", where=f"body {name}") from None
+
+    @cached_property
+    def _by_id(self) -> dict[str, Body]:
+        return {body.id: body for body in self.bodies}
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -627,6 +651,13 @@ class _Reader:
                 raise self.error(message, where)
             warnings.warn(f"{self.file}: {where}: {message}; it is left out", SceneWarning, stacklevel=4)
 
+    def unknown_input(self, name: str) -> None:
+        """A command for something that is no body of the scene."""
+        message = "is the name of no body of the scene"
+        if self.strict:
+            raise self.error(message, f"input {name}")
+        warnings.warn(f"{self.file}: input {name}: {message}; it is left out", SceneWarning, stacklevel=4)
+
     def table(self, data: Any, where: str, known: Sequence[str]) -> dict[str, Any]:
         if not isinstance(data, Mapping):
             raise self.error("should be a table", where)
@@ -683,12 +714,14 @@ def _read_bodies_csv(path: Path, reader: _Reader) -> list[Body]:
     """``id,role,radius,mass,observed[,inertia][,x,y[,vx,vy]]``, empty where not given."""
     known = ("id", "role", "radius", "mass", "observed", "inertia", "x", "y", "vx", "vy")
     try:
-        with path.open(newline="", encoding="utf-8") as handle:
-            rows = list(csv.DictReader(handle))
+        with ordinary_file(path, LARGEST_TABLE).open(newline="", encoding="utf-8-sig") as handle:
+            rows = list(islice(csv.DictReader(handle), MOST_BODIES + 1))
     except OSError as error:
-        raise reader.error(f"cannot read it: {error.strerror}", str(path)) from None
+        raise InputError(f"cannot read it: {error.strerror}", file=path) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"is not a CSV in UTF-8: {error}", file=path) from None
+    if len(rows) > MOST_BODIES:
+        raise InputError(f"has more than {MOST_BODIES} bodies; so many cannot be computed", file=path)
     bodies = []
     inner = _Reader(path, reader.strict)
     for line, row in enumerate(rows, start=2):
@@ -825,18 +858,16 @@ def scene_from_dict(
     numbers = {
         key: _number(value, key, "s", file=file, where="time", positive=key != "start") for key, value in time.items()
     }
-    inputs: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
-    if isinstance(data.get("input"), str):
-        inputs = read_inputs(folder / data["input"])
-    else:
-        for key, table in reader.table(data.get("input", {}), "input", list(data.get("input", {}))).items():
-            try:
-                inputs[key] = (tuple(map(float, table["t"])), tuple(map(float, table["value"])))
-            except (KeyError, TypeError, ValueError):
-                raise reader.error("needs two lists of numbers, t and value", f"input.{key}") from None
+    inputs = _read_input(data.get("input", {}), reader, folder)
+    for key in [key for key in inputs if not any(body.id == key for body in bodies)]:
+        reader.unknown_input(key)
+        del inputs[key]
     seed = data.get("seed", 0)
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise reader.error(f"should be a whole number, zero or more, got {seed!r}", "seed")
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
+        raise reader.error(f"should be a whole number from 0 to 2^63 - 1, got {seed!r}", "seed")
+    for key in ("camera", "frames"):
+        if not isinstance(data.get(key, {}), Mapping):
+            raise reader.error("should be a table", key)
     try:
         return Scene(
             bodies=tuple(bodies),
@@ -854,6 +885,26 @@ def scene_from_dict(
         )
     except InputError as error:
         raise InputError(error.message, file=file, where=error.where) from None
+
+
+def _read_input(data: Any, reader: _Reader, folder: Path) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """``[input.BODY]`` with the lists t and value, or the name of a CSV."""
+    if isinstance(data, str):
+        return read_inputs(folder / data)
+    if not isinstance(data, Mapping):
+        raise reader.error("should be a table, or name a file", "input")
+    inputs = {}
+    for key, table in data.items():
+        try:
+            t, value = (tuple(map(float, table[name])) for name in ("t", "value"))
+        except (KeyError, TypeError, ValueError):
+            raise reader.error("needs two lists of numbers, t and value", f"input.{key}") from None
+        if len(t) != len(value) or not t:
+            raise reader.error(f"t has {len(t)} numbers and value {len(value)}", f"input.{key}")
+        if not all(map(math.isfinite, (*t, *value))) or any(b <= a for a, b in pairwise(t)):
+            raise reader.error("numbers should be finite and t should rise", f"input.{key}")
+        inputs[key] = (t, value)
+    return inputs
 
 
 def _read_swimmer(data: Any, reader: _Reader) -> list[Body]:
@@ -877,6 +928,14 @@ def swimmer(
 
     Masses are those of spheres, rho 4/3 pi r^3; the head has ``head_mass_factor`` times that.
     """
+    if isinstance(disks, bool) or not isinstance(disks, int) or not 1 <= disks:
+        raise InputError(f"disks should be a whole number above zero, got {disks!r}")
+    if disks > MOST_BODIES:
+        raise _too_many(disks)
+    for name, value, unit in (("radius", radius, "m"), ("density", density, "kg/m^3"),
+                              ("head_mass_factor", head_mass_factor, "1")):  # fmt: skip
+        _number(value, name, unit, file=None, where=None, positive=True)
+    head = _numbers(head, 2, "head", "m", file=None, where=None)
     mass = density * 4 / 3 * math.pi * radius**3
     return [
         Body(
@@ -895,7 +954,7 @@ def read_inputs(path: str | Path) -> dict[str, tuple[tuple[float, ...], tuple[fl
     path = Path(path)
     series: dict[str, list[tuple[float, float]]] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as handle:
+        with ordinary_file(path, LARGEST_TABLE).open(newline="", encoding="utf-8-sig") as handle:
             rows = csv.reader(handle)
             header = [c.strip() for c in next(rows, [])]
             if sorted(header) != ["name", "t", "value"]:
@@ -932,7 +991,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file; InputError names file and line, or the key of an absurd number."""
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8"))
+        text = ordinary_file(path, LARGEST_TOML).read_bytes().decode("utf-8-sig")
+        check_keys(text, path)
+        data = tomllib.loads(text)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot read it: {error.strerror}", file=path) from None
     except UnicodeDecodeError:
@@ -945,16 +1008,22 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     return data
 
 
-def _check_numbers(value: Any, file: Path, key: str = "") -> None:
-    """Refuse numbers that no float holds or no experiment gives before anything computes with them, or prints them."""
-    if isinstance(value, Mapping):
-        for name, item in value.items():
-            _check_numbers(item, file, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, list):
-        for item in value:
-            _check_numbers(item, file, key)
-    elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST_NUMBER:
-        raise InputError("is absurdly large", file=file, where=key)
+def _check_numbers(data: Mapping[str, Any], file: Path) -> None:
+    """Refuse numbers that no float holds or no experiment gives before anything computes with them, or prints them.
+
+    Very deep tables too: whatever walks through them would be stopped by Python itself.
+    """
+    waiting: list[tuple[Any, str, int]] = [(data, "", 0)]
+    while waiting:
+        value, key, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise InputError(f"is nested deeper than {DEEPEST}", file=file, where=key.split(".")[0])
+        if isinstance(value, Mapping):
+            waiting += [(item, f"{key}.{name}" if key else str(name), depth + 1) for name, item in value.items()]
+        elif isinstance(value, list):
+            waiting += [(item, key, depth + 1) for item in value if isinstance(item, int | float | list | Mapping)]
+        elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST_NUMBER:
+            raise InputError("is absurdly large", file=file, where=key)
 
 
 def read_scene(path: str | Path) -> Scene:

@@ -11,8 +11,7 @@ import math
 import os
 import shutil
 import warnings
-import zipfile
-import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 import tomli_w
 
 from ..errors import InputError
+from ..limits import LARGEST_TABLE, MOST_CELLS, ordinary_file, read_arrays
 from ..scene import Scene, SceneWarning, read_inputs, read_toml, scene_from_dict
 from .plausible import check_plausible
 from .recording import CURVE, CURVE_FIELDS, NUMBERS, Recording, checked_number, half_seen, rail_axes
@@ -122,7 +122,16 @@ def _read(folder: Path) -> Recording:
 
 
 def _with_inputs(scene: Scene, path: Path) -> Scene:
-    return replace(scene, inputs={**scene.inputs, **read_inputs(path)})
+    """The scene with the commands of input.csv; a name that is no body's is said (SceneWarning) and left out."""
+    inputs = read_inputs(path)
+    for name in set(inputs) - set(scene.ids):
+        warnings.warn(
+            f"{path}: input {_shorten(name)} is the name of no body of the scene; it is left out",
+            SceneWarning,
+            stacklevel=3,
+        )
+        del inputs[name]
+    return replace(scene, inputs={**scene.inputs, **inputs})
 
 
 @dataclass(frozen=True)
@@ -145,11 +154,11 @@ def _read_tracks(folder: Path, scene: Scene, *, needed: bool) -> _Tracks:
     path = csv_file if csv_file.exists() else npz_file
     tracks = _read_csv(path, scene) if path is csv_file else _read_npz(path, scene)
     keep = []
+    sighted = np.isfinite(tracks.xy).any(axis=(0, 2))
+    if tracks.angle is not None:
+        sighted |= np.isfinite(tracks.angle).any(axis=0)
     for column, name in enumerate(tracks.ids):
-        body = scene.body(name)
-        seen = np.isfinite(tracks.xy[:, column]).any() or (
-            tracks.angle is not None and np.isfinite(tracks.angle[:, column]).any()
-        )
+        body, seen = scene.body(name), sighted[column]
         if body.mobile and seen and not body.observed:
             warnings.warn(
                 f"{path}: body {name} is not observed (recording.toml); its rows are left out",
@@ -171,7 +180,7 @@ def _csv_chunks(
 ) -> Iterator[tuple[dict, Sequence[int]]]:
     """Columns of a CSV as tuples of texts, some rows at a time, with the line of every row."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as handle:
+        with ordinary_file(path, LARGEST_TABLE).open(newline="", encoding="utf-8-sig") as handle:
             rows = csv.reader(handle)
             header = [cell.strip() for cell in next(rows, [])]
             for name in required:
@@ -298,6 +307,8 @@ def _read_csv(path: Path, scene: Scene) -> _Tracks:
         raise InputError(
             "hardly any two bodies share a time: the rows of one frame should have one t", file=path
         )
+    if len(times) * len(rows) > MOST_CELLS:
+        raise InputError(f"{len(times)} frames of {len(rows)} bodies are too many to read at once", file=path)
     key = frame * len(rows) + column
     sorting = np.argsort(key, kind="stable")
     twice = np.flatnonzero(np.diff(key[sorting]) == 0)
@@ -334,24 +345,7 @@ def _frames(t: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _read_npz(path: Path, scene: Scene) -> _Tracks:
     """t (T,) [s], body (n,) names, xy (T, n, 2) [m], NaN where not seen[, angle (T, n)]."""
-    data: dict[str, np.ndarray] = {}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy remarks on the headers of damaged files
-            # opened here, as numpy does not close what it cannot read
-            with path.open("rb") as handle:
-                loaded = np.load(handle, allow_pickle=False)
-                if not isinstance(loaded, np.lib.npyio.NpzFile):
-                    raise ValueError("it holds a single array")
-                with loaded:
-                    for key in ("t", "body", "xy", "angle"):
-                        if key in loaded.files:
-                            data[key] = np.asarray(loaded[key])
-    except OSError as error:
-        raise InputError(f"cannot read it: {error}", file=path) from None
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, MemoryError, NotImplementedError,
-            SyntaxError, TypeError, RuntimeError, OverflowError) as error:  # fmt: skip
-        raise InputError(f"is not an NPZ of plain arrays: {_shorten(str(error))}", file=path) from None
+    data = read_arrays(path, ("t", "body", "xy", "angle"))
     for key in ("t", "body", "xy"):
         if key not in data:
             raise InputError(f"needs the array {key}", file=path)
@@ -359,7 +353,7 @@ def _read_npz(path: Path, scene: Scene) -> _Tracks:
         if key in data:
             if data[key].dtype.kind not in "fiu":
                 raise InputError(f"should hold numbers, not {data[key].dtype}", file=path, where=key)
-            data[key] = data[key].astype(float)
+            data[key] = data[key].astype(float, copy=False)
     if data["body"].dtype.kind not in "USiu":
         raise InputError(f"should hold names, not {data['body'].dtype}", file=path, where="body")
     t, xy, angle = data["t"], data["xy"], data.get("angle")
@@ -380,7 +374,7 @@ def _read_npz(path: Path, scene: Scene) -> _Tracks:
         if name not in order:
             raise InputError(f"body {_shorten(name)!r} is not in recording.toml", file=path)
     if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+        twice = Counter(names).most_common(1)[0][0]
         raise InputError(f"body {twice} has two columns", file=path)
     if not np.all(np.isfinite(t)):
         raise InputError("is not finite", file=path, where=f"t, frame {int(np.argmin(np.isfinite(t)))}")

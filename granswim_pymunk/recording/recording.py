@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..limits import one_title
 from ..scene import Scene
 
 CURVE_FIELDS = ("frequency", "layers", "speed", "speed_sem", "n")
@@ -111,6 +112,7 @@ class Recording:
                 array.setflags(write=False)
                 object.__setattr__(self, key, array)
         object.__setattr__(self, "ids", tuple(self.ids))
+        object.__setattr__(self, "title", one_title(self.title))
         shape = (len(self.t), len(self.ids))
         if self.t.ndim != 1 or self.xy.shape != (*shape, 2):
             raise self._error(

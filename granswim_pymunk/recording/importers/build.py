@@ -39,7 +39,8 @@ def build(found: Found, options: Options, source: Path) -> Built:
         turn = options.angle_unit if options.angle_unit is not None else (found.turn or "rad")
         angle = angle * factor(turn, ANGLES, "angle unit")
     body = list(found.body or ())
-    seen = np.isfinite(x) & np.isfinite(y)
+    # whether one coordinate is enough is known with the scene
+    seen = np.isfinite(x) | np.isfinite(y)
     if angle is not None:
         seen = seen | np.isfinite(angle)
     if not seen.any():
@@ -136,6 +137,8 @@ def _flip(found: Found, options: Options, notes: list[str]) -> tuple[np.ndarray,
     if flip is None and found.y_down:
         flip = 0.0
         notes.append("y points down in such files and is turned round, y = -y (--flip-y HEIGHT or --flip-y no)")
+    if isinstance(flip, float) and not math.isfinite(flip):
+        raise InputError(f"should be the height of the picture, got {flip!r}", where="flip_y")
     if flip is None or flip is False:
         return found.x, found.y, found.angle
     # motion along a line has y = 0 throughout, which is no height in a picture
@@ -246,6 +249,8 @@ def _assemble(
         placed |= (names == name) & np.isfinite((x, y)[axis])
     seen = placed if angle is None else placed | np.isfinite(angle)
     kept = np.flatnonzero(seen)
+    if not len(kept):
+        raise InputError("is empty: every position has one coordinate only", file=source)
 
     def where(k: int) -> str | None:
         return None if rows is None else f"row {rows[k]}"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import InputError
+from ...limits import read_arrays
 from ...scene import Adjustable, Body, Scene, use
 from ..recording import Recording
 from .base import Options
@@ -32,13 +32,12 @@ def import_single_pendulum(source: str | Path) -> Recording:
     source = Path(source)
     file = source / "single_pendulum_200Hz.csv" if source.is_dir() else source
     if file.suffix == ".npz":
-        try:
-            with np.load(file, allow_pickle=False) as data:
-                t, theta = np.asarray(data["t_s"], dtype=float), np.asarray(data["theta_rad"], dtype=float)
-        except OSError as error:
-            raise InputError(f"cannot read it: {error}", file=file) from None
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(f"needs arrays t_s and theta_rad: {error}", file=file) from None
+        data = read_arrays(file, ("t_s", "theta_rad"))
+        if len(data) < 2 or any(a.dtype.kind not in "fiu" or a.ndim != 1 for a in data.values()):
+            raise InputError("needs arrays t_s and theta_rad of numbers", file=file)
+        t, theta = data["t_s"].astype(float), data["theta_rad"].astype(float)
+        if len(t) != len(theta) or len(t) < 2:
+            raise InputError(f"t_s has {len(t)} numbers and theta_rad {len(theta)}", file=file)
     else:
         table = Source(file, Options(delimiter=",", decimal=".")).table
         if table is None:

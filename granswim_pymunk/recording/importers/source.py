@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError
+from ...limits import LARGEST_TABLE, ordinary_file
 from .base import Options, extra_needed
 from .table import Table, find_delimiter, split, table_from_frame, table_from_rows
 
@@ -31,14 +32,14 @@ class Source:
     def __init__(self, path: str | Path, options: Options) -> None:
         self.path = Path(path)
         self.options = options
+        if self.path.is_dir():
+            self.head = b""  # named formats take a folder
+            return
         try:
-            with self.path.open("rb") as handle:
+            with ordinary_file(self.path, LARGEST_TABLE).open("rb") as handle:
                 self.head = handle.read(HEAD)
         except OSError as error:
-            if self.path.is_dir():
-                self.head = b""  # named formats take a folder
-            else:
-                raise InputError(f"cannot read it: {error.strerror}", file=path) from None
+            raise InputError(f"cannot read it: {error.strerror}", file=path) from None
 
     @property
     def suffix(self) -> str:
