@@ -1,0 +1,102 @@
+"""Recordings as single laboratories make them: their physics, their files, their scores."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.recording import read_recording
+from granswim_pymunk.validation import lab
+
+
+@pytest.fixture(scope="module")
+def made():
+    return {key: make(np.random.default_rng(5), f"{key}-5") for key, make in lab.EXPERIMENTS.items()}
+
+
+def test_the_integrator_is_of_fourth_order() -> None:
+    t = np.linspace(0.0, 3.0, 7)
+    swing = lab.integrated(lambda _, y: np.array([y[1], -4.0 * y[0]]), [1.0, 0.0], t)
+    assert swing[:, 0] == pytest.approx(np.cos(2 * t), abs=1e-11)
+
+
+def test_a_puck_loses_speed_as_its_drag_says(made) -> None:
+    recording, truth = made["puck"].recording, made["puck"].truth
+    c, body = truth["effects"][0]["values"]["c"], recording.scene.bodies[0]
+    x = recording.xy[:, 0, 0]
+    t = recording.t - recording.t[0]
+    seen = np.isfinite(x) & (np.abs(x - np.nanmedian(x)) < 2)
+    form = np.column_stack([np.ones_like(t), 1 - np.exp(-c / body.mass * t)])[seen]
+    left = x[seen] - form @ np.linalg.lstsq(form, x[seen], rcond=None)[0]
+    # what the uneven table leaves is millimetres, of a path of most of a metre
+    assert np.ptp(x[seen]) > 0.3 and 5e-4 < np.median(np.abs(left)) < 2e-2
+    assert 5e-4 < truth["slope_rms"] < 1.5e-3 and not recording.scene.laws
+
+
+def test_a_motor_lags(made) -> None:
+    recording = made["motor"].recording
+    t, command = recording.scene.inputs["cart"]
+    v = np.gradient(np.interp(recording.t, recording.t, _whole(recording)), recording.t)
+    grid = np.arange(0.0, 0.4, 0.01)
+    smooth = np.convolve(v, np.ones(7) / 7, "same")[20:-20]
+    match = [np.corrcoef(smooth, np.interp(recording.t[20:-20] - lag, t, command))[0, 1] for lag in grid]
+    assert grid[int(np.argmax(match))] == pytest.approx(lab.LAG, abs=0.04)
+
+
+def _whole(recording) -> np.ndarray:
+    x = recording.xy[:, 0, 0]
+    seen = np.isfinite(x)
+    return np.interp(recording.t, recording.t[seen], x[seen])
+
+
+def test_a_pendulum_has_both_frictions(made) -> None:
+    recording, truth = made["pendulum"].recording, made["pendulum"].truth
+    assert {e["name"] for e in truth["effects"]} == {"joint_drag", "joint_friction"}
+    assert np.median(np.diff(recording.t)) == pytest.approx(1 / 60, rel=1e-4)
+    r = np.hypot(*np.moveaxis(recording.xy[:, 0], -1, 0))
+    assert np.nanmedian(r) == pytest.approx(truth["length"], rel=1e-3)
+    believed = recording.scene.laws_named("pin")[0].values["length"]
+    assert abs(believed / truth["length"] - 1) == pytest.approx(0.002, rel=0.1)
+
+
+def test_magnets_turn_before_they_touch(made) -> None:
+    recording = made["magnets"].recording
+    d = np.hypot(*np.moveaxis(recording.xy[:, 0] - recording.xy[:, 1], -1, 0))
+    assert 0.035 < np.nanpercentile(d, 1) < 0.12 and np.nanmax(d) > 0.25
+    assert [item.name for item in recording.scene.laws] == ["contact_elastic"]
+
+
+def test_the_command_writes_and_scores(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(lab, "EXPERIMENTS", {"motor": lab.motor})
+    out = tmp_path / "films"
+    assert lab.main(["--out", str(out), "--count", "1"]) == 0
+    (truth,) = json.loads((tmp_path / "films.json").read_text())
+    assert truth["effects"] == [{"name": "actuator_lag", "values": {"tau": 0.146}}]
+    assert read_recording(out / "motor-0").scene.inputs
+    (tmp_path / "v" / "motor-0").mkdir(parents=True)
+    verdict = {"verdict": "missing_physics", "mechanisms": [{"name": "actuator_lag"}], "rivals": [],
+               "explained": {"share": 0.84}, "complete": False, "heldout": "holds"}  # fmt: skip
+    (tmp_path / "v" / "motor-0" / "verdict.json").write_text(json.dumps(verdict))
+    assert lab.main(["--out", str(out), "--score", str(tmp_path / "v")]) == 0
+    assert "| missing_physics actuator_lag | all | 0.84 | False | holds |" in capsys.readouterr().out
+    assert lab.main(["--out", str(tmp_path / "none"), "--score", str(tmp_path)]) == 2
+
+
+@pytest.mark.parametrize(
+    ("named", "verdict", "how"),
+    [
+        (["joint_drag"], "missing_physics", "right"),
+        (["joint_drag", "joint_friction"], "missing_physics", "all"),
+        (["linear_drag"], "missing_physics", "class"),
+        (["joint_friction"], "missing_physics", "wrong"),
+        (["unknown"], "unmodelled", "silent"),
+    ],
+)
+def test_what_explains_most_is_asked_for(named, verdict, how) -> None:
+    truth = {"effects": [{"name": "joint_drag"}, {"name": "joint_friction"}]}
+    said = {"verdict": verdict, "mechanisms": [{"name": n} for n in named], "rivals": []}
+    assert lab.judged(truth, said) == how
+    assert lab.judged(truth, None) == "none"
