@@ -26,13 +26,16 @@ def test_the_integrator_is_of_fourth_order() -> None:
 def test_a_puck_loses_speed_as_its_drag_says(made) -> None:
     recording, truth = made["puck"].recording, made["puck"].truth
     c, body = truth["effects"][0]["values"]["c"], recording.scene.bodies[0]
-    x = recording.xy[:, 0, 0]
     t = recording.t - recording.t[0]
-    seen = np.isfinite(x) & (np.abs(x - np.nanmedian(x)) < 2)
-    form = np.column_stack([np.ones_like(t), 1 - np.exp(-c / body.mass * t)])[seen]
-    left = x[seen] - form @ np.linalg.lstsq(form, x[seen], rcond=None)[0]
-    # what the uneven table leaves is millimetres, of a path of most of a metre
-    assert np.ptp(x[seen]) > 0.3 and 5e-4 < np.median(np.abs(left)) < 2e-2
+    left = []
+    for column in recording.xy[:, 0].T:
+        seen = np.isfinite(column)
+        form = np.column_stack([np.ones_like(t), 1 - np.exp(-c / body.mass * t)])[seen]
+        rest = column[seen] - form @ np.linalg.lstsq(form, column[seen], rcond=None)[0]
+        left.append(np.median(np.abs(rest)))
+    # of a path of a metre the uneven table leaves more than the noise of 0.25 mm, and at most millimetres
+    assert np.ptp(recording.xy[np.isfinite(recording.xy[:, 0, 0]), 0, 0]) > 0.3
+    assert 4e-4 < max(left) < 2e-2
     assert 5e-4 < truth["slope_rms"] < 1.5e-3 and not recording.scene.laws
 
 
