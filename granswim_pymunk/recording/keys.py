@@ -61,8 +61,8 @@ KEYS = tuple(
         ("law", "bodies", "", "all mobile bodies", "the bodies it acts on", '["a", "b"]'),
         ("adjustable", "law", "", "required", "the law with a number that is not known well", '"pin"'),
         ("adjustable", "parameter", "", "required", "that number: fitted before physics is missed", '"length"'),
-        ("adjustable", "low", "as the parameter", "required", "smallest value that is possible", "0.133"),
-        ("adjustable", "high", "as the parameter", "required", "largest value that is possible", "0.163"),
+        ("adjustable", "low", "", "required", "smallest value that is possible, in its unit", "0.133"),
+        ("adjustable", "high", "", "required", "largest value that is possible, in its unit", "0.163"),
         ("adjustable", "per", "", '"all"', "all: shared; body, recording: one for each", '"recording"'),
         ("time", "dt", "s", "resolves the fastest law", "time step", "2.0e-6"),
         ("time", "start", "s", "0", "time at the beginning", "0.0"),
@@ -101,10 +101,13 @@ def comment(table: str, name: str, law: str | None = None) -> str | None:
 
 _TABLE = re.compile(r"\[\[?([\w.]+)\]\]?\s*")
 _KEY = re.compile(r"([\w-]+) = (.*)")
+_SHORT_LIST = re.compile(r"= \[\n((?: {4}[-+\w.]+,\n){1,6})\]")
 
 
 def commented(text: str) -> str:
     """recording.toml with unit and meaning behind each value, the first time that it stands there."""
+    original = text
+    text = _SHORT_LIST.sub(lambda m: "= [" + ", ".join(m[1].replace(",", " ").split()) + "]", text)
     table, law, told, lines = "", None, set(), []
     opened = 0
     for line in text.splitlines():
@@ -124,6 +127,6 @@ def commented(text: str) -> str:
         opened = max(depth, 0)
         lines.append(line)
     result = "\n".join(lines) + "\n"
-    if tomllib.loads(result) != tomllib.loads(text):
-        return text  # a value with a bracket in a text: better without remarks than changed
+    if tomllib.loads(result) != tomllib.loads(original):
+        return original  # a value with a bracket in a text: better without remarks than changed
     return result

@@ -15,6 +15,7 @@ from typing import Any
 
 from ...errors import InputError
 from ...files import written_whole
+from ..folder import FORMATS as VERSIONS
 from ..folder import one_line, write_recording
 from ..keys import commented
 from ..plausible import check_plausible
@@ -164,17 +165,31 @@ def import_all(
         recordings, name, notes = _checked(source, format, options)
     notes = (*notes, *dict.fromkeys(str(item.message) for item in caught if item.category.__name__ == "SceneWarning"))
     single = len(recordings) == 1
-    done = []
-    for recording in recordings:
-        folder = write_recording(recording, out if single else Path(out) / recording.name)
-        if FORMATS[name].importer is not None:
-            toml = folder / "recording.toml"
-            text = commented(toml.read_text(encoding="utf-8"))
-            with written_whole(toml) as stream:
-                stream.write(text.encode("utf-8"))
-        drawn = draw(recording, folder / "tracks.png") if picture else None
-        done.append(Imported(folder, name, recording, look(recording), notes, drawn))
-    return done
+    own = FORMATS[name].importer is None  # a shipped recording stays as it is
+    return [
+        finish(recording, out if single else Path(out) / recording.name, name, notes, picture=picture, remarks=not own)
+        for recording in recordings
+    ]
+
+
+def finish(
+    recording: Recording,
+    folder: str | Path,
+    format: str,
+    notes: tuple[str, ...] = (),
+    *,
+    picture: bool = True,
+    remarks: bool = True,
+) -> Imported:
+    """Write a recording with remarks at its keys, look at it and draw its tracks."""
+    folder = write_recording(recording, folder)
+    if remarks:
+        toml = folder / "recording.toml"
+        text = toml.read_text(encoding="utf-8").replace(f'"{VERSIONS[0]}"', f'"{VERSIONS[-1]}"', 1)
+        with written_whole(toml) as stream:
+            stream.write(commented(text).encode("utf-8"))
+    drawn = draw(recording, folder / "tracks.png") if picture else None
+    return Imported(folder, format, recording, look(recording), notes, drawn)
 
 
 def import_to(source: str | Path, out: str | Path, format: str = "auto", **options: Any) -> list[Path]:
@@ -201,5 +216,5 @@ FORMATS = {
 
 __all__ = [
     "FORMATS", "IMPORTERS", "TEMPLATES", "Format", "Found", "Imported", "Importer", "Look", "Options", "draw",
-    "find_format", "import_all", "import_recording", "import_to", "look",
+    "find_format", "finish", "import_all", "import_recording", "import_to", "look",
 ]  # fmt: skip

@@ -1,0 +1,158 @@
+"""From a film that the test draws to tracks, a recording and a verdict."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import read_recording
+
+pytest.importorskip("trackpy")
+WIDTH, HEIGHT, RATE, SCALE = 640, 480, 60.0, 0.25e-3  # px, px, Hz, m/px
+RADIUS, MASS, DRAG = 4e-3, 5e-3, 4e-3  # m, kg, kg/s
+
+
+def ways(frames=120):
+    """Two pucks that glide and are slowed by a linear drag, and do not meet; (T, 2, 2) in m."""
+    t = np.arange(frames) / RATE
+    start = np.array([[0.015, 0.03], [0.145, 0.085]])
+    v = np.array([[0.075, 0.006], [-0.062, -0.004]])
+    k = DRAG / MASS
+    return t, start + v * ((1 - np.exp(-k * t)) / k)[:, None, None]
+
+
+def picture(xy, rng, radius=RADIUS, dark=True):
+    """A grey frame: disks with soft edges in uneven light, with noise. y up in xy, down in the picture."""
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH].astype(float)
+    light = 150 + 50 * columns / WIDTH - 30 * rows / HEIGHT
+    cover = np.zeros_like(light)
+    for x, y in xy / SCALE:
+        away = np.hypot(columns - x, rows - (HEIGHT - 1 - y))
+        cover = np.maximum(cover, np.clip(radius / SCALE + 0.5 - away, 0, 1))
+    shade = light * (1 - 0.7 * cover) if dark else 0.3 * light * (1 - cover) + 230 * cover
+    return (shade + rng.normal(0, 4, shade.shape)).clip(0, 255).astype(np.uint8)
+
+
+def film(path, xy, **look):
+    import imageio_ffmpeg
+
+    rng = np.random.default_rng(1)
+    writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=RATE, pix_fmt_in="gray", quality=8,
+                                         macro_block_size=2)  # fmt: skip
+    writer.send(None)
+    for frame in xy:
+        writer.send(picture(frame, rng, **look))
+    writer.close()
+    return path
+
+
+def test_a_film_of_pucks_to_a_verdict(tmp_path, capsys):
+    t, xy = ways()
+    movie = film(tmp_path / "pucks.mp4", xy)
+    code = main(["track", str(movie), "--radius", "4mm", "--scale", "0.25mm/px", "--mass", "5g", "--scene", "puck",
+                 "--out", str(tmp_path / "pucks")])  # fmt: skip
+    said = capsys.readouterr().out
+    assert code == 0 and "2 bodies" in said and "bodies are dark, 32 px across" in said
+    r = read_recording(tmp_path / "pucks")
+    assert r.sampling == pytest.approx(RATE) and len(r.ids) == 2
+    np.testing.assert_allclose(r.t, t, atol=1e-9)
+    order = [int(np.argmin(np.hypot(*(xy[0] - r.xy[0, k]).T))) for k in range(2)]
+    assert sorted(order) == [0, 1]
+    error = r.xy - xy[:, order]
+    assert np.sqrt(np.mean(error**2)) < 0.15 * SCALE
+    assert (tmp_path / "pucks/film.mp4").read_bytes() == movie.read_bytes()
+    assert (tmp_path / "pucks/found.png").read_bytes()[:4] == b"\x89PNG"
+    assert main(["diagnose", str(tmp_path / "pucks"), "--out", str(tmp_path / "out")]) == 0
+    verdict = json.loads((tmp_path / "out/verdict.json").read_text())
+    assert verdict["verdict"] == "missing_physics"
+    (found,) = verdict["mechanisms"]
+    assert found["name"] == "linear_drag"
+    assert found["parameters"]["c"]["value"] == pytest.approx(DRAG, rel=0.05)
+    capsys.readouterr()
+
+
+def test_bright_bodies_a_known_length_and_a_folder_of_pictures(tmp_path):
+    from PIL import Image
+
+    from granswim_pymunk.recording.track_film import track
+
+    _, xy = ways(24)
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    rng = np.random.default_rng(2)
+    for k, frame in enumerate(xy):
+        Image.fromarray(picture(frame, rng, dark=False)).save(folder / f"{k:04d}.png")
+    with pytest.raises(InputError, match="--fps"):
+        track(folder, tmp_path / "out", radius="4mm", scale="160mm=640px")
+    done = track(folder, tmp_path / "out", radius="4mm", scale="160mm=640px", fps=RATE, gravity=9.81)
+    assert len(done.recording.ids) == 2 and any("bright" in note for note in done.notes)
+    assert any("ball of water" in note for note in done.notes)
+    assert (tmp_path / "out/film.mp4").stat().st_size > 1000
+    assert done.recording.scene.gravity == (0.0, -9.81)
+
+
+def test_the_scale_of_linked_disks(tmp_path):
+    from granswim_pymunk.recording.track_film import track
+
+    t = np.arange(20) / RATE
+    line = np.stack([0.03 + 2 * RADIUS * np.arange(5), np.full(5, 0.05)], axis=-1)
+    xy = line + np.stack([0.02 * t, 0.01 * t], axis=-1)[:, None, :]
+    movie = film(tmp_path / "chain.mp4", xy, radius=0.93 * RADIUS)
+    done = track(movie, tmp_path / "out", radius=RADIUS, scale="linked", radius_px=0.93 * RADIUS / SCALE)
+    assert len(done.recording.ids) == 5
+    # disks that touch pull each other's centres a little: two percent of the scale
+    np.testing.assert_allclose(np.ptp(done.recording.xy[0, :, 0]), 8 * RADIUS, rtol=0.02)
+    moved = done.recording.xy[-1] - done.recording.xy[0]
+    np.testing.assert_allclose(np.hypot(*moved.T), np.hypot(0.02, 0.01) * t[-1], rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--radius", "4furlongs"], "radius"),
+        (["--scale", "4"], "px across: too few"),
+        (["--scale", "nothing"], "0.1mm/px, 50mm=640px or linked"),
+        (["--scale", "linked"], "--radius-px"),
+        (["--bright"], "no body|followed"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(tmp_path, capsys, options, message):
+    import re
+
+    rng = np.random.default_rng(4)
+    from PIL import Image
+
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for k in range(6):
+        blank = rng.normal(120, 1, (60, 80)).clip(0, 255).astype(np.uint8)
+        Image.fromarray(blank).save(folder / f"{k}.png")
+    arguments = {"--radius": "1mm", "--scale": "0.25mm/px", "--fps": "30"}
+    flags = []
+    for name, value in zip(options[::2], options[1::2], strict=False):
+        arguments[name] = value
+    if len(options) % 2:
+        flags = options[-1:]
+    code = main(["track", str(folder), *[part for pair in arguments.items() for part in pair], *flags,
+                 "--minmass", "1e9", "--out", str(tmp_path / "out")])  # fmt: skip
+    said = capsys.readouterr().err
+    assert code == 2 and re.search(message, said), said
+    assert said.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+def test_what_is_no_film_is_said(tmp_path):
+    from granswim_pymunk.recording.track_film import open_film
+
+    (tmp_path / "a.mp4").write_bytes(b"nothing of a film")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(InputError, match="not a film"):
+            open_film(tmp_path / "a.mp4")
+    with pytest.raises(InputError, match="no such file"):
+        open_film(tmp_path / "b.mp4")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no pictures"):
+        open_film(tmp_path / "empty")
