@@ -62,7 +62,7 @@ def test_a_film_of_pucks_to_a_verdict(tmp_path, capsys):
     order = [int(np.argmin(np.hypot(*(xy[0] - r.xy[0, k]).T))) for k in range(2)]
     assert sorted(order) == [0, 1]
     error = r.xy - xy[:, order]
-    assert np.sqrt(np.mean(error**2)) < 0.15 * SCALE
+    assert np.sqrt(np.mean(error**2)) < 0.25 * SCALE
     assert (tmp_path / "pucks/film.mp4").read_bytes() == movie.read_bytes()
     assert (tmp_path / "pucks/found.png").read_bytes()[:4] == b"\x89PNG"
     assert main(["diagnose", str(tmp_path / "pucks"), "--out", str(tmp_path / "out")]) == 0

@@ -38,15 +38,19 @@ def read(source: Source, options: Options) -> Found:
         np.asarray(f.particles.position, dtype=float)[:, plane] + np.asarray(f.particles.image)[:, plane] * edges
         for f in frames
     ])  # fmt: skip
+    logged = frames[0].log
+    if "origin" in logged:  # where granswim export put the middle of the box
+        xy = xy + np.asarray(logged["origin"], dtype=float)[plane]
     times = [f.log.get("time", f.log.get("simulation/time")) for f in frames]
     if all(time is not None for time in times):
         t, counts = np.array([float(np.ravel(time)[0]) for time in times]), "time"
     else:
         t, counts = np.array([float(f.configuration.step) for f in frames]), "step"
     ids = [str(k) for k in range(n)]
+    period = float(edges[0]) if edges[0] > 0 and "open" not in logged else None
     clock, body, x, y = grid(t, ids, xy)
     first = frames[0].particles
-    found = Found(clock=clock, counts=counts, body=body, x=x, y=y, period=float(edges[0]) if edges[0] > 0 else None)
+    found = Found(clock=clock, counts=counts, body=body, x=x, y=y, period=period)
     found.radius = dict(zip(ids, (np.asarray(first.diameter, dtype=float) / 2).tolist(), strict=True))
     found.mass = dict(zip(ids, np.asarray(first.mass, dtype=float).tolist(), strict=True))
     return found

@@ -13,6 +13,7 @@ import numpy as np
 from ...errors import InputError
 from .base import Found, Importer, Options, grid
 from .source import Source
+from .units import LENGTHS
 
 
 def recognise(source: Source) -> bool:
@@ -63,8 +64,12 @@ def _read(file: Any, source: Source, options: Options) -> Found:
     for key, into in (("radius", found.radius), ("mass", found.mass)):
         values = group.get(key)
         if values is not None:
-            data = values["value"][0] if isinstance(values, h5py.Group) else values[...]
-            into.update(zip(ids, np.ravel(data).tolist(), strict=False))
+            place = values["value"] if isinstance(values, h5py.Group) else values
+            data = np.ravel(place[0] if isinstance(values, h5py.Group) else place[...]).astype(float)
+            own = _unit(place)
+            if key == "radius" and own in LENGTHS and found.length in LENGTHS:
+                data = data * (LENGTHS[own] / LENGTHS[found.length])  # stated apart from the positions
+            into.update(zip(ids, data.tolist(), strict=False))
     return found
 
 

@@ -1,0 +1,30 @@
+"""``granswim export RUN --to FORMAT``: a run or a recording for another program.
+
+RUN is the folder of a run, its trajectory.h5, or a recording. Everything in SI, but for H5MD, whose lengths are in nm.
+"""
+
+import argparse
+
+HELP = "write a run or a recording for OVITO, MDAnalysis, ASE, ParaView or pandas"
+EXAMPLES = (
+    "granswim export out/swim --to gsd",
+    "granswim export out/swim --to vtk --every 5 --out swim.pvd",
+    "granswim export pendulum --to csv",
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..export import EXPORTERS
+
+    parser.add_argument("run", metavar="RUN", help="folder of a run, trajectory.h5, or a recording")
+    listed = "; ".join(f"{e.name}: {e.help}" for e in EXPORTERS.values())
+    parser.add_argument("--to", required=True, choices=tuple(EXPORTERS), metavar="FORMAT", help=listed)
+    parser.add_argument("--out", metavar="FILE", help="default: NAME with the format's ending, here")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="one frame in N (default: 1)")
+
+
+def main(args: argparse.Namespace) -> int:
+    from ..export import export
+
+    print(export(args.run, args.to, args.out, every=args.every))
+    return 0
