@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from granswim_pymunk.scene import Body, LawUse, Scene, swimmer, use
+from granswim_pymunk.scene import Body, LawUse, Scene, Time, swimmer, use
 
 from .analytic import pendulum_period
 from .reference import exact
@@ -167,7 +168,7 @@ def pendulum(mode: str = "verlet", quick: bool = False) -> Case:
 
 
 def convergence(mode: str = "verlet", quick: bool = False) -> Case:
-    """Order of convergence: 2 for forces of positions, 1 where a damping has the half-step velocity."""
+    """Order of convergence: 2, but 1 where a damping has the half-step velocity."""
     disks = swimmer(disks=4)
     swimming = [
         use("union", stiffness=1e3),
@@ -192,9 +193,16 @@ def convergence(mode: str = "verlet", quick: bool = False) -> Case:
         )
         for inertia in (None, 4e-4)
     )
+    dragged = conservative.with_laws(use("linear_drag", c=0.05))
+    curved = conservative.with_laws(use("quadratic_drag", c=0.05), use("coulomb_substrate", mu=0.02, v_0=0.1))
+    swinging = pinned.with_laws(use("linear_drag", c=0.05))
+    half_step = Time(scheme="half_step")
     systems = [
         ("spring", conservative, 0.5, 2e-3, 2),
-        ("spring and drag", conservative.with_laws(use("linear_drag", c=0.05)), 0.5, 2e-3, 1),
+        ("spring and drag", dragged, 0.5, 2e-3, 2),
+        ("spring and drag, half step", replace(dragged, time=half_step), 0.5, 2e-3, 1),
+        ("spring, quadratic drag and friction", curved, 0.5, 2e-3, 2),
+        ("pendulum and drag", swinging, 0.9, 2e-3, 2),
         ("swimmer, undamped", Scene(tuple(disks), tuple(swimming)), 0.01, 8e-6, 2),
         ("Hertz contact", hertz, 3e-3, 2e-5, 2),
         ("pendulum", pinned, 0.9, 2e-3, 2),

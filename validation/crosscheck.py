@@ -117,6 +117,7 @@ def read_bed(name: str | Path) -> StoredBed:
         raise InputError("needs dt [s]", file=beside, where="time")
     time = dict(time)
     stored = {int(k[6:]): k for k in data if k.startswith("after_") and k[6:].isdecimal()}
+    time["scheme"] = "half_step"  # that of the codes that computed the bed
     steps = time.pop("steps", sorted(stored))
     if (
         not isinstance(steps, list)

@@ -2,8 +2,9 @@
 
 Scheme: positions drift with the half-step velocity, forces are taken at the new positions with that
 same velocity in every damping, velocities kick (leapfrog; velocity Verlet up to the half step of the
-velocity). A pinned body is integrated by its angle, a driven one stands where the integral of its
-command puts it, and an instantaneous collision is resolved at its own moment inside a step::
+velocity). Where the scene's scheme is exact, drags and friction see the mean of the velocities before and after a
+first kick instead (Heun's method). A pinned body is integrated by its angle, a driven one stands where
+the integral of its command puts it, and an instantaneous collision is resolved at its own moment inside a step::
 
     from granswim_pymunk.validation.reference import Reference
     reference = Reference(scene, dt=1e-5)
@@ -235,7 +236,14 @@ class Reference:
             self._place()
             before, spins = self._v.copy(), [pin.omega for pin in pins]
             spin = self._spin.copy()
-            self._kick(self.dt)
+            middle = None
+            if self.scene.time.scheme == "exact":
+                self._kick(self.dt)
+                middle = 0.5 * (before + self._v)
+                self._v, self._spin = before.copy(), spin.copy()
+                for pin, omega in zip(pins, spins, strict=True):
+                    pin.omega = omega
+            self._kick(self.dt, middle)
             self._v_now = 0.5 * (before + self._v)
             self._spin_now = 0.5 * (spin + self._spin)
             self._remember_spins([0.5 * (a + pin.omega) for a, pin in zip(spins, pins, strict=True)])
@@ -300,9 +308,10 @@ class Reference:
         for drive in self._constraints.drives:
             self.xy[drive.row] = drive.position(t)
 
-    def _kick(self, dt: float) -> None:
+    def _kick(self, dt: float, middle: np.ndarray | None = None) -> None:
+        """Velocities after ``dt`` [s]; ``middle`` (n, 2) [m/s] are those that drags and friction see."""
         self.laws.spin = self._spin
-        force = self.laws(self.t, self.xy, self._v) / self.laws.inertia[:, None]
+        force = self.laws(self.t, self.xy, self._v, middle) / self.laws.inertia[:, None]
         self._spin = self._spin + dt * self.laws.torque * self._constraints.inverse_moment
         moved = self._constraints
         before = self._v.copy()

@@ -21,6 +21,11 @@ CHAIN_LAWS = ("union", "bending")
 FIELDS = (
     "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
 )  # fmt: skip
+# drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
+DAMPED = (
+    "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "ambient_flow", "wall_drag",
+    "pin_friction", "joint_friction",
+)  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
 KNOWN = (
     *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *mechanisms.FIELDS, *mechanisms.PAIRS,
@@ -91,7 +96,8 @@ class Forces:
     """Sum of all forces on all bodies.
 
     ``__call__(t, xy, v)``: (n, 2) [N] for positions (n, 2) [m], velocities (n, 2) [m/s] at time t [s];
-    the forces that a pin, rail or drive needs are not in it.
+    the forces that a pin, rail or drive needs are not in it. Drags, friction and ``extra`` see the velocities
+    ``middle`` where they are given.
     ``extra(t, xy, v)`` -> (n, 2) [N] may add physics that the scene does not know.
     Raises InputError naming a law that it does not have.
     """
@@ -121,12 +127,16 @@ class Forces:
             if item.name in mechanisms.INERTIA:
                 self.inertia[rows] *= 1 + values["beta"]
 
-    def __call__(self, t: float, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def __call__(
+        self, t: float, xy: np.ndarray, v: np.ndarray, middle: np.ndarray | None = None
+    ) -> np.ndarray:
+        half_step = v
         force = np.zeros_like(xy)
         self.torque[:] = 0.0
         if self.has_pairs:
             self.pairs.update(xy)
         for item, values, rows in self.uses:
+            v = middle if middle is not None and item.name in DAMPED else half_step
             if item.name in CONTACTS:
                 self._contacts(force, item, values, xy, v)
             elif item.name in CHAIN_LAWS:
@@ -144,7 +154,7 @@ class Forces:
                 for disks in map(list, self.scene.chains):
                     force[disks] += mechanisms.chain(item.name, values, t, self._unfold(xy[disks]), v[disks])
         if self.extra is not None:
-            force += self.extra(t, xy, v)
+            force += self.extra(t, xy, half_step if middle is None else middle)
         force[~self.mobile] = 0.0
         return force
 

@@ -191,7 +191,9 @@ def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
     shown = {k: list(v) if isinstance(v, tuple) else v for k, v in shown.items()}
     return replace(
         scene,
-        time=Time(dt=diagnosis.dt[case.name], start=t0, duration=duration, output=spacing),
+        time=Time(
+            dt=diagnosis.dt[case.name], start=t0, duration=duration, output=spacing, scheme=scene.time.scheme
+        ),
         camera=shown,
         adjustable=(),
         title=f"{case.recording.title or case.name}, revised",

@@ -55,10 +55,11 @@ class BatchStepper:
             a["spin"][at] = values[ours, 4] / u.time
             if not np.isfinite(a["x"]).all() or not np.isfinite(a["y"]).all():
                 raise SimulationError(f"a position is not finite after step {s.step} (t = {s.t:.6g} s)")
-            s._array_forces(True, s.scene.time.start + (s.step + 1) * s.dt, a["state"])
+            s._array_forces(True, s.scene.time.start + (s.step + 1) * s.dt, a["state"], in_step=True)
             forces = values[:, 5:8].copy()  # what the user put on the bodies
             forces[ours, 0] += a["fx"][at] / u.force
             forces[ours, 1] += a["fy"][at] / u.force
+            forces[ours, :2] *= s._ease[at, None]  # in the other modes the mass does that
             forces[ours, 2] += a["torque"][at] / u.torque
             self._in.set_float_buf(np.ascontiguousarray(forces).reshape(-1))
             pymunk.batch.set_space_bodies(space, BodyFields.FORCE | BodyFields.TORQUE, self._in)

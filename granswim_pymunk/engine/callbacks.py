@@ -37,7 +37,7 @@ from .native import ROW, Offsets
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
 # columns of the integer table that says how a law is used
-USE_COLUMNS = ("code", "parameters", "first", "last", "mask")
+USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "damping")
 
 # slots of the context that the callbacks find behind a pointer: addresses and whole numbers ...
 INTS = (
@@ -51,7 +51,7 @@ INTS = (
     "allowance", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts", "push",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
-    "order", "listing", "image_shift", "which", "work",
+    "order", "listing", "image_shift", "which", "work", "kick_mass", "inverse_moment", "kept",
 )  # fmt: skip
 # ... and floats
 FLOATS = (
@@ -72,7 +72,13 @@ BLOCK = 256
 WORK = ("dx", "dy", "ux", "uy", "touch", "mass", "px", "py", "ri", "rj", "wi", "wj", "ti", "tj")
 # numbers that laws may ask for
 # the last: 1 where a contact or a reach counts in its first and last step by the share of it that it lasts, else 0
-SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share")
+# and how dampings see the velocity (SCHEME)
+SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share", "scheme")
+# dampings see the last half-step velocity; or that of the positions' time: body after body, where each damping sees one
+# body; all bodies of a block together, where constraints join them; the first block together, where chains are damped
+HALF_STEP, ALONE, TOGETHER, CHAINS = 0, 1, 2, 3
+# what is kept of each body while dampings are taken twice
+KEPT = ("fx", "fy", "torque", "vx", "vy", "spin")
 
 
 def cache_folder() -> Path:
@@ -344,6 +350,42 @@ def scatter(count, spin, flat, near_i, near_j, which, work):
 '''
 
 
+_TWICE = '''
+
+@njit(**PLAIN)
+def keep(first, last, state, kept):
+    """Remember the forces before any damping, and the half-step velocities."""
+    for i in range(first, last):
+        kept[i, 0] = state[i, FX]
+        kept[i, 1] = state[i, FY]
+        kept[i, 2] = state[i, TORQUE]
+        kept[i, 3] = state[i, VX]
+        kept[i, 4] = state[i, VY]
+        kept[i, 5] = state[i, SPIN]
+
+
+@njit(**PLAIN)
+def half_kick(first, last, half, state, kick_mass, inverse_moment, kept):
+    """Back to the forces before any damping, at the velocities of the time of the positions."""
+    for i in range(first, last):
+        state[i, VX] += half * kick_mass[i] * state[i, FX]
+        state[i, VY] += half * kick_mass[i] * state[i, FY]
+        state[i, SPIN] += half * inverse_moment[i] * state[i, TORQUE]
+        state[i, FX] = kept[i, 0]
+        state[i, FY] = kept[i, 1]
+        state[i, TORQUE] = kept[i, 2]
+
+
+@njit(**PLAIN)
+def give_back(first, last, state, kept):
+    """The half-step velocities again: constraints and kick start from them."""
+    for i in range(first, last):
+        state[i, VX] = kept[i, 3]
+        state[i, VY] = kept[i, 4]
+        state[i, SPIN] = kept[i, 5]
+'''
+
+
 def _slot(law: Law, name: str) -> int:
     return [a for p in law.parameters for a in p.arguments].index(name)
 
@@ -358,14 +400,32 @@ def _body_block(law: Law, code: int) -> list[str]:
     }  # fmt: skip
     lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
     # unsigned: numba then leaves out the test for an index counted from the end
-    lines += [
-        "    for run in range(run_starts[u, b], run_starts[u, b + 1]):",
-        "        for i in range(np.uint64(runs[run, 0]), np.uint64(runs[run, 1])):",
+    loops = [
+        "for run in range(run_starts[u, b], run_starts[u, b + 1]):",
+        "    for i in range(np.uint64(runs[run, 0]), np.uint64(runs[run, 1])):",
     ]
     if "command" in law.arguments:
-        lines.append("            command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
-    lines += [f"            ax, ay = {_call(law, available)}", "            state[i, FX] += ax", "            state[i, FY] += ay"]
-    return lines
+        loops.append("        command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
+    call = [f"        ax, ay = {_call(law, available)}"]
+    add = ["        state[i, FX] += ax", "        state[i, FY] += ay"]
+    if not law.damping:
+        return [*lines, *("    " + line for line in (*loops, *call, *add))]
+    # once more, with the velocity that half the kick leads to; ``fresh``: 1.0 where the force is not in the sum yet
+    again = [
+        "        half = 0.5 * dt * kick_mass[i]",
+        "        mx = state[i, VX] + half * (state[i, FX] + fresh * ax)",
+        "        my = state[i, VY] + half * (state[i, FY] + fresh * ay)",
+        f"        bx, by = {_call(law, available | {'vx': 'mx', 'vy': 'my'})}",
+        "        state[i, FX] += bx - (1.0 - fresh) * ax",
+        "        state[i, FY] += by - (1.0 - fresh) * ay",
+    ]
+    return [
+        *lines,
+        "    if twice:",
+        *("        " + line for line in (*loops, *call, *again)),
+        "    else:",
+        *("        " + line for line in (*loops, *call, *add)),
+    ]
 
 
 def _chain_block(law: Law, code: int) -> list[str]:
@@ -388,7 +448,7 @@ def _context_arrays(used: set[str]) -> str:
     n = "n"
     shapes = {
         "state": (f"(n, {ROW})", "f8"), "push": ("(n, 3)", "f8"), "which": (str(BLOCK + 1), "u8"),
-        "work": (str(BLOCK * len(WORK) + 8), "f8"), "motion": (str(len(MOTION)), "f8"),
+        "work": (str(BLOCK * len(WORK) + 8), "f8"), "kept": (f"(n, {len(KEPT)})", "f8"), "motion": (str(len(MOTION)), "f8"),
         "bodies": (n, "i8"), "mobile": (n, "u1"), "group": (n, "i8"), "old_x": (n, "f8"), "old_y": (n, "f8"),
         "parameters": ("I[N_PARAMETERS]", "f8"), "uses": (f"(I[N_USES], {len(USE_COLUMNS)})", "i8"),
         "runs": ("(I[N_RUNS], 2)", "i8"), "mask": ("(I[N_USES], n)", "u1"), "pair_i": ("I[ROOM]", "u4"),
@@ -476,7 +536,7 @@ def interpolate(t, times, values, first, last):
     arguments = (
         "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, run_starts, blocks, mask,\n"
         "    near_i, near_j, near_shift, near_touch, near_mass, near_starts, near_seam, scalars, chains, input_t,\n"
-        "    input_v, input_at, which, work"
+        "    input_v, input_at, which, work, kick_mass, inverse_moment, kept"
     )
     pair_sums = []
     for law in pairs:
@@ -489,6 +549,7 @@ def interpolate(t, times, values, first, last):
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
     constraint_codes = [codes[law.name] for law in laws if law.kind == "constraint"]
+    parts.append(_TWICE)
     parts.append(f'''
 
 @njit(**PLAIN)
@@ -496,13 +557,35 @@ def add_forces(from_list, constrained, {arguments}):
     """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE.
 
     Block of bodies after block; of a pair, i is the smaller number, so behind a block nothing is added to its
-    bodies any more. Uses are sorted: pairs, chains (all in the first block), bodies, constraints.
+    bodies any more. Uses are sorted: pairs, chains (all in the first block), bodies, constraints; in the exact scheme
+    dampings follow the other laws of bodies, and are taken twice, the second time with the velocity that half the kick
+    of the first time leads to: together with the constraints where there are any, else each for itself, the last one
+    at once.
     ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
     ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
     """
     flat = state.reshape(state.size)
-    for b in range(blocks.shape[0] - 1):
-        for u in range(uses.shape[0]):
+    count = uses.shape[0]
+    damped = count  # the first damping, and the last
+    final = -1
+    if scalars[6] != {HALF_STEP}.0:
+        for u in range(count):
+            if uses[u, 5] != 0:
+                damped = min(damped, u)
+                final = u
+    for pass_ in range(2 * (blocks.shape[0] - 1)):
+        b = pass_ // 2
+        again = pass_ - 2 * b
+        together = scalars[6] == {TOGETHER}.0 or (scalars[6] == {CHAINS}.0 and b == 0)
+        until = count
+        if again != 0:
+            if together:
+                half_kick(blocks[b], blocks[b + 1], 0.5 * dt, state, kick_mass, inverse_moment, kept)
+            else:
+                until = final
+        swapped = together and again != 0
+        fresh = 1.0 if again == 0 else 0.0
+        for u in range(damped if again != 0 else 0, until):
             code = uses[u, 0]
             o = uses[u, 1]
             r0 = parameters[o - 1]
@@ -510,9 +593,18 @@ def add_forces(from_list, constrained, {arguments}):
                 continue
             if constrained == 0 and code >= {min(constraint_codes, default=10**6)}:
                 continue
+            if together and again == 0 and u == damped:
+                keep(blocks[b], blocks[b + 1], state, kept)
+            if swapped and uses[u, 5] == 0:
+                swapped = False
+                give_back(blocks[b], blocks[b + 1], state, kept)
+            twice = not together and (again != 0 or u == final)
             if False:
                 pass
-{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(others, 3)}''')
+{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(others, 3)}
+        if swapped:
+            give_back(blocks[b], blocks[b + 1], state, kept)
+''')
     pair_calls = []
     for law in pairs:
         pair_calls += [

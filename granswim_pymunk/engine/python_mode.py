@@ -6,6 +6,7 @@ For prototyping a law and for reading what the compiled modes do; some hundred t
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pymunk
 
 from ..errors import SimulationError
 from ..scene import LawUse
+from .callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -67,6 +69,7 @@ class PythonCallbacks:
             self._sum()
             u = self.simulation.units
             body.force += pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
+            body.force *= self.simulation._ease[k]  # in the compiled modes the mass does that
             body.torque += self._torque[k] / u.torque
             pymunk.Body.update_velocity(body, (0.0, 0.0), 1.0, dt)
 
@@ -144,8 +147,11 @@ class PythonCallbacks:
         given = {**available, **self._encoded[u], "r0": float(a["parameters"][a["uses"][u, 1] - 1])}
         return item.law.function(*(given[name] for name in item.law.arguments))
 
-    def _sum(self, constrained: bool = True) -> None:
-        """All forces of this step; positions are new, velocities still half a step behind."""
+    def _sum(self, constrained: bool = True, in_step: bool = True) -> None:
+        """All forces of this step; positions are new, velocities still half a step behind.
+
+        ``in_step`` False: the velocities are those of the time of the positions.
+        """
         s = self.simulation
         if self._summed_step == s.step + 1 and constrained:
             return
@@ -169,7 +175,46 @@ class PythonCallbacks:
             torque[j] += tj
         self._pairs.clear()
         state = np.array([self._vector(k) for k in range(s._n)])
-        for u, item in enumerate(s._uses):
+        exact = in_step and s._scheme != HALF_STEP
+        if not exact:
+            self._add(range(len(s._uses)), t, state, constrained)
+            return
+        # dampings twice, as the compiled modes do: those of all rows that are joined together, else one after the other
+        damped = np.flatnonzero(a["uses"][:, USE_COLUMNS.index("damping")]).tolist()
+        joined = np.zeros(s._n, dtype=bool)
+        joined[: {ALONE: 0, TOGETHER: s._n}.get(s._scheme, int(a["chains"].max(initial=0)))] = True
+        half = 0.5 * s.dt * a["kick_mass"]
+
+        def middle() -> np.ndarray:
+            result = state.copy()
+            result[:, 2] += half * fx
+            result[:, 3] += half * fy
+            return result
+
+        everything = range(damped[0], len(s._uses))
+        self._add(range(damped[0]), t, state, constrained)
+        before = fx.copy(), fy.copy()
+        self._add(everything, t, state, constrained)
+        after = middle()
+        single = fx.copy(), fy.copy()
+        if not joined.all():
+            for u in (damped[-1], *damped[:-1]):
+                now = middle()
+                self._add([u], t, now, constrained)
+                with_new = fx.copy(), fy.copy()
+                self._add([u], t, state, constrained)
+                fx[:], fy[:] = 2 * with_new[0] - fx, 2 * with_new[1] - fy
+            single = fx.copy(), fy.copy()
+        fx[:], fy[:] = before
+        for u in everything:
+            self._add([u], t, after if u in damped else state, constrained)
+        fx[:], fy[:] = np.where(joined, fx, single[0]), np.where(joined, fy, single[1])
+
+    def _add(self, uses: Iterable[int], t: float, state: np.ndarray, constrained: bool) -> None:
+        """Add the forces of these uses but those of pairs; ``state`` (n, 4) x, y [m], vx, vy [m/s]."""
+        s, a, fx, fy = self.simulation, self.simulation._a, self._fx, self._fy
+        for u in uses:
+            item = s._uses[u]
             kind = item.law.kind
             if kind == "chain":
                 for first, last in a["chains"]:
@@ -202,7 +247,7 @@ class PythonCallbacks:
         if "command" in item.law.arguments:
             first, last = a["input_at"][k]
             command = float(np.interp(t + 0.5 * s.dt, a["input_t"][first:last], a["input_v"][first:last]))
-        _, gx, gy, g, mean_mass, _ = (float(v) for v in a["scalars"])
+        _, gx, gy, g, mean_mass, *_ = (float(v) for v in a["scalars"])
         return {
             "t": t, "dt": s.dt, "x": x, "y": y, "vx": vx, "vy": vy, "mass": float(a["mass"][k]),
             "radius": float(a["radius"][k]), "given_inertia": float(a["given_inertia"][k]), "fx": self._fx[k],
@@ -220,13 +265,13 @@ class PythonCallbacks:
         start = np.array([body.velocity for body in s._bodies[:n]]).reshape(n, 2) * unit
         held = s._held_rows()[:n, None]
 
-        def accelerations(v: np.ndarray, constrained: bool) -> np.ndarray:
+        def accelerations(v: np.ndarray, constrained: bool, in_step: bool = False) -> np.ndarray:
             for body, (vx, vy) in zip(s._bodies, v / unit, strict=False):
                 body.velocity = (vx, vy)
             self._pairs = {(i, j): self.pair_force(i, j, s.t) for i, j in touching}
             self._summed_step = -1
-            self._sum(constrained)
-            return weight * self.forces()[:n]
+            self._sum(constrained, in_step)
+            return weight * np.column_stack([self._fx, self._fy])[:n]
 
         a = accelerations(start, True)
         torque = self._torque.copy()
@@ -235,7 +280,7 @@ class PythonCallbacks:
             a = accelerations(start, False)
             for _ in range(2):
                 behind = np.where(held, start - half * a, start)
-                a = accelerations(behind, True)
+                a = accelerations(behind, True, in_step=True)
             v = np.where(held, behind + s.dt * a, v)
         for k, body in enumerate(s._bodies[:n]):
             body.velocity = (v[k, 0] / unit, v[k, 1] / unit)
@@ -299,7 +344,7 @@ class PythonCallbacks:
         """(n, 2) forces of the last step [N], inner order."""
         result = np.column_stack([self._fx, self._fy])
         result[self.simulation._n_mobile :] = 0.0
-        return result
+        return result * self.simulation._ease[:, None]
 
 
 def _follow(original: pymunk.Body, period: float) -> Any:

@@ -16,16 +16,22 @@ import pymunk
 from pymunk._chipmunk_cffi import ffi, lib
 
 from ..errors import InputError, SimulationError
-from ..scene import Scene
+from ..laws import Law
+from ..scene import Body, LawUse, Scene
 from . import events, neighbours, stepping
 from .advice import advise_dt
 from .callbacks import (
+    ALONE,
     BLOCK,
     BODIES,
+    CHAINS,
     FLOATS,
+    HALF_STEP,
     INTS,
+    KEPT,
     KIND_ORDER,
     SCALARS,
+    TOGETHER,
     USE_COLUMNS,
     WORK,
     Kernel,
@@ -113,7 +119,9 @@ class Simulation:
         of the step that they last, so that no moment is rounded to steps. Mode verlet, in others without effect
 
     Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
-    dampings, velocities kick (leapfrog). Runs are repeatable bit for bit.
+    dampings, velocities kick (leapfrog). Where the scene's ``time.scheme`` is "exact", drags and friction of substrate
+    and joints see the velocity of the positions' time instead: that to which half a kick with the last half-step
+    velocity leads (a predictor-corrector of second order). Runs are repeatable bit for bit.
 
     Raises InputError for a scene that cannot be run, SimulationError when a run cannot go on.
     """
@@ -284,8 +292,16 @@ class Simulation:
             self._kernel = compile_laws([item.law for item in scene.laws], self._offsets)
             codes = self._kernel.codes
         uses = [item for item in scene.acting if item.law.kind in KIND_ORDER]
-        uses.sort(key=lambda item: (KIND_ORDER[item.law.kind], _constraint_order(item.name)))
+        exact = scene.time.scheme == "exact"
+        # a constant drag is a heavier body to the kick, which costs nothing; constraints and impacts want the true mass
+        eased = exact and not self.impulse and not any(_holds(item.law) for item in uses)
+        damped = [item for item in uses if exact and item.law.damping and not (eased and item.law.linear)]
+        late = {id(item) for item in damped}
+        uses.sort(key=lambda item: (_place(item, id(item) in late), _constraint_order(item.name)))
         self._uses = uses
+        self._scheme = _scheme(uses, damped)
+        rate = np.zeros(n)  # kg/s, sum of the constant drags
+        share = np.ones(n)  # of the force that accelerates, where something is carried along
         parameters: list[float] = []
         rows: list[int] = []
         runs: list[np.ndarray] = []
@@ -307,10 +323,17 @@ class Simulation:
             runs.append(own_runs)
             n_runs += len(own_runs)
             table.append(
-                [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None]
-            )
+                [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None,
+                 id(item) in late]
+            )  # fmt: skip
             values = scene.resolved(item)
             parameters += item.law.encode(values)
+            if eased and item.law.linear:
+                answers = np.array([self._linear_answer(item, values, mean_radius, bodies[k]) for k in chosen])
+                if item.law.kind == "body":
+                    rate[chosen] += answers
+                else:
+                    share[chosen] *= 1.0 + answers
             rows += chosen.tolist()
             mask[u, chosen] = 1
             if item.law.kind == "chain":
@@ -318,6 +341,8 @@ class Simulation:
                     mask[u, first:last] = mask[u, first:last].any()
             if item.law.reach:
                 reach = max(reach, float(values[item.law.reach]))
+        self._ease = a["mass"] / (a["mass"] + 0.5 * self.dt * rate * share)
+        a["kick_mass"] = a["inverse_mass"] * self._ease * share  # while constraints have not taken their share yet
         a["parameters"] = np.array(parameters or [0.0], dtype=float)
         a["uses"] = np.array(table, dtype=np.int64).reshape(-1, len(USE_COLUMNS))
         a["rows"] = np.array(rows or [0], dtype=np.int64)
@@ -363,10 +388,13 @@ class Simulation:
         mean_mass = [b.mass for b in scene.bodies if b.role == "grain"] or [b.mass for b in bodies if b.mobile] or [1.0]
         a["scalars"] = np.array(
             [scene.periodic_x or 0.0, *scene.gravity, scene.gravity_size, float(np.mean(mean_mass)),
-             float(self.averaged and self.mode == "verlet")]
+             float(self.averaged and self.mode == "verlet"), float(self._scheme)]
         )  # fmt: skip
         assert len(a["scalars"]) == len(SCALARS)
         a["bodies"] = np.zeros(n, dtype=np.int64)
+        self._inverse_moment = np.array([1.0 / b.moment if f else 0.0 for b, f in zip(bodies, free, strict=True)])
+        a["inverse_moment"] = self._inverse_moment
+        a["kept"] = np.zeros((n, len(KEPT)))
         self._a = a
         floats = np.zeros(len(FLOATS))
         for name, number in {
@@ -389,8 +417,22 @@ class Simulation:
         self._turning = any(spins(item.law) for item in uses)
         a["motion"] = motion_numbers({**units, "margin": math.inf})
         self._forget_lists()
-        self._inverse_moment = np.array([1.0 / b.moment if f else 0.0 for b, f in zip(bodies, free, strict=True)])
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
+
+    def _linear_answer(self, item: LawUse, values: dict[str, Any], mean_radius: float, body: Body) -> float:
+        """What a linear law does, from the law itself: c [kg/s] of a force -c (v - u), or what is added to 1 N."""
+        known = {
+            "mass": body.mass, "radius": body.radius, "r0": mean_radius, "g": self.scene.gravity_size,
+            "gx": self.scene.gravity[0], "gy": self.scene.gravity[1], "dt": self.dt, "t": 0.0, "x": 0.0, "y": 0.0,
+            "mean_mass": float(np.mean([b.mass for b in self.scene.bodies if b.mobile])),
+        }  # fmt: skip
+        names = [name for p in item.law.parameters for name in p.arguments]
+        known |= dict(zip(names, item.law.encode(values), strict=True))
+        force = [
+            item.law.function(*({**known, "vx": v, "vy": 0.0, "fx": v, "fy": 0.0}[a] for a in item.law.arguments))[0]
+            for v in (0.0, 1.0)
+        ]
+        return float(force[0] - force[1]) if item.law.kind == "body" else float(force[1])
 
     def _allocate_lists(self, a: dict[str, np.ndarray]) -> None:
         # near pairs are taken four by four: the last four may reach beyond the list
@@ -450,6 +492,11 @@ class Simulation:
         self._shapes_in = False
         self._space = space
         a["bodies"][:] = [address(b._body) for b in self._bodies]
+        if self._offsets is not None:
+            # what the kick divides by; ``mass`` stays what it is
+            kicked = slice(0, self._n_mobile)
+            kick = np.array([[1.0 / body.mass for body in self._bodies[kicked]]]) * self._ease[kicked]
+            stepping.write_fields(a["bodies"][kicked].copy(), np.array([self._offsets.inverse_mass]), kick)
         self._ghosts: list[tuple[pymunk.Body, pymunk.Circle]] = []
         if self.impulse or self.mode in ("chipmunk", "python"):
             self._add_shapes()
@@ -622,9 +669,12 @@ class Simulation:
         return self.scene.time.start + self.step * self.dt
 
     def _array_forces(
-        self, constrained: bool, t: float, state: np.ndarray | None = None
+        self, constrained: bool, t: float, state: np.ndarray | None = None, in_step: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Forces and torques [N, N m] at the positions and velocities in ``state``; left out, those of now."""
+        """Forces and torques [N, N m] at the positions and velocities in ``state``; left out, those of now.
+
+        ``in_step``: the velocities are those of half a step before, as in a step.
+        """
         a = self._a
         assert self._kernel is not None
         c = self._columns
@@ -642,12 +692,16 @@ class Simulation:
                 a["near_mass"], a["near_starts"], a["near_seam"], ROW,
             )  # fmt: skip
         self._forget_lists()
-        plain = np.append(a["scalars"][:-1], 0.0)  # forces of this moment, not of a step
+        plain = a["scalars"].copy()  # forces of this moment, not of a step
+        plain[SCALARS.index("share")] = 0.0
+        if not in_step:
+            plain[SCALARS.index("scheme")] = HALF_STEP
         self._kernel.add_forces(
             1, int(constrained), t, self.dt, state, a["mass"], a["inverse_mass"], a["radius"], a["given_inertia"],
             a["parameters"], a["uses"], a["runs"], a["run_starts"], a["blocks"], a["mask"], a["near_i"], a["near_j"],
             a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], plain,
-            a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"],
+            a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"], a["kick_mass"],
+            a["inverse_moment"], a["kept"],
         )  # fmt: skip
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
 
@@ -714,7 +768,7 @@ class Simulation:
             for _ in range(2):
                 state[:, c["vx"]] = np.where(held, start_x - half * fx * weight, start_x)
                 state[:, c["vy"]] = np.where(held, start_y - half * fy * weight, start_y)
-                fx, fy, _ = self._array_forces(True, self.t, state)
+                fx, fy, _ = self._array_forces(True, self.t, state, in_step=True)
             vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
             vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
         u, o = self.units, self._offsets
@@ -1079,8 +1133,8 @@ class Simulation:
             m = slice(0, self._n_mobile)
             a = self._a
             if self.step > 0:
-                raw["vx"][m] -= half * a["fx"][m] * a["inverse_mass"][m]
-                raw["vy"][m] -= half * a["fy"][m] * a["inverse_mass"][m]
+                raw["vx"][m] -= half * a["fx"][m] * a["inverse_mass"][m] * self._ease[m]
+                raw["vy"][m] -= half * a["fy"][m] * a["inverse_mass"][m] * self._ease[m]
                 raw["spin"][m] -= half * a["torque"][m] * self._inverse_moment[m]
             else:
                 raw["vx"], raw["vy"] = self._initial[:, 2:].T.copy()
@@ -1116,7 +1170,7 @@ class Simulation:
         if self.step == 0:
             result = np.column_stack(self._array_forces(True, self.t)[:2])
         else:
-            result = np.column_stack([self._a["fx"], self._a["fy"]])
+            result = np.column_stack([self._a["fx"], self._a["fy"]]) * self._ease[:, None]
         result[self._n_mobile :] = 0.0
         return self._of_scene(result)
 
@@ -1196,6 +1250,27 @@ class Simulation:
         if hasattr(self, "_ints"):
             result["neighbour_lists"] = int(self._ints[_SLOT["rebuilds"]])
         return result
+
+
+def _place(item: LawUse, damped: bool) -> float:
+    """Order of the kinds; in the exact scheme dampings come behind all they act against, but before constraints."""
+    if damped:
+        return KIND_ORDER["body"] + (0.4 if item.law.kind == "chain" else 0.5)
+    return KIND_ORDER[item.law.kind]
+
+
+def _scheme(uses: Sequence[LawUse], damped: Sequence[LawUse]) -> int:
+    """How dampings see the velocity: as it is, body after body, or together where constraints or chains join them."""
+    if not damped:
+        return HALF_STEP
+    if any(_holds(item.law) for item in uses):
+        return TOGETHER
+    return CHAINS if any(item.law.kind == "chain" for item in damped) else ALONE
+
+
+def _holds(law: Law) -> bool:
+    """Whether a law holds bodies back: a constraint that does more than take a share of the force."""
+    return law.kind == "constraint" and not law.linear
 
 
 def _constraint_order(name: str) -> int:

@@ -11,6 +11,7 @@ from .base import Parameter, law
     parameters=[Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, typical=0.1)],
     strength=("beta",),
     candidate="named",
+    linear=True,
 )
 def added_mass(fx, fy, beta):
     less = -beta / (1.0 + beta)

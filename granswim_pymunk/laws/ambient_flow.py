@@ -13,6 +13,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    linear=True,
 )
 def ambient_flow(vx, vy, c, u_x, u_y):
     return -c * (vx - u_x), -c * (vy - u_y)

@@ -23,7 +23,7 @@ Kinds
     +90 degrees; returns ``(fn, ft)`` [N], the force on j along n and t; i gets the opposite. A law that
     asks for ``spin_i`` or ``spin_j`` returns ``(fn, ft, mi, mj)``, with a torque on each besides [N m].
 ``chain``
-    sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``.
+    sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``; ``damping=True`` where it is a friction.
 ``constraint``
     sees the sum of all other forces on one body and returns what must be added to it.
 ``impulse``
@@ -38,7 +38,7 @@ import math
 import pickle
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from ..errors import InputError
@@ -176,6 +176,13 @@ class Law:
     series: Callable[..., Any] | None = None
     # the mechanism that it is a form of; its own name where empty
     form_of: str = ""
+    # a drag or a friction: where the scheme is exact it sees the velocity of the time of the positions, not that of
+    # half a step before. All laws of kind body that look at a velocity are; others say so
+    damping: bool = False
+    # such a law of kind body whose force is -c (v - u), c and u the same everywhere and at all times: the exact scheme
+    # then costs nothing (the body is kicked as if it were heavier by c dt/2). Of kind constraint: what it adds is a
+    # fixed share of the force
+    linear: bool = False
 
     @property
     def mechanism(self) -> str:
@@ -301,6 +308,8 @@ def law(
     refines: Iterable[str] = (),
     series: Callable[..., Any] | None = None,
     form_of: str = "",
+    damping: bool = False,
+    linear: bool = False,
     name: str | None = None,
 ) -> Callable[[Callable[..., Any]], Law]:
     """Declare a law and put it in the registry.
@@ -327,7 +336,11 @@ def law(
             refines=tuple(refines),
             series=series,
             form_of=form_of,
+            damping=damping,
+            linear=linear,
         )
+        if kind == "body" and {"vx", "vy"} & set(declared.arguments):
+            declared = replace(declared, damping=True)
         known = set(STATE[kind]) | {a for p in parameters for a in p.arguments}
         for argument in declared.arguments if kind != "impulse" else ():
             if argument not in known:

@@ -20,6 +20,7 @@ from .base import AUTOMATIC, Parameter, law
         ),
     ],
     strength=("mu_eff",),
+    linear=True,
 )
 def confinement(vx, vy, mu_eff, layers, mean_mass):
     # 9.81 whatever the scene's gravity: the contract fixes it

@@ -20,6 +20,7 @@ from .bending import of_bending
     strength=("force",),
     candidate="named",
     refines=("bending",),
+    damping=True,
 )
 def joint_friction(t, x, y, vx, vy, fx, fy, force, w_0, amplitude, frequency, phase, form, length):
     most = force

@@ -13,6 +13,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    linear=True,
 )
 def linear_drag(vx, vy, radius, r0, c, p):
     rate = c * (radius / r0) if p == 1 else c

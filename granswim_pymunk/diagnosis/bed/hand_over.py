@@ -178,6 +178,7 @@ def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any
             start=start + float(camera["time_offset"]),
             duration=float(bed.film.t[-1]) - start,
             output=spacing,
+            scheme=scene.time.scheme,
         ),
         adjustable=(),
         title=f"{bed.recording.title or bed.name}, revised",

@@ -162,7 +162,8 @@ def _revised_scene(f: Finding, c: Any) -> Scene:
     spacing = (end - start) / max(len(c.frames) - 1, 1)
     return replace(
         scene, adjustable=(), title=f"{c.recording.title or c.recording.name}, revised",
-        time=Time(dt=dt, start=start, duration=end - start, output=spacing), seed=c.recording.scene.seed,
+        time=Time(dt=dt, start=start, duration=end - start, output=spacing, scheme=scene.time.scheme),
+        seed=c.recording.scene.seed,
     )  # fmt: skip
 
 
