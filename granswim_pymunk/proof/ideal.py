@@ -367,6 +367,13 @@ class Response:
         beside = [self.strength(other)] if other in self.truth.places else []
         return self.left(self.strength(place), beside)
 
+    def shown(self, place: str) -> float:
+        """What the effect in ``place`` changes, in units of the noise; only starts and adjustables are fitted.
+
+        A mass that is known to 2 % hides an added mass of 10 %: it would be said to be weak, and moves the film most.
+        """
+        return self.left(self.strength(place), prior=False)
+
     def rivals(self, place: str, names: Iterable[str]) -> dict[str, float]:
         """d' of each rival: the standard errors that are left when it is fitted in place of the effect."""
         effect = self.truth.effect(place)

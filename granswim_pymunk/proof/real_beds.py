@@ -20,7 +20,7 @@ from .bed_suspects import Plan, acting, draw
 from .beds import BedSetup, digits, draw_bed, packed
 from .cases import Case, plain
 from .ideal import SCALE, TILT, Errors
-from .real_life import OFTEN, SECOND, disturbed, draw_errors, stated_noise
+from .real_life import OFTEN, SECOND, disturbed, draw_errors, stated_errors, stated_noise, with_statements
 from .seal import generator
 from .suspects import camera_of
 from .windows import WindowBench, Windows, beyond, film_of
@@ -35,7 +35,7 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     """A swimmer in its bed, both filmed, under real-life conditions. ``effect``: a mechanism or "null".
 
     Streams: ``public`` (apparatus, film, first guesses), ``packing``, ``sealed`` (what is concealed and added),
-    ``noise``, ``other noise`` (of the film that standard errors come from).
+    ``noise``, ``other noise`` (of the film that standard errors come from), ``statements``.
     """
     kind = "real-life-small-bed" if small else "real-life-bed"
     public = generator(secret, kind, seed, "public")
@@ -65,7 +65,8 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     believed = misjudged(scene, mass, radius)
     belief = believed_bed(quiet, believed, seen, guess, fitted)
     recording = seen_recording(setup, belief, seen, f"{kind}-{seed}")
-    recording = replace(recording, title="real-life case", position_noise=stated_noise(drawn))
+    said = stated_errors(generator(secret, kind, seed, "statements"), errors)
+    recording = with_statements(recording, stated_noise(drawn), said, False)
     # those of a weak second effect would take as long again
     found = rivals(quiet, bench, *chosen[0])[1] if chosen else {}
     swimmer = setup.swimmer

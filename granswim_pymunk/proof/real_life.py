@@ -1,7 +1,7 @@
 """Cases under real-life conditions: beside the effect, what laboratories add to bodies and films.
 
 The apparatus is drawn from the public stream of a seed. Sealed are the largest effect (or none), a second one of 10 to
-20 % of its standard errors, masses and radii off by 1 to 3 %, a tilt, a scale, a slow part of the noise, the steps of
+20 % of what it changes, masses and radii off by 1 to 3 %, a tilt, a scale, a slow part of the noise, the steps of
 its pixels, outliers, bursts of lost frames, stamps that jitter, and what is stated of the noise. Strengths are ideal
 standard errors (``ideal``), and the numbers that count are those in the masses, radii and scale that are believed.
 """
@@ -9,16 +9,17 @@ standard errors (``ideal``), and the numbers that count are those in the masses,
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import SimulationError
+from ..recording import Recording
 from .cases import Case, _belief, _plausible, as_recording, plain, rounded
 from .fitting import look
-from .ideal import SCALE, TILT, Errors, Response, Truth, has_gravity, slid, touching
+from .ideal import MASSES, RADII, SCALE, TILT, Errors, Response, Truth, has_gravity, slid, touching
 from .seal import generator
 from .setups import DRAGS, SETUPS, Setup, pin_length, pucks
 from .suspects import OUTSIDE, Sizes, draw, scale_strength
@@ -90,15 +91,17 @@ def draw_truth(rng: np.random.Generator, setup: Setup) -> Truth:
     return Truth(setup, mass=mass, radius=radius, scale=scale, tilt=tilt)
 
 
-def reached(truth: Truth, errors: Errors, start: np.ndarray, place: str, target: float) -> tuple[Truth, float] | None:
-    """The truth with its effect in ``place`` made ``target`` ideal standard errors strong, and what it came to.
+def reached(
+    truth: Truth, errors: Errors, start: np.ndarray, target: float, measure: Callable[[Response], float], place: str
+) -> tuple[Truth, float] | None:
+    """The truth with its effect in ``place`` made so strong that ``measure`` is ``target``, and what it came to.
 
     None where that would be absurd, or does not show.
     """
     grown = 1.0
     for _ in range(6):
         try:
-            sigma = Response(truth, errors, start).sigma(place)
+            sigma = measure(Response(truth, errors, start))
         except (SimulationError, np.linalg.LinAlgError):
             return None
         if not math.isfinite(sigma) or sigma < 1e-3:
@@ -124,7 +127,8 @@ def draw_effects(truth: Truth, errors: Errors, start: np.ndarray, rng: np.random
         name = pool[int(rng.integers(len(pool)))]
         target = float(LADDER[int(rng.integers(len(LADDER)))]) * float(rng.uniform(0.9, 1.1))
         effect = draw(name, setup, sizes, rng, other=False)
-        found = reached(replace(truth, first=effect), errors, start, "first", target)
+        given = replace(truth, first=effect)
+        found = reached(given, errors, start, target, lambda r: r.sigma("first"), "first")
         if found is None or not _plausible(found[0].effect("first"), setup) or not same_kind(found[0], start):
             continue
         if rng.random() < SECOND:
@@ -157,14 +161,15 @@ def _with_second(
         if not pool:
             return None
         name = pool[int(rng.integers(len(pool)))]
-        target = sigma * float(rng.uniform(0.1, 0.2))
-        second = draw(name, setup, sizes, rng, other=False)
-        two = reached(replace(truth, second=second), errors, start, "second", target)
+        share = float(rng.uniform(0.1, 0.2))
+        given = replace(truth, second=draw(name, setup, sizes, rng, other=False))
+        # by what they change in the film: the first shows less beside the second, and may be another
+        two = reached(given, errors, start, share, lambda r: r.shown("second") / max(r.shown("first"), 1e-9), "second")
         if two is not None and _plausible(two[0].effect("second"), setup):
-            # beside the second the first may show less
-            now = Response(two[0], errors, start).sigma("first")
-            if 0.08 < two[1] / now < 0.25 and now > 0.5 * sigma:
-                return two[0], now, two[1]
+            response = Response(two[0], errors, start)
+            now = response.sigma("first")
+            if 0.5 * sigma < now < 2 * sigma:
+                return two[0], now, response.sigma("second")
     return None
 
 
@@ -216,10 +221,34 @@ def stated_noise(drawn: Drawn) -> float | None:
     return None if factor is None else float(f"{factor * drawn.errors.fast:.3g}")
 
 
+def stated_errors(rng: np.random.Generator, errors: Errors) -> dict[str, float | None]:
+    """What the recording says of its masses, radii and stamps, each in about half of the cases.
+
+    Masses and radii are said to be as uncertain as they usually are, whether or not these ones are off.
+    """
+    mass, radius, time = rng.random(3) < OFTEN
+    return {
+        "mass_error": MASSES if mass else None, "radius_error": RADII if radius else None,
+        "time_noise": errors.jitter if time and errors.jitter else None,
+    }  # fmt: skip
+
+
+def with_statements(
+    recording: Recording, noise: float | None, said: dict[str, float | None], angles: bool
+) -> Recording:
+    """The recording with what it says of its errors."""
+    return replace(
+        recording, title="real-life case", position_noise=None if angles else noise,
+        angle_noise=noise if angles else None, mass_error=said["mass_error"], radius_error=said["radius_error"],
+        time_noise=said["time_noise"],
+    )  # fmt: skip
+
+
 def real_bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
     """Bodies under real-life conditions. ``effect``: a mechanism, or "null", instead of a drawn one.
 
-    Streams: ``public`` (apparatus, first guesses), ``sealed`` (what is concealed and added), ``noise``.
+    Streams: ``public`` (apparatus, first guesses), ``sealed`` (what is concealed and added), ``noise``, ``statements``
+    (what the recording says of its errors).
     """
     kind = "real-life"
     public = generator(secret, kind, seed, "public")
@@ -243,9 +272,8 @@ def real_bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Cas
     stamps, values = filmed(setup, truth.scene, truth.effects, start, drawn.errors, noise)
     belief = _believed(replace(setup, t=stamps), values, public)
     recording = as_recording(replace(setup, t=stamps), belief, values, f"{kind}-{seed}", True)
-    stated = stated_noise(drawn)
-    recording = replace(recording, title="real-life case", position_noise=None if setup.angles else stated,
-                        angle_noise=stated if setup.angles else None)  # fmt: skip
+    said = stated_errors(generator(secret, kind, seed, "statements"), drawn.errors)
+    recording = with_statements(recording, stated_noise(drawn), said, setup.angles)
     sealed_truth = {
         **told(kind, seed, setup.name, truth, response, sigma, second),
         "errors": asdict(drawn.errors), "stated": drawn.stated, "frames": len(t), "bodies_in_all": len(setup.mobile),

@@ -10,7 +10,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from scipy import stats
@@ -181,7 +181,7 @@ def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
         _figure("largest effect: right name or class", "at least 85 %", [r.right_class for r in concealed], 0.85, True),
         _figure(f"the same, of {STRONG:g} ideal standard errors and more", "at least 85 %",
                 [r.right_class for r in strong], 0.85, True),
-        _figure("right name itself", "no figure", [r.right_name for r in concealed], 0.0, True),
+        replace(_figure("right name itself", "nothing", [r.right_name for r in concealed], 0.0, True), reached=None),
         _figure("full beds: right name or class", "at least 85 %",
                 [r.right_class for r in concealed if r.bed], 0.85, True),
         _figure("a wrong name said to be complete, of all cases", "at most 5 %", [r.wrong_complete for r in told], 0.05,
