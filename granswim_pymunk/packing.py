@@ -17,13 +17,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numba as nb
 import numpy as np
 
-from .engine.callbacks import cache_folder
+from .engine.compiled import njit
 from .errors import InputError, SimulationError
 from .files import written_whole
 from .scene import Body, Scene
+from .storage import cache_folder
 
 log = logging.getLogger("granswim")
 
@@ -351,7 +351,7 @@ def _make(scene: Scene, progress: Progress | None) -> tuple[np.ndarray, np.ndarr
     return box.grain_radius, xy
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _list(x, y, radius, count, width, reach, first, second):
     """Pairs with a grain in them nearer than ``reach`` plus radii, by cells; -1 where they do not fit."""
     n = x.shape[0]
@@ -403,7 +403,7 @@ def _list(x, y, radius, count, width, reach, first, second):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _relax(x, y, radius, count, width, vx, vy, memory, steps, quiet, enough, margin, skin):
     """FIRE on the grains (rows below ``count``); the others stay. Returns largest overlap, and if it is done.
 
@@ -495,7 +495,7 @@ def _relax(x, y, radius, count, width, vx, vy, memory, steps, quiet, enough, mar
     return overlap, False
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _energy(i, r, skipped, x, y, radius, width, start, near, margin):
     """Elastic energy of grain i with radius r against all its neighbours but one."""
     total = 0.0
@@ -513,7 +513,7 @@ def _energy(i, r, skipped, x, y, radius, width, start, near, margin):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _exchange(x, y, radius, count, width, tries, order, margin):
     """Exchange the radii of pairs of grains where the energy falls; ``order`` follows."""
     n = x.shape[0]

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-import numba as nb
 import numpy as np
+
+from ..engine.compiled import njit
 
 CUT = 3.0  # cut-off of the kernel in widths
 
@@ -169,7 +170,7 @@ def inertial_number(
     return np.where(effective > 0, number, np.nan)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _cells(place, low, spacing, count, reach):
     """First and last grid point within ``reach`` of a place, as a half-open range."""
     first = max(math.ceil((place - reach - low) / spacing - 0.5), 0)
@@ -177,7 +178,7 @@ def _cells(place, low, spacing, count, reach):
     return first, last + 1
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _deposit(sums, left, bottom, spacing, width, period, xy, v, mass, radius):
     ny, nx = sums.shape[1], sums.shape[2]
     reach = CUT * width
@@ -219,7 +220,7 @@ def _deposit(sums, left, bottom, spacing, width, period, xy, v, mass, radius):
                     sums[12, l, k] += phi * (ux * ux + uy * uy)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _deposit_contacts(stress, left, bottom, spacing, width, period, start, branch, force):
     """r_ij F_ij times the integral of phi along the branch, which is exact: an error function."""
     ny, nx = stress.shape[1], stress.shape[2]

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.callbacks import cache_folder
 from ..files import written_whole
+from ..storage import cache_folder
 
 log = logging.getLogger("granswim")
 

@@ -1,9 +1,9 @@
 """Compiling laws into the callbacks that Chipmunk calls.
 
 The laws are put into one generated module: the sum of all forces (an ordinary array function, used by
-every mode and by the reference to nothing), and the native callbacks around it. The module is a file
-in the user's cache, named by the hash of its text, so numba keeps the machine code beside it and the
-second start takes a quarter of a second. The generated text is meant to be read.
+every mode and by the reference to nothing), and the native callbacks around it. The module is laid
+out as a file in the user's cache, named by the hash of its text, and its machine code is kept beside it (see
+``compiled``): the second start takes a quarter of a second. The generated text is meant to be read.
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
-import importlib.util
 import inspect
+import itertools
 import linecache
+import logging
 import math
-import os
 import re
 import sys
-import tempfile
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,13 +25,16 @@ from types import ModuleType
 from typing import Any
 
 import numba
-import platformdirs
 
 from ..errors import InputError
+from ..files import written_whole
 from ..laws import Law, all_laws
+from ..storage import code_folder
 from . import native, neighbours
 from .motion import LIMIT, MOTION, columns
 from .native import ROW, Offsets
+
+log = logging.getLogger("granswim")
 
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
 
@@ -79,20 +81,6 @@ SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share", "scheme")
 HALF_STEP, ALONE, TOGETHER, CHAINS = 0, 1, 2, 3
 # what is kept of each body while dampings are taken twice
 KEPT = ("fx", "fy", "torque", "vx", "vy", "spin")
-
-
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: GRANSWIM_CACHE, else the user's cache, else a temporary folder."""
-    chosen = os.environ.get("GRANSWIM_CACHE")
-    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("granswim_pymunk"))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:
-        folder = Path(tempfile.gettempdir()) / "granswim_pymunk"
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 _PLAIN_GLOBALS = {"math", "np", "numpy"}
@@ -480,7 +468,8 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
     given: dict[str, Any] = {}
     parts = [
         '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
-        "import math\n\nimport numpy as np\nfrom numba import carray, cfunc, njit, types\n",
+        "import math\n\nimport numpy as np\nfrom numba import carray, types\n",
+        "from granswim_pymunk.engine.compiled import cfunc, njit\n",
         "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",
@@ -970,36 +959,41 @@ def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
     digest = hashlib.sha256(f"{text}{parts}{numba.__version__}{sys.version}".encode()).hexdigest()[:20]
     name = f"granswim_kernel_{digest}"
     if given:
-        # a function without a source of its own cannot be cached on disk
-        text = text.replace("cache=True", "cache=False")
-        module = ModuleType(name)
-        module.__dict__.update(given)
-        file = f"<{name}>"
-        linecache.cache[file] = (len(text), None, text.splitlines(True), file)
-        try:
-            exec(compile(text, file, "exec"), module.__dict__)
-        except numba.core.errors.NumbaError as error:
-            raise _compile_error(given, error) from None
-        return Kernel(module, codes, None)
-    folder = cache_folder() / "kernels"
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.py"
-    if not path.exists():
-        beside = folder / f".{name}.{os.getpid()}"
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, path)
-    if name in sys.modules:
-        return Kernel(sys.modules[name], codes, path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+        text = text.replace("cache=True", "cache=False")  # a function without a source has no name on a disk
+        name = f"{name}_{next(_NUMBERS)}"
+    elif name in sys.modules:
+        return Kernel(sys.modules[name], codes, Path(str(sys.modules[name].__file__)))
+    folder = None if given else code_folder()
+    path = None if folder is None else folder / f"{name}.py"
+    if path is not None:
+        _lay_out(path, text)
+    # what runs is the text itself: the file is there to be read, and nothing is loaded from it
+    file = f"<{name}>" if path is None else str(path)
+    module = ModuleType(name)
+    module.__file__ = file
+    module.__dict__.update(given)
+    linecache.cache[file] = (len(text), None, text.splitlines(True), file)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(text, file, "exec"), module.__dict__)
     except numba.core.errors.NumbaError as error:
         sys.modules.pop(name, None)
-        raise _compile_error({f"law_{law.name}": law for law in laws}, error) from None
+        raise _compile_error(given or {f"law_{law.name}": law for law in laws}, error) from None
     return Kernel(module, codes, path)
+
+
+_NUMBERS = itertools.count()
+
+
+def _lay_out(path: Path, text: str) -> None:
+    """The kernel's text as a file, for a person or a debugger to read."""
+    try:
+        whole = text.encode("utf-8")
+        if not path.exists() or path.read_bytes() != whole:
+            with written_whole(path, mode=0o600) as stream:
+                stream.write(whole)
+    except OSError as error:
+        log.warning("the text of the compiled laws is not kept: %s", error)
 
 
 def _compile_error(functions: dict[str, Any], error: Exception) -> InputError:

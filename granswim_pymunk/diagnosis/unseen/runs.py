@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from ...engine import Simulation, advise_dt, softened
-from ...engine.callbacks import cache_folder
 from ...errors import InputError, SimulationError
 from ...packing import pack
 from ...scene import Scene
+from ...storage import cache_folder
 from ..kept import load_array, store_array
 from .conditions import Condition
 

@@ -1,0 +1,165 @@
+"""``njit`` and ``cfunc`` whose machine code is kept in the user's cache, whole or not at all.
+
+numba itself would leave it beside the installed modules, and reads back whatever it finds there. Here each
+compiled function is one file in a folder that only this user can write to, with a sum over its content: a file
+that was cut or changed is noticed, said once, and compiled again.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import linecache
+import logging
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config, sigutils
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.ccallback import CFunc
+
+from ..files import written_whole
+from ..storage import code_folder
+
+log = logging.getLogger("granswim")
+
+MAGIC = b"granswim machine code 1\n"
+_SUM = 32
+
+
+@functools.cache
+def _said(text: str) -> None:
+    log.warning("%s", text)
+
+
+@functools.cache
+def _shared() -> bytes:
+    """A sum over the modules of the engine whose functions are compiled into those of others."""
+    total = hashlib.sha256()
+    for name in ("native.py", "neighbours.py"):
+        total.update(Path(__file__).with_name(name).read_bytes())
+    return total.digest()
+
+
+class _Locator:
+    """Where the code of a function is kept, and what it was compiled from."""
+
+    def __init__(self, function: Any, file: str, folder: Path) -> None:
+        self._py_file = file
+        self._function = function
+        self._folder = folder
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _Locator | None:
+        folder = code_folder()
+        return None if folder is None else cls(function, file, folder)
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        os.makedirs(self._folder, mode=0o700, exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        # the whole file: functions call each other
+        text = "".join(linecache.getlines(self._py_file)) or inspect.getsource(self._function)
+        return hashlib.sha256(text.encode() + _shared()).hexdigest()
+
+    def get_disambiguator(self) -> str:
+        place = hashlib.sha256(os.path.dirname(self._py_file).encode()).hexdigest()[:8]
+        return f"{self._function.__code__.co_firstlineno}-{place}"
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)  # type: ignore[assignment]
+
+
+class _Files:
+    """One file for each signature: magic, sum, and a pickle of (numba's version, stamp of the source, code)."""
+
+    def __init__(self, folder: str, base: str, stamp: str) -> None:
+        self._folder, self._base = Path(folder), base
+        self._head = (numba.__version__, stamp)
+
+    def file(self, key: Any) -> Path:
+        return self._folder / f"{self._base[:100]}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.code"
+
+    def load(self, key: Any) -> Any:
+        file = self.file(key)
+        try:
+            data = file.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            _said(f"machine code cannot be read, compiling anew: {file}: {error.strerror}")
+            return None
+        body = memoryview(data)[len(MAGIC) + _SUM :]
+        if data[: len(MAGIC)] != MAGIC or hashlib.sha256(body).digest() != data[len(MAGIC) : len(MAGIC) + _SUM]:
+            _said(f"machine code in {file.parent} is damaged, compiling anew: {file.name}")
+            return None
+        head, code = pickle.loads(body)
+        return code if head == self._head else None
+
+    def save(self, key: Any, code: Any) -> None:
+        body = numba.core.serialize.dumps((self._head, code))
+        try:
+            with written_whole(self.file(key), mode=0o600, sure=True) as stream:
+                stream.write(MAGIC + hashlib.sha256(body).digest() + body)
+        except OSError as error:
+            _said(f"machine code is not kept in {self._folder}: {error.strerror or error}")
+
+    def flush(self) -> None:
+        for file in self._folder.glob(f"{self._base}-*.code"):
+            file.unlink(missing_ok=True)
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    _impl_class = _Implementation
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base, stamp)
+
+    def _load_overload(self, signature: Any, target: Any) -> Any:
+        try:
+            return super()._load_overload(signature, target)
+        except Exception as error:  # whole, and yet this numba cannot make anything of it
+            _said(f"machine code in {self._cache_path} cannot be used ({type(error).__name__}), compiling anew")
+            return None
+
+
+def _cache(function: Any) -> Any:
+    if code_folder() is None:
+        return NullCache()
+    return _Cache(function)
+
+
+def njit(*, cache: bool = True, **options: Any) -> Callable[[Any], Any]:
+    """``numba.njit`` with the code kept in the user's cache."""
+
+    def wrap(function: Any) -> Any:
+        dispatcher = numba.njit(**options)(function)
+        if cache and not getattr(config, "DISABLE_JIT", False):
+            dispatcher._cache = _cache(function)
+        return dispatcher
+
+    return wrap
+
+
+def cfunc(signature: Any, *, cache: bool = True, **options: Any) -> Callable[[Any], Any]:
+    """``numba.cfunc`` with the code kept in the user's cache."""
+
+    def wrap(function: Any) -> Any:
+        callback: Any = CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options)
+        if cache:
+            callback._cache = _cache(function)
+        callback.compile()
+        return callback
+
+    return wrap
