@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from granswim_pymunk.compiled import njit
 from granswim_pymunk.errors import SimulationError
 from granswim_pymunk.scene import Scene
 

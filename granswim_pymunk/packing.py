@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .engine.compiled import njit
+from .compiled import njit
 from .errors import InputError, SimulationError
 from .files import written_whole
 from .scene import Body, Scene

@@ -14,7 +14,7 @@ FALL = """
 import logging, sys
 logging.basicConfig(format="%(message)s")
 import numpy as np
-from granswim_pymunk.engine.compiled import njit
+from granswim_pymunk.compiled import njit
 
 @njit(nogil=True)
 def double(x):
@@ -127,7 +127,7 @@ def test_compiled_functions_of_the_package_are_kept_in_the_cache():
     from numba.core.registry import CPUDispatcher
 
     import granswim_pymunk
-    from granswim_pymunk.engine.compiled import _Cache
+    from granswim_pymunk.compiled import _Cache
 
     seen = 0
     for info in pkgutil.walk_packages(granswim_pymunk.__path__, "granswim_pymunk."):

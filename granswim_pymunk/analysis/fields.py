@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..engine.compiled import njit
+from ..compiled import njit
 
 CUT = 3.0  # cut-off of the kernel in widths
 

@@ -469,7 +469,7 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
     parts = [
         '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
         "import math\n\nimport numpy as np\nfrom numba import carray, types\n",
-        "from granswim_pymunk.engine.compiled import cfunc, njit\n",
+        "from granswim_pymunk.compiled import cfunc, njit\n",
         "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from .compiled import njit
+from ..compiled import njit
 from .native import call_step, load_float, store_float
 
 # of a step: how short the one across an impact is; the normal of the impact is off by half of it

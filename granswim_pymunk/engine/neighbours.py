@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .compiled import njit
+from ..compiled import njit
 
 OVERFLOW = -1
 NOT_FINITE = -2

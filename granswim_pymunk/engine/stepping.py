@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .compiled import njit
+from ..compiled import njit
 from .native import call_step, load_float, store_float
 
 

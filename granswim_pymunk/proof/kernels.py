@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
+
+from ..compiled import njit
 
 # kinds of bodies
 FREE, WALL, PIN, RAIL, DRIVEN = range(5)
@@ -27,7 +28,7 @@ NO_CONTACT, LINEAR, HERTZ, ELASTIC = range(4)
     HEAD_AXIS, SKIN, REACH, MU_E, BASE,
 ) = range(29)  # fmt: skip
 
-_jit = nb.njit(cache=True, nogil=True, error_model="numpy")
+_jit = njit(nogil=True, error_model="numpy")
 
 
 @_jit

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from ...engine.compiled import njit
+from ...compiled import njit
 from ...scene import Scene
 
 HALF = 2  # frames on either side of the start; more smooth the velocities, fewer leave them twice as wide

@@ -23,8 +23,8 @@ from numba.core import config, sigutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.ccallback import CFunc
 
-from ..files import written_whole
-from ..storage import code_folder
+from .files import written_whole
+from .storage import code_folder
 
 log = logging.getLogger("granswim")
 
@@ -42,7 +42,7 @@ def _shared() -> bytes:
     """A sum over the modules of the engine whose functions are compiled into those of others."""
     total = hashlib.sha256()
     for name in ("native.py", "neighbours.py"):
-        total.update(Path(__file__).with_name(name).read_bytes())
+        total.update((Path(__file__).parent / "engine" / name).read_bytes())
     return total.digest()
 
 
