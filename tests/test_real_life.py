@@ -21,12 +21,13 @@ from granswim_pymunk.proof.ideal import Errors, Response, Truth
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced
 from granswim_pymunk.proof.real_beds import real_bed_case
 from granswim_pymunk.proof.real_life import disturbed, draw_errors, real_bodies_case
-from granswim_pymunk.proof.real_score import real_figures, real_table, score_real
+from granswim_pymunk.proof.real_score import read_real_rows, real_figures, real_table, score_real
 from granswim_pymunk.proof.seal import checked_out, generator, opened, series_secret
 from granswim_pymunk.proof.setups import Setup, cart, meetings, pendulum, pucks
 from granswim_pymunk.proof.world import Effect, World
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.scene import Body, Scene
+from granswim_pymunk.validation.real_figures import main as real_figures_command
 
 
 def slider(duration: float = 1.0, rate: float = 100.0, noise: float = 1e-4) -> Setup:
@@ -295,6 +296,24 @@ class TestScore:
         assert (f := figures["an ideal test sees what is left: said to be incomplete"]).hits == 1 and f.n == 2
         lines = real_table(rows).splitlines()
         assert len(lines) == 4 and lines[0].startswith("case,setup") and "linear_drag+uniform_force" in lines[1]
+
+
+    def test_tables_are_read_as_they_were_written_and_summed(self, tmp_path: Path, capsys) -> None:
+        rows = [scored(answer("linear_drag", complete=False)), scored(answer("coulomb_substrate", complete=True))]
+        rows[1] = replace(rows[1], case="real-life-2")
+        tables = [tmp_path / "a.csv", tmp_path / "b.csv"]
+        for table, row in zip(tables, rows, strict=True):
+            table.write_text(real_table([row]))
+        read = [row for table in tables for row in read_real_rows(table)]
+        assert read == rows
+        assert [f.hits for f in real_figures(read)] == [f.hits for f in real_figures(rows)]
+        assert real_figures_command(list(map(str, tables))) == 0
+        out = capsys.readouterr().out
+        assert "| table | 2 | 1 | 1 | 0 | 0 | 5 |" in out
+        assert "- real-life-2 (table): linear_drag + uniform_force of 30 beside scale: coulomb_substrate, comp" in out
+        assert real_figures_command([str(tables[0])] * 2) == 2 and "twice" in capsys.readouterr().err
+        tables[0].write_text("case,setup\nreal-life-1,table\n")
+        assert real_figures_command([str(tables[0])]) == 2
 
 
 class TestSeries:

@@ -152,7 +152,11 @@ class Response:
         self.t = t[t <= t[0] + part * (t[-1] - t[0])]
         self.base = self._look(truth, truth.effects, start)
         speed = np.gradient(self.base, self.t, axis=0)
-        self.roots = [np.linalg.cholesky(errors.covariance(self.t, speed[:, c])) for c in range(self.base.shape[1])]
+        columns = range(self.base.shape[1])
+        if errors.jitter:
+            self.roots = [np.linalg.cholesky(errors.covariance(self.t, speed[:, c])) for c in columns]
+        else:  # one and the same for all
+            self.roots = [np.linalg.cholesky(errors.covariance(self.t, 0.0 * self.t))] * len(columns)
         self._kept: dict[str, np.ndarray] = {}
 
     def _look(self, truth: Truth, effects: Sequence[Effect], start: np.ndarray, scene: Scene | None = None):

@@ -11,11 +11,12 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from scipy import stats
 
-from .score import APART, Figure, _figure, _numbers, _short, figure_lines, standing
+from .score import APART, Figure, _figure, _numbers, _short, figure_lines, read_table, standing
 
 STRONG = 10.0  # ideal standard errors of the largest effect, of which enough cases are wanted
 SURE = 1e-3  # p at which an ideal test sees what is left
@@ -207,6 +208,34 @@ def real_table(rows: Sequence[RealRow]) -> str:
     for row in rows:
         writer.writerow(row.as_dict())
     return text.getvalue()
+
+
+def read_real_rows(path: str | Path) -> list[RealRow]:
+    """Rows of a table that ``real_table`` made.
+
+    Raises InputError where a column is missing or a number cannot be read.
+    """
+    return read_table(path, _row)
+
+
+def _row(line: Mapping[str, str]) -> RealRow:
+    def names(key: str) -> tuple[str, ...]:
+        return tuple(n for n in line[key].split("+") if n)
+
+    def number(key: str) -> float:
+        return float(line[key]) if line[key] else math.nan
+
+    hits, numbers = int(line["covered"]), int(line["numbers"])
+    return RealRow(
+        case=line["case"], setup=line["setup"], category=line["category"], truth=names("truth"),
+        drawn=names("nuisances"), sigma=number("sigma"), second_sigma=number("second_sigma"),
+        rival=line["best_rival"], d_prime=number("d_prime"), verdict=line["verdict"], named=names("named"),
+        right_name=line["right_name"] == "1", right_class=line["right_class"] == "1",
+        complete=None if not line["complete"] else line["complete"] == "1",
+        share=float(line["share"]) if line["share"] else None, strange=names("strange"), entries=int(line["entries"]),
+        left=float(line["left"]) if line["left"] else None, covered=(True,) * hits + (False,) * (numbers - hits),
+        alone=line["alone"] == "1", heldout=line["heldout"], seconds=float(line["seconds"] or 0), failed=line["failed"],
+    )  # fmt: skip
 
 
 def real_told(rows: Sequence[RealRow]) -> list[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import csv
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -79,6 +79,14 @@ def read_rows(path: str | Path) -> list[Row]:
 
     Raises InputError where a column is missing or a number cannot be read.
     """
+    return read_table(path, _row)
+
+
+Line = TypeVar("Line")
+
+
+def read_table(path: str | Path, row: Callable[[Mapping[str, str]], Line]) -> list[Line]:
+    """The lines of a CSV, each made by ``row``; InputError names the line that is none."""
     try:
         with open(path, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))
@@ -89,7 +97,7 @@ def read_rows(path: str | Path) -> list[Row]:
     rows = []
     for k, line in enumerate(lines, start=2):
         try:
-            rows.append(_row(line))
+            rows.append(row(line))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"not a line of a score: {error}", where=f"row {k}", file=path) from None
     return rows
