@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import os
 import signal
@@ -15,22 +14,28 @@ from typing import Any
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+from . import __version__  # noqa: E402
 from .commands import COMMANDS  # noqa: E402
+from .console import EXIT_CODES, Parser, add_common, check_json, epilog, routed  # noqa: E402
 from .errors import InputError, SimulationError, Terminated  # noqa: E402
 
 
-def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+def build_parser(only: str | None = None) -> Parser:
     """The parser; with ``only`` just that command's module is imported, so that start-up stays short."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="granswim",
         description="Grains and swimmers on pymunk: simulate, compare with a recording, "
         "find the physics that was left out.",
+        epilog=f"granswim COMMAND --help has examples of each command.\n\n{EXIT_CODES}",
     )
+    parser.add_argument("--version", action="version", version=f"granswim_pymunk {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in COMMANDS if only is None else (only,):
         module = importlib.import_module(f".commands.{name.replace('import', 'import_')}", __package__)
-        child = commands.add_parser(name, help=module.HELP, description=module.__doc__)
+        examples = epilog(getattr(module, "EXAMPLES", ()))
+        child = commands.add_parser(name, help=module.HELP, description=module.__doc__, epilog=examples)
         module.add_arguments(child)
+        add_common(child)
         child.set_defaults(main=module.main)
     return parser
 
@@ -43,11 +48,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130, SIGTERM: 143."""
     argv = list(sys.argv[1:] if argv is None else argv)
     only = argv[0] if argv and argv[0] in COMMANDS else None
-    args = build_parser(only).parse_args(argv)
+    parser = build_parser(only)
+    if argv and argv[0].startswith("-") and argv[0] not in parser.known_options():
+        parser.error(f"unrecognized arguments: {argv[0]}")  # rather than that there is no command
+    args = parser.parse_args(argv)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:
-        return int(args.main(args))
+        check_json(args)
+        with routed(args):
+            return int(args.main(args))
     except InputError as error:
         print(f"granswim {args.command}: {error}", file=sys.stderr)
         return 2

@@ -293,7 +293,7 @@ class _Run:
             self.spent[part] = self.spent.get(part, 0.0) + time.perf_counter() - start
 
     def bar(self, text: str, total: float, **more: Any) -> tqdm:  # type: ignore[type-arg]
-        return tqdm(total=total, desc=text, disable=self.quiet, dynamic_ncols=True, mininterval=0.2, **more)
+        return tqdm(total=total, desc=text, disable=self.quiet or None, dynamic_ncols=True, mininterval=0.2, **more)
 
     def say(self, text: str) -> None:
         if not self.quiet:

@@ -387,7 +387,7 @@ def run_jobs(
         return {}
     todo = list(waiting.values())
     form = "{desc}: {percentage:3.0f}%|{bar}| {n:.2f}/{total_fmt} runs [{elapsed}<{remaining}{postfix}]"
-    with tqdm(total=len(todo), desc="sweep", disable=quiet, bar_format=form, dynamic_ncols=True) as bar:
+    with tqdm(total=len(todo), desc="sweep", disable=quiet or None, bar_format=form, dynamic_ncols=True) as bar:
         work = _Work(bar)
         count = min(processes or os.cpu_count() or 1, len(todo))
         if executor is not None:

@@ -645,7 +645,9 @@ class TestScenes:
         assert r.scene.gravity == (0.0, -9.81)
         file, _, _ = wide_table(tmp_path)
         (r,) = import_recording(tmp_path / file, bodies=["*:5mm:10g"], scene="puck")
-        assert r.scene.laws_named("contact_elastic") and r.scene.gravity == (0.0, 0.0)
+        assert not r.scene.laws_named("contact_elastic") and r.scene.gravity == (0.0, 0.0)
+        (r,) = import_recording(tmp_path / file, bodies=["*:1cm:10g"], scene="puck")
+        assert r.scene.laws_named("contact_elastic")[0].values["restitution"] == 1.0
         t = np.arange(200) / 100
         angle = 0.6 * np.sin(2 * math.pi * 7.0 * t)
         lines = ["t,x0,y0,x1,y1,x2,y2"]

@@ -6,5 +6,5 @@ does is a plain function elsewhere in the package that a script can call.
 
 COMMANDS = (
     "run", "sweep", "diagnose", "conceal", "prove", "import", "track", "export", "validate", "crosscheck", "benchmark",
-    "laws", "cache", "paper",
+    "laws", "cache", "paper", "completion",
 )  # fmt: skip

@@ -10,9 +10,11 @@ from pathlib import Path
 from ..benchmarks import profile as phases
 from ..benchmarks.beds import bed
 from ..benchmarks.speed import ENGINES, as_json, benchmark, draw, table
+from ..console import put_figures
 from ..errors import InputError
-from ..validation.output import check_folder, write_json
+from ..validation.output import write_json
 
+EXAMPLES = ("granswim benchmark --grains 500 5000", "granswim benchmark --engines verlet plain --out out/benchmark")
 HELP = "time per step and memory, side by side with LAMMPS and a plain compiled loop"
 
 
@@ -31,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=12, metavar="N", help="blocks of each engine (default: 12)")
     parser.add_argument("--no-memory", action="store_true", help="do not measure memory (a process for each row)")
     parser.add_argument("--profile", action="store_true", help="also say where the time of a step goes")
-    parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
     parser.add_argument(
         "--out", metavar="DIR", help="write benchmark.json, a table (benchmark.md) and a figure (benchmark.png) there"
     )
@@ -40,7 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     if args.rounds < 1:
         raise InputError(f"should be at least 1, got {args.rounds}", where="--rounds")
-    check_folder(args.json)
     out = None
     if args.out:
         out = Path(args.out)
@@ -54,8 +54,7 @@ def main(args: argparse.Namespace) -> int:
         for grains in dict.fromkeys(args.grains):
             found += phases.profile(bed(grains), grains, args.rounds)
         print("\n" + phases.table(found))
-    if args.json:
-        write_json(as_json(rows), args.json)
+    put_figures(args, as_json(rows))
     if out is not None:
         write_json(as_json(rows), out / "benchmark.json")
         text = table(rows) + ("\n" + phases.table(found) if found else "")

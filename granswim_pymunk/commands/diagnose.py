@@ -5,12 +5,19 @@ from pathlib import Path
 
 MOST_BODIES = 8  # named one by one
 
+EXAMPLES = (
+    "granswim diagnose pendulum",
+    "granswim diagnose swing_1 swing_2 swing_3 --out out/swings",
+    "granswim diagnose drops --hold-out drops/last --minutes 10 --json verdict.json",
+)
 HELP = "find the physics that the scene of a recording lacks"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="folder, or name of a shipped recording")
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for verdict, report, figures")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for verdict, report, figures (default: out/diagnose-NAME)"
+    )
     parser.add_argument(
         "--hold-out", action="append", default=[], metavar="RECORDING", help="not looked at before the verdict is fixed"
     )
@@ -19,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..console import default_out, put_figures
     from ..diagnosis.diagnose import ProgressLine, diagnose, verdict_of
     from ..errors import InputError
 
@@ -26,10 +34,13 @@ def main(args: argparse.Namespace) -> int:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
     if args.seed < 0:
         raise InputError(f"should be zero or more, got {args.seed}", where="--seed")
+    out = args.out or default_out("diagnose", args.recordings[0])
     found = diagnose(
-        args.recordings, args.out, hold_out=args.hold_out, minutes=args.minutes, seed=args.seed, progress=ProgressLine()
+        args.recordings, out, hold_out=args.hold_out, minutes=args.minutes, seed=args.seed,
+        progress=None if args.quiet else ProgressLine(),
     )
     verdict = verdict_of(found)
+    put_figures(args, verdict)
     print(f"verdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
         shown, more = entry["bodies"][:MOST_BODIES], len(entry["bodies"]) - MOST_BODIES
@@ -48,5 +59,5 @@ def main(args: argparse.Namespace) -> int:
         print(f"  {title} [{unit}]: {shown or 'nothing'}")
     for note in verdict["notes"]:
         print(f"  note: {note}")
-    print(f"report: {args.out / 'report.html'}")
+    print(f"report: {out / 'report.html'}")
     return 0

@@ -24,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..console import put_figures
     from ..export import export
 
-    print(export(args.run, args.to, args.out, every=args.every))
+    path = export(args.run, args.to, args.out, every=args.every)
+    put_figures(args, {"file": path})
+    print(path)
     return 0

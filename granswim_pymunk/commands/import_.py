@@ -6,6 +6,7 @@ and recording.toml has a remark at each key. One recording becomes the folder DI
 
 import argparse
 
+from ..console import default_out, put_figures
 from ..recording.importers import FORMATS, TEMPLATES, import_all
 
 HELP = "bring a tracker's output, a table or a trajectory into the form of a recording"
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     listed = "; ".join(f"{f.name}: {f.help}" for f in FORMATS.values())
     templates = ", ".join(f"{t.name} ({t.help})" for t in TEMPLATES.values())
     parser.add_argument("source", metavar="SOURCE", help="file to import (falling_balls ...: or its folder)")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder of the recording")
+    parser.add_argument("--out", metavar="DIR", help="folder of the recording (default: out/import-NAME)")
     parser.add_argument(
         "--format", choices=tuple(FORMATS), default="auto", metavar="FORMAT", help=f"{listed} (default: auto)"
     )
@@ -82,7 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     given = {name: value for name in OPTIONS if (value := getattr(args, name)) is not None}
-    done = import_all(args.source, args.out, args.format, **given)
+    done = import_all(args.source, args.out or default_out("import", args.source), args.format, **given)
+    put_figures(args, [item.as_dict() for item in done])
     for item in done[:3]:
         print("\n".join(item.lines()))
     if len(done) > 3:

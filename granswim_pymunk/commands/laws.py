@@ -1,9 +1,13 @@
 """``granswim laws``: list the laws, or show one."""
 
 import argparse
+import math
+from typing import Any
 
-from ..laws import Law, all_laws, get_law
+from ..console import put_figures
+from ..laws import AUTOMATIC, Law, all_laws, get_law
 
+EXAMPLES = ("granswim laws", "granswim laws bending", "granswim laws --json laws.json")
 HELP = "list the laws a scene can be made of, or show one with its parameters"
 
 
@@ -22,7 +26,24 @@ def describe(law: Law) -> str:
     return "\n".join(lines)
 
 
+def figures(law: Law) -> dict[str, Any]:
+    """The same as a dictionary, for JSON; a bound without an end and an automatic default are None."""
+    parameters = [
+        {
+            "name": p.name, "unit": p.unit, "meaning": p.meaning, "choices": list(p.choices) or None, "size": p.size,
+            "low": p.low if math.isfinite(p.low) else None, "high": p.high if math.isfinite(p.high) else None,
+            "default": None if p.default is AUTOMATIC else p.default, "required": p.default is None,
+        }
+        for p in law.parameters
+    ]  # fmt: skip
+    return {
+        "name": law.name, "kind": law.kind, "expression": law.expression, "reference": law.reference,
+        "parameters": parameters,
+    }  # fmt: skip
+
+
 def main(args: argparse.Namespace) -> int:
     laws = [get_law(args.name)] if args.name else list(all_laws().values())
+    put_figures(args, [figures(law) for law in laws])
     print("\n\n".join(describe(law) for law in laws))
     return 0

@@ -8,11 +8,17 @@ goes on from the last checkpoint. A folder that holds a run is not written to wi
 import argparse
 from pathlib import Path
 
+from ..console import put_figures
 from ..engine import MODES
 from ..errors import InputError
 from ..render import COLORS
 from ..run import VIDEOS, find_scene, resume_run, run_scene
 
+EXAMPLES = (
+    "granswim run pocket_swim",
+    "granswim run two_disks --duration 2 --video mp4 --out out/disks",
+    "granswim run --resume out/swim",
+)
 HELP = "simulate a scene: trajectory, frames, video"
 
 
@@ -44,14 +50,14 @@ def main(args: argparse.Namespace) -> int:
     if args.resume:
         if args.scene:
             raise InputError("a run goes on with its own scene: leave out SCENE", where="--resume")
-        resume_run(args.resume)
+        put_figures(args, resume_run(args.resume, quiet=args.quiet).diagnostics)
         return 0
     if args.max_overlap is not None and not args.max_overlap > 0:
         raise InputError(f"should be above zero, got {args.max_overlap}", where="--max-overlap")
     if not args.scene:
         raise InputError("give a scene, or a folder with --resume")
     scene = find_scene(args.scene)
-    run_scene(
+    result = run_scene(
         scene,
         args.out or Path("out") / scene.stem,
         duration=args.duration,
@@ -66,5 +72,7 @@ def main(args: argparse.Namespace) -> int:
         max_overlap=None if args.max_overlap is None else args.max_overlap / 100,
         soft=args.softened,
         overwrite=args.overwrite,
+        quiet=args.quiet,
     )
+    put_figures(args, result.diagnostics)
     return 0

@@ -7,12 +7,18 @@ Exit code 1 where every run failed.
 """
 
 import argparse
+import json
 from pathlib import Path
 
+from ..console import put_figures
 from ..run import find_scene
 from ..scene import read_scene
 from ..sweep import parse_axis, scene_sweep, summary_lines
 
+EXAMPLES = (
+    "granswim sweep swim --vary bending.frequency=4,9,15 --vary seed=1:4 --duration 2 --settle 0.5",
+    "granswim sweep pocket_swim --vary bending.frequency=5:15:5 --duration 0.3 --json table.json",
+)
 HELP = "run a scene over frequencies, stiffnesses, seeds ...: labelled arrays"
 
 
@@ -38,7 +44,9 @@ def main(args: argparse.Namespace) -> int:
     table = scene_sweep(
         read_scene(path), axes, out, duration=args.duration, settle=args.settle, every=args.every,
         processes=args.processes, dask=args.dask, retry_failed=args.retry_failed,
+        quiet=args.quiet,
     )  # fmt: skip
+    put_figures(args, json.loads(table.to_dataframe().reset_index().to_json(orient="records", double_precision=15)))
     print("\n".join(summary_lines(table)))
     print(f"written to {out}: table.nc, runs/")
     return 1 if (table["reason"] != "").all() else 0  # a sweep of which nothing succeeded did not succeed

@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from ..recording.importers import TEMPLATES
 
     parser.add_argument("movie", metavar="MOVIE", help="a film (mp4, mov, avi ...), a GIF, or a folder of pictures")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder of the recording")
+    parser.add_argument("--out", metavar="DIR", help="folder of the recording (default: out/track-NAME)")
     parser.add_argument("--radius", required=True, metavar="R", help="of the bodies, as 1.5mm")
     parser.add_argument(
         "--scale", required=True, metavar="S",
@@ -48,12 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..console import default_out, put_figures
     from ..recording.track_film import track
 
     names = ("radius_px", "mass", "fps", "dark", "count", "search", "minmass", "min_frames", "scene", "laws", "gravity",
              "title")  # fmt: skip
     given = {name: value for name in names if (value := getattr(args, name)) is not None}
-    done = track(args.movie, args.out, radius=args.radius, scale=args.scale, **given)
+    out = args.out or default_out("track", args.movie)
+    done = track(args.movie, out, radius=args.radius, scale=args.scale, **given)
+    put_figures(args, done.as_dict())
     print("\n".join(done.lines()))
     print(f"{done.folder}: recording.toml, film.mp4, found.png (what was found), tracks.png")
     return 0

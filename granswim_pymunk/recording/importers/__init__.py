@@ -93,8 +93,9 @@ class Imported:
 
     def as_dict(self) -> dict[str, Any]:
         return {
-            "folder": str(self.folder), "format": self.format, "bodies": list(self.recording.ids),
+            "folder": str(self.folder), "format": self.format,
             "sampling": self.recording.sampling, "notes": list(self.notes), **self.look.as_dict(),
+            "bodies": list(self.recording.ids),
             "picture": None if self.picture is None else str(self.picture),
         }  # fmt: skip
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
 
 from ...errors import InputError
 from ...laws import get_law
@@ -258,14 +259,30 @@ def _pendulum(
     return Filled({"scene": {**box, "gravity": list(gravity)}, "law": pins, "adjustable": [adjustable]}, notes, laws)
 
 
+def _ever_near(tracks: Tracks, bodies: list[dict[str, Any]]) -> bool:
+    """Whether two bodies come within a diameter of touching in any frame."""
+    size = max(float(b["radius"]) for b in bodies)
+    seen = np.isfinite(tracks.x) & np.isfinite(tracks.y)
+    order = np.argsort(tracks.t[seen], kind="stable")
+    t, xy = tracks.t[seen][order], np.stack([tracks.x[seen], tracks.y[seen]], axis=-1)[order]
+    for frame in np.split(xy, np.flatnonzero(np.diff(t)) + 1):
+        if len(frame) > 1 and len(cKDTree(frame).query_pairs(4 * size)):
+            return True
+    return False
+
+
 def _puck(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
     """Bodies that glide on a level table without friction; they collide, if they do, without loss."""
     laws = list(laws)
     data: dict[str, Any] = {"scene": {"gravity": [0.0, 0.0], **box}}
-    if len(bodies) > 1 and not any(item["name"].startswith("contact_") for item in laws):
+    notes = ["pucks on a level table: no gravity, no friction is believed"]
+    told = any(item["name"].startswith("contact_") for item in laws)
+    if len(bodies) > 1 and not told and not _ever_near(tracks, bodies):
+        notes.append("they never come near each other: no contact law (--law contact_elastic,restitution=1 adds one)")
+    elif len(bodies) > 1 and not told:
         data["law"] = [{"name": "contact_elastic", "restitution": 1.0}]
         data["adjustable"] = [{"law": "contact_elastic", "parameter": "restitution", "low": 0.3, "high": 1.0}]
-    return Filled(data, ["pucks on a level table: no gravity, no friction is believed"], laws)
+    return Filled(data, notes, laws)
 
 
 def _drop(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
