@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import Any
 
 # many small matrices: threads of the linear algebra library would only wait for each other
@@ -16,12 +18,18 @@ for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 
 from . import __version__  # noqa: E402
 from .commands import COMMANDS  # noqa: E402
-from .console import EXIT_CODES, Parser, add_common, check_json, epilog, routed  # noqa: E402
+from .console import EXIT_CODES, STDOUT, Parser, add_common, epilog, routed  # noqa: E402
 from .errors import InputError, SimulationError, Terminated  # noqa: E402
+from .files import try_file, try_folder  # noqa: E402
 
 
-def build_parser(only: str | None = None) -> Parser:
-    """The parser; with ``only`` just that command's module is imported, so that start-up stays short."""
+def command_module(name: str) -> ModuleType:
+    """The module of a command."""
+    return importlib.import_module(f".commands.{name.replace('import', 'import_')}", __package__)
+
+
+def build_parser(only: str | None = None, options: bool = True) -> Parser:
+    """The parser; with ``only`` of that command, without ``options`` just names and help: start-up stays short."""
     parser = Parser(
         prog="granswim",
         description="Grains and swimmers on pymunk: simulate, compare with a recording, "
@@ -31,12 +39,12 @@ def build_parser(only: str | None = None) -> Parser:
     parser.add_argument("--version", action="version", version=f"granswim_pymunk {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in COMMANDS if only is None else (only,):
-        module = importlib.import_module(f".commands.{name.replace('import', 'import_')}", __package__)
+        module = command_module(name)
         examples = epilog(getattr(module, "EXAMPLES", ()))
         child = commands.add_parser(name, help=module.HELP, description=module.__doc__, epilog=examples)
-        module.add_arguments(child)
-        add_common(child)
-        child.set_defaults(main=module.main)
+        if options:
+            module.add_arguments(child)
+            add_common(child)
     return parser
 
 
@@ -44,20 +52,39 @@ def _terminate(number: int, frame: Any) -> None:
     raise Terminated
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130, SIGTERM: 143."""
+def _prepare(module: ModuleType, args: argparse.Namespace) -> None:
+    """Load what the command needs, and find out whether it can write where it is to. Raises InputError."""
+    for name in getattr(module, "FOLDERS", ()):
+        if getattr(args, name) is not None:
+            try_folder(getattr(args, name))
+    for name in ("json", *getattr(module, "FILES", ())):
+        if getattr(args, name, None) not in (None, STDOUT):
+            try_file(getattr(args, name))
+    for name in getattr(module, "NEEDS", ()):
+        importlib.import_module(f".{name}", __package__)
+
+
+def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = None) -> int:
+    """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130, SIGTERM: 143.
+
+    ready : called when all is loaded and the work begins
+    """
     argv = list(sys.argv[1:] if argv is None else argv)
     only = argv[0] if argv and argv[0] in COMMANDS else None
-    parser = build_parser(only)
+    parser = build_parser(only, options=only is not None)
     if argv and argv[0].startswith("-") and argv[0] not in parser.known_options():
-        parser.error(f"unrecognized arguments: {argv[0]}")  # rather than that there is no command
+        # rather than that there is no command
+        build_parser().error(f"unrecognized arguments: {argv[0]}")
     args = parser.parse_args(argv)
+    module = command_module(args.command)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:
-        check_json(args)
+        _prepare(module, args)
+        if ready is not None:
+            ready()
         with routed(args):
-            return int(args.main(args))
+            return int(module.main(args))
     except InputError as error:
         print(f"granswim {args.command}: {error}", file=sys.stderr)
         return 2

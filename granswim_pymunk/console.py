@@ -131,9 +131,3 @@ def _plain(value: Any) -> Any:
         return str(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
-
-def check_json(args: argparse.Namespace) -> None:
-    """Raise InputError, before anything runs, where the folder of a JSON file does not exist."""
-    target = getattr(args, "json", None)
-    if target not in (None, STDOUT) and not Path(target).parent.is_dir():
-        raise InputError("its folder does not exist", file=target)

@@ -24,12 +24,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
 
+from .choices import COLORS
 from .engine import Contacts, State
 from .errors import InputError
 from .files import written_whole
 from .scene import LawUse, Scene
 
-COLORS = ("speed", "force")
 TRAIL = 300  # states
 GIF_WIDTH = 720  # pixels; a wide GIF of a whole bed is too large to put on a page
 BACKGROUND = "#fdfcfa"

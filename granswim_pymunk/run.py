@@ -27,12 +27,13 @@ import scipy
 from tqdm import tqdm
 
 from . import __version__
+from .choices import COLORS, VIDEOS
 from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_duration, resume, save_checkpoint, softened
 from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError, Terminated
 from .files import claimed, refuse_links, writing, written_whole
 from .packing import pack, quality
-from .render import COLORS, Painter, Scale, body_force, frame_options, write_video
+from .render import Painter, Scale, body_force, frame_options, write_video
 from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
 from .run_folder import VIDEOS as VIDEO_NAMES
 from .scene import Scene, Time, read_scene
@@ -40,7 +41,6 @@ from .trajectory import TrajectoryWriter, read_trajectory
 
 log = logging.getLogger("granswim")
 
-VIDEOS = ("gif", "mp4", "none")
 FRAMES = 60  # pictures of a run that does not say how many
 VIDEO_FPS = 25.0
 CHECKPOINT_EVERY = 20.0  # seconds of the clock on the wall

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.files import try_file
 
 
 def check_folder(path: str | Path | None) -> None:
-    """Raise InputError, before a long run, where the folder of a file to be written does not exist."""
-    if path is not None and not Path(path).parent.is_dir():
-        raise InputError("its folder does not exist", file=path)
+    """Raise InputError, before a long run, where a file could not be written."""
+    if path is not None:
+        try_file(path)
 
 
 def write_json(data: Any, path: str | Path) -> None:

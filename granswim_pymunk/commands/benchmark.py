@@ -7,18 +7,16 @@ import argparse
 import os
 from pathlib import Path
 
-from ..benchmarks import profile as phases
-from ..benchmarks.beds import bed
-from ..benchmarks.speed import ENGINES, as_json, benchmark, draw, table
 from ..console import put_figures
-from ..errors import InputError
-from ..validation.output import write_json
 
 EXAMPLES = ("granswim benchmark --grains 500 5000", "granswim benchmark --engines verlet plain --out out/benchmark")
 HELP = "time per step and memory, side by side with LAMMPS and a plain compiled loop"
+FOLDERS = ("out",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..benchmarks.speed import ENGINES
+
     parser.add_argument(
         "--grains",
         type=int,
@@ -39,6 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..benchmarks import profile as phases
+    from ..benchmarks.beds import bed
+    from ..benchmarks.speed import as_json, benchmark, draw, table
+    from ..errors import InputError
+    from ..validation.output import write_json
+
     if args.rounds < 1:
         raise InputError(f"should be at least 1, got {args.rounds}", where="--rounds")
     out = None

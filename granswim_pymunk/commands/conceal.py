@@ -11,18 +11,18 @@ import argparse
 from pathlib import Path
 
 HELP = "draw a recording with a concealed effect, and seal the truth"
+NEEDS = ("proof.conceal",)
+FOLDERS = ("out", "sealed")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from ..proof.conceal import KINDS
-
     parser.add_argument("--seed", type=int, required=True, metavar="S")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the recording and its hash")
     parser.add_argument("--sealed", type=Path, metavar="DIR", help="folder for the truth (default: DIR-sealed)")
     parser.add_argument(
         "--secret", type=Path, metavar="FILE", help="what drawing needs besides the seed (default: yours)"
     )
-    parser.add_argument("--kind", choices=tuple(KINDS), default="bodies")
+    parser.add_argument("--kind", default="bodies", help="sort of recording, as above (default: bodies)")
     parser.add_argument("--real-life", action="store_true", help="draw what laboratories add, beside the effect")
     parser.add_argument("--effect", metavar="NAME", help="a mechanism, or null, outside, pair, decoy_camera, ...")
 

@@ -6,18 +6,21 @@ Prints the largest deviation of a position [m] for each stored step. NAME.toml b
 import argparse
 
 from ..console import put_figures
-from ..validation.crosscheck import MODES, crosscheck, read_bed
 
 EXAMPLES = ("granswim crosscheck bed_9Hz", "granswim crosscheck bed.npz --mode chipmunk --json deviations.json")
 HELP = "compare with a bed that another code has computed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..validation.crosscheck import MODES
+
     parser.add_argument("bed", metavar="NAME.npz", help="the bed, or bed_9Hz for the one that comes with the package")
     parser.add_argument("--mode", choices=MODES, default="verlet", help="who computes it (default: verlet)")
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..validation.crosscheck import crosscheck, read_bed
+
     bed = read_bed(args.bed)
     print(f"{bed.scene.title}: {len(bed.scene.bodies)} bodies, dt = {bed.scene.time.dt:g} s, {args.mode}")
     print(f"{'steps':>8}  {'largest deviation of a position [m]':>36}")

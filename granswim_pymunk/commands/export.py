@@ -6,6 +6,7 @@ RUN is the folder of a run, its trajectory.h5, or a recording. Everything in SI,
 import argparse
 
 HELP = "write a run or a recording for OVITO, MDAnalysis, ASE, ParaView or pandas"
+FILES = ("out",)
 EXAMPLES = (
     "granswim export out/swim --to gsd",
     "granswim export out/swim --to vtk --every 5 --out swim.pvd",

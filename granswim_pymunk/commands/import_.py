@@ -7,9 +7,9 @@ and recording.toml has a remark at each key. One recording becomes the folder DI
 import argparse
 
 from ..console import default_out, put_figures
-from ..recording.importers import FORMATS, TEMPLATES, import_all
 
 HELP = "bring a tracker's output, a table or a trajectory into the form of a recording"
+FOLDERS = ("out",)
 EXAMPLES = (
     "granswim import swing.csv --body bob:2cm:100g --scene pendulum --out swing",
     "granswim import linked.csv --unit 0.1mm/px --fps 60 --body '*:5mm:10g' --scene puck --out pucks",
@@ -33,6 +33,8 @@ def _flip(text: str) -> float | bool:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..recording.importers import FORMATS, TEMPLATES
+
     listed = "; ".join(f"{f.name}: {f.help}" for f in FORMATS.values())
     templates = ", ".join(f"{t.name} ({t.help})" for t in TEMPLATES.values())
     parser.add_argument("source", metavar="SOURCE", help="file to import (falling_balls ...: or its folder)")
@@ -82,6 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..recording.importers import import_all
+
     given = {name: value for name in OPTIONS if (value := getattr(args, name)) is not None}
     done = import_all(args.source, args.out or default_out("import", args.source), args.format, **given)
     put_figures(args, [item.as_dict() for item in done])

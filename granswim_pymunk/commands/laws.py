@@ -2,10 +2,12 @@
 
 import argparse
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..console import put_figures
-from ..laws import AUTOMATIC, Law, all_laws, get_law
+
+if TYPE_CHECKING:
+    from ..laws import Law
 
 EXAMPLES = ("granswim laws", "granswim laws bending", "granswim laws --json laws.json")
 HELP = "list the laws a scene can be made of, or show one with its parameters"
@@ -15,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show this law only")
 
 
-def describe(law: Law) -> str:
+def describe(law: "Law") -> str:
     """Expression, parameters with unit, bounds and meaning, and reference of a law."""
     lines = [f"{law.name} ({law.kind})", f"  {law.expression}"]
     for p in law.parameters:
@@ -26,8 +28,10 @@ def describe(law: Law) -> str:
     return "\n".join(lines)
 
 
-def figures(law: Law) -> dict[str, Any]:
+def figures(law: "Law") -> dict[str, Any]:
     """The same as a dictionary, for JSON; a bound without an end and an automatic default are None."""
+    from ..laws import AUTOMATIC
+
     parameters = [
         {
             "name": p.name, "unit": p.unit, "meaning": p.meaning, "choices": list(p.choices) or None, "size": p.size,
@@ -43,6 +47,8 @@ def figures(law: Law) -> dict[str, Any]:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..laws import all_laws, get_law
+
     laws = [get_law(args.name)] if args.name else list(all_laws().values())
     put_figures(args, [figures(law) for law in laws])
     print("\n\n".join(describe(law) for law in laws))

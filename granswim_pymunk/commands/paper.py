@@ -9,16 +9,16 @@ stiffnesses, for a cluster (--dask). Stopped, it goes on where it was.
 
 import argparse
 
-from ..paper.driver import paper
-from ..paper.plans import SETTINGS
-from ..paper.scenes import MU_EFF
-
 HELP = "the tables and figures of the sand swimmer's paper, claim by claim"
+NEEDS = ("paper.driver",)
+FOLDERS = ("out", "runs", "pages")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from ..paper.scenes import MU_EFF
+
     parser.add_argument("claims", nargs="*", metavar="CLAIM", help="T1, F2 .. F10, readings, convergence, checks")
-    parser.add_argument("--setting", choices=tuple(SETTINGS), default="pocket", help="how much is run (pocket)")
+    parser.add_argument("--setting", choices=("pocket", "paper"), default="pocket", help="how much is run (pocket)")
     parser.add_argument("--out", metavar="DIR", default="out/paper", help="figures and tables (default: %(default)s)")
     parser.add_argument("--runs", metavar="DIR", help="where the runs' files are (default: OUT/runs)")
     parser.add_argument("--pages", metavar="DIR", help="where paper.md and readings.md go (default: OUT)")
@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..paper.driver import paper
+
     paper(
         args.claims, setting=args.setting, out=args.out, runs=args.runs, pages=args.pages, json_file=args.json,
         curve=args.curve, k_B_scale=args.k_b_scale, mu_eff=args.mu_eff, compare=args.compare, run=not args.no_run,

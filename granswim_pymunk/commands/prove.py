@@ -11,6 +11,8 @@ import argparse
 from pathlib import Path
 
 HELP = "score the diagnosis on recordings with concealed effects"
+NEEDS = ("proof.prove",)
+FOLDERS = ("out",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,9 +106,8 @@ def main(args: argparse.Namespace) -> int:
     from ..proof.prove import FIRST_SCORED, prove_cases, real_rows, slice_table
     from ..proof.real_score import real_figures, real_told
     from ..proof.score import figures_of_merit, held_out, told
-    from ..validation.output import check_folder, write_json
+    from ..validation.output import write_json
 
-    check_folder(args.json)
     if args.workers < 1:
         raise InputError(f"should be one or more, got {args.workers}", where="--workers")
     if args.minutes is not None and not args.minutes > 0:

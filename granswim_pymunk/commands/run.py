@@ -8,11 +8,8 @@ goes on from the last checkpoint. A folder that holds a run is not written to wi
 import argparse
 from pathlib import Path
 
+from ..choices import COLORS, MODES, VIDEOS
 from ..console import put_figures
-from ..engine import MODES
-from ..errors import InputError
-from ..render import COLORS
-from ..run import VIDEOS, find_scene, resume_run, run_scene
 
 EXAMPLES = (
     "granswim run pocket_swim",
@@ -20,6 +17,7 @@ EXAMPLES = (
     "granswim run --resume out/swim",
 )
 HELP = "simulate a scene: trajectory, frames, video"
+NEEDS = ("run",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..errors import InputError
+    from ..run import find_scene, resume_run, run_scene
+
     if args.resume:
         if args.scene:
             raise InputError("a run goes on with its own scene: leave out SCENE", where="--resume")

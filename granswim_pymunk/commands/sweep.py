@@ -11,15 +11,14 @@ import json
 from pathlib import Path
 
 from ..console import put_figures
-from ..run import find_scene
-from ..scene import read_scene
-from ..sweep import parse_axis, scene_sweep, summary_lines
 
 EXAMPLES = (
     "granswim sweep swim --vary bending.frequency=4,9,15 --vary seed=1:4 --duration 2 --settle 0.5",
     "granswim sweep pocket_swim --vary bending.frequency=5:15:5 --duration 0.3 --json table.json",
 )
 HELP = "run a scene over frequencies, stiffnesses, seeds ...: labelled arrays"
+NEEDS = ("run", "sweep")
+FOLDERS = ("out",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,8 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..files import try_folder
+    from ..run import find_scene
+    from ..scene import read_scene
+    from ..sweep import parse_axis, scene_sweep, summary_lines
+
     path = find_scene(args.scene)
     out = Path(args.out or Path("out") / f"sweep-{path.stem}")
+    try_folder(out)
     axes = dict(parse_axis(text) for text in args.vary)
     table = scene_sweep(
         read_scene(path), axes, out, duration=args.duration, settle=args.settle, every=args.every,

@@ -7,6 +7,7 @@ beside it and found.png, frames of the film with what was found in them: look at
 import argparse
 
 HELP = "make a recording of a film of round bodies"
+FOLDERS = ("out",)
 EXAMPLES = (
     "granswim track pucks.mp4 --radius 4mm --scale 0.25mm/px --mass 5g --scene puck --out pucks",
     "granswim track drop.mov --radius 2cm --scale 1m=870px --mass 50g --scene drop --out drop",

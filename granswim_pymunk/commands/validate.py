@@ -6,10 +6,11 @@ Prints every figure with its bound and whether it holds, draws the cases, and ex
 import argparse
 
 from ..console import put_figures
-from ..validation.report import validate
 
 EXAMPLES = ("granswim validate --quick", "granswim validate --out plots --json figures.json")
 HELP = "check the engine against closed solutions, a reference integrator and another code"
+NEEDS = ("validation.report",)
+FOLDERS = ("out",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..validation.report import validate
+
     result = validate(args.quick, args.out, say=lambda text: print(text, flush=True))
     print(f"plots: {args.out}")
     put_figures(args, result)

@@ -15,6 +15,7 @@ import numpy as np
 import pymunk
 from pymunk._chipmunk_cffi import ffi, lib
 
+from ..choices import MODES
 from ..errors import InputError, SimulationError
 from ..laws import Law
 from ..scene import Body, LawUse, Scene
@@ -56,8 +57,6 @@ from .native import (
 from .units import Units
 
 log = logging.getLogger("granswim")
-
-MODES = ("verlet", "chipmunk", "python", "batch")
 
 # callbacks are compiled and installed by one thread at a time; runs are free
 _BUILDING = threading.RLock()

@@ -1,0 +1,113 @@
+"""What all commands have in common: quick to start, quiet when interrupted, their output tried first."""
+
+import importlib
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from granswim_pymunk.cli import build_parser, command_module, main
+from granswim_pymunk.commands import COMMANDS
+
+HEAVY = {"numba", "matplotlib", "scipy", "pymunk", "xarray", "h5py", "pandas", "numpy"}
+
+
+def imported(*arguments: str) -> set[str]:
+    """What a command imports before it has done anything."""
+    text = (
+        "import sys\nfrom granswim_pymunk.cli import main\n"
+        f"try:\n    main({list(arguments)!r})\nexcept SystemExit:\n    pass\n"
+        "print('|', *sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True)
+    return set(run.stdout.rpartition("|")[2].split())
+
+
+def test_help_imports_nothing_heavy() -> None:
+    assert not imported("--help") & HEAVY
+    for name in ("run", "sweep", "diagnose", "prove", "validate", "laws", "cache"):
+        assert not imported(name, "--help") & HEAVY, name
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    said = capsys.readouterr().out
+    for name in COMMANDS:
+        assert re.search(rf"^    {name}\s", said, re.MULTILINE) and command_module(name).HELP.split()[0] in said
+
+
+def test_choices_are_those_of_the_package() -> None:
+    from granswim_pymunk.paper.plans import SETTINGS
+
+    (setting,) = (a for a in build_parser("paper")._subparsers._group_actions[0].choices["paper"]._actions  # type: ignore
+                  if a.dest == "setting")  # fmt: skip
+    assert set(setting.choices) == set(SETTINGS)
+    for name in COMMANDS:
+        module = command_module(name)
+        arguments = {a.dest for a in build_parser(name)._subparsers._group_actions[0].choices[name]._actions}  # type: ignore
+        assert {*getattr(module, "FOLDERS", ()), *getattr(module, "FILES", ())} <= arguments
+        for needed in getattr(module, "NEEDS", ()):
+            assert importlib.util.find_spec(f"granswim_pymunk.{needed}")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("sweep", ["two_disks", "--vary", "seed=1,2", "--out", "{}"]),
+        ("conceal", ["--seed", "1", "--out", "{}"]),
+        ("conceal", ["--seed", "1", "--out", "here", "--sealed", "{}"]),
+        ("prove", ["--out", "{}"]),
+        ("prove", ["--json", "{}"]),
+        ("import", ["whatever.csv", "--out", "{}"]),
+        ("export", ["whatever", "--to", "csv", "--out", "{}"]),
+        ("validate", ["--out", "{}"]),
+        ("validate", ["--json", "{}"]),
+        ("crosscheck", ["bed_9Hz", "--json", "{}"]),
+        ("benchmark", ["--json", "{}"]),
+        ("paper", ["--out", "{}"]),
+        ("paper", ["--json", "{}"]),
+    ],
+)
+@pytest.mark.parametrize("place", ["file", "long"])
+def test_output_is_tried_before_the_work(
+    name: str, arguments: list[str], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out" if place == "file" else tmp_path / ("x" * 300)
+    monkeypatch.chdir(tmp_path)
+    module = command_module(name)
+    began = []
+    if name != "sweep":  # whose folder has a default
+        monkeypatch.setattr(module, "main", lambda args: began.append(args) or 0)
+    assert main([name, *(text.format(out) for text in arguments)]) == 2
+    error = capsys.readouterr().err
+    assert not began and str(out) in error and "Traceback" not in error and len(error.splitlines()) == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+STARTED = """
+import sys
+from granswim_pymunk.__main__ import main
+print("loading", flush=True)
+sys.argv = ["granswim", "run", "pocket_swim", "--out", sys.argv[1]]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("after", [0.0, 0.2, 0.6])
+def test_interrupted_while_it_starts(after: float, tmp_path: Path) -> None:
+    """No traceback, whatever is being imported."""
+    command = [sys.executable, "-c", STARTED, str(tmp_path / "out")]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert run.stdout and run.stdout.readline() == "loading\n"
+    time.sleep(after)
+    run.send_signal(signal.SIGINT)
+    said, error = run.communicate(timeout=60)
+    assert run.returncode == 130, (said, error)
+    assert "Traceback" not in said + error and "interrupted" in error
