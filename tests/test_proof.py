@@ -10,7 +10,7 @@ from granswim_pymunk.cli import main
 from granswim_pymunk.commands.prove import parse_seeds
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof import prove as runner
-from granswim_pymunk.proof.cases import _belief, _public, bodies_case, rivals, strength_of
+from granswim_pymunk.proof.cases import _public, believed_scene, bodies_case, rivals, strength_of
 from granswim_pymunk.proof.conceal import MOMENT, conceal
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove_cases, table_text
 from granswim_pymunk.proof.score import (
@@ -79,7 +79,7 @@ def test_the_believed_numbers_follow_from_the_tracks_alone(seed):
     setup, public = _public(DEVELOPMENT_SECRET, seed)
     public.random()  # whether the noise is known
     seen = case.recording.angle if setup.angles else case.recording.xy.reshape(len(setup.t), -1)
-    again = _belief(setup, np.array(seen), public)
+    again = believed_scene(setup, np.array(seen), public)
     assert again.laws == case.recording.scene.laws
     assert case.recording.scene.adjustable
 

@@ -13,15 +13,15 @@ import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.proof import prove, real_beds, real_life, windows
-from granswim_pymunk.proof.bed_cases import _number
+from granswim_pymunk.proof import bed_cases, prove, real_beds, real_life, windows
+from granswim_pymunk.proof.bed_cases import drawn_number
 from granswim_pymunk.proof.beds import draw_bed, packed
 from granswim_pymunk.proof.conceal import conceal, real_kind
 from granswim_pymunk.proof.ideal import Errors, Response, Truth
-from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced
+from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced, table_text
 from granswim_pymunk.proof.real_beds import real_bed_case
 from granswim_pymunk.proof.real_life import disturbed, draw_errors, real_bodies_case
-from granswim_pymunk.proof.real_score import read_real_rows, real_figures, real_table, score_real
+from granswim_pymunk.proof.real_score import read_real_rows, real_figures, score_real
 from granswim_pymunk.proof.seal import checked_out, generator, opened, series_secret
 from granswim_pymunk.proof.setups import Setup, cart, meetings, pendulum, pucks
 from granswim_pymunk.proof.world import Effect, World
@@ -184,13 +184,13 @@ class TestDraw:
 class TestBeds:
     def test_a_bed_is_misjudged_and_filmed_badly(self, monkeypatch) -> None:
         """Radii and masses of the recording are not those of the run; the picture has the noise that is sealed."""
-        real = real_beds.draw_bed
+        real = bed_cases.draw_bed
 
         def short(rng, name, small):
             setup = real(rng, name, small)
             return replace(setup, t=setup.t[:70], scene=replace(setup.scene, adjustable=()))
 
-        monkeypatch.setattr(real_beds, "draw_bed", short)
+        monkeypatch.setattr(bed_cases, "draw_bed", short)
         monkeypatch.setattr(windows, "MOST", {True: 2, False: 2})
         case = real_bed_case(1, DEVELOPMENT_SECRET, "null", small=True)
         truth, recording = case.truth, case.recording
@@ -198,7 +198,7 @@ class TestBeds:
         errors = Errors(**truth["errors"])
         assert recording.position_noise == pytest.approx(2 * errors.fast, rel=0.01)
         packing = packed(short(generator(DEVELOPMENT_SECRET, "real-life-small-bed", 1, "public"), "bed", True).scene,
-                         _number(DEVELOPMENT_SECRET, "real-life-small-bed", 1, "packing"))  # fmt: skip
+                         drawn_number(DEVELOPMENT_SECRET, "real-life-small-bed", 1, "packing"))  # fmt: skip
         true = np.array([b.radius for b in packing.bodies if b.mobile])
         believed = np.array([b.radius for b in recording.scene.bodies if b.mobile])
         off = np.array(list(truth["radius"].values()))
@@ -294,7 +294,7 @@ class TestScore:
         assert (f := figures["a wrong name said to be complete, of all cases"]).hits == 1 and f.n == 2
         assert (f := figures["names neither drawn nor equivalent, of all entries"]).hits == 1 and f.n == 3
         assert (f := figures["an ideal test sees what is left: said to be incomplete"]).hits == 1 and f.n == 2
-        lines = real_table(rows).splitlines()
+        lines = table_text(rows).splitlines()
         assert len(lines) == 4 and lines[0].startswith("case,setup") and "linear_drag+uniform_force" in lines[1]
 
 
@@ -303,7 +303,7 @@ class TestScore:
         rows[1] = replace(rows[1], case="real-life-2")
         tables = [tmp_path / "a.csv", tmp_path / "b.csv"]
         for table, row in zip(tables, rows, strict=True):
-            table.write_text(real_table([row]))
+            table.write_text(table_text([row]))
         read = [row for table in tables for row in read_real_rows(table)]
         assert read == rows
         assert [f.hits for f in real_figures(read)] == [f.hits for f in real_figures(rows)]

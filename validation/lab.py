@@ -32,7 +32,7 @@ from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.scene import Body, Scene, use
 
 from .output import write_json
-from .pucks import _answer
+from .pucks import answer_in
 
 G = 9.81  # m/s^2
 STEP = 5e-4  # s
@@ -242,7 +242,7 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
     lines = ["| recording | what is there | answer | judged | explained | complete | held out |",
              "|---|---|---|---|---|---|---|"]  # fmt: skip
     for truth in truths:
-        verdict, _, failed = _answer(verdicts / truth["name"])
+        verdict, _, failed = answer_in(verdicts / truth["name"])
         said = verdict or {}
         answer = failed or f"{said['verdict']} {' + '.join(dict.fromkeys(m['name'] for m in said['mechanisms']))}"
         share = (said.get("explained") or {}).get("share")

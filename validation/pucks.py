@@ -226,7 +226,7 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
              "|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
     found: list[tuple[bool, str, float | None]] = []
     for truth in truths:
-        verdict, seconds, failed = _answer(verdicts / truth["name"])
+        verdict, seconds, failed = answer_in(verdicts / truth["name"])
         how = judged(truth, verdict)
         found.append((not truth["effects"], how, seconds))
         said = verdict or {}
@@ -251,7 +251,7 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
     return "\n".join(lines)
 
 
-def _answer(folder: Path) -> tuple[dict[str, Any] | None, float | None, str]:
+def answer_in(folder: Path) -> tuple[dict[str, Any] | None, float | None, str]:
     """The verdict in a folder (or None), the seconds it took where they are known, why there is none."""
     time = json.loads((folder / "time.json").read_text()) if (folder / "time.json").exists() else {}
     if not (folder / "verdict.json").exists():

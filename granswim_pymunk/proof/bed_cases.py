@@ -198,7 +198,7 @@ def rivals(setup: BedSetup, bench: Bench, plan: Plan, amount: float) -> tuple[fl
     return own, found
 
 
-def _guess(setup: BedSetup, rng: np.random.Generator) -> dict[str, float]:
+def first_guess(setup: BedSetup, rng: np.random.Generator) -> dict[str, float]:
     """First guesses of the adjustable numbers, a few per cent off."""
     result = {}
     for a in setup.scene.adjustable:
@@ -255,17 +255,26 @@ def _truth(
     }  # fmt: skip
 
 
+def known_bed(kind: str, seed: int, secret: bytes, small: bool) -> tuple[BedSetup, Scene, bool, dict[str, float]]:
+    """What may be known of a seen bed: setup, packed scene, whether its numbers will be fitted to the film, guesses.
+
+    Streams: ``public``, ``packing``.
+    """
+    public = generator(secret, kind, seed, "public")
+    setup = draw_bed(public, "bed", small)
+    fitted = bool(public.random() < CALIBRATED) and bool(setup.scene.adjustable)
+    guess = first_guess(setup, public)
+    scene = replace(packed(setup.scene, drawn_number(secret, kind, seed, "packing")), bed=None)
+    return setup, scene, fitted, guess
+
+
 def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small: bool = False) -> Case:
     """A swimmer in its bed, both filmed.
 
     Streams: ``public`` (apparatus, film, first guesses), ``packing``, ``sealed`` (what is concealed), ``noise``.
     """
     kind = "small-bed" if small else "bed"
-    public = generator(secret, kind, seed, "public")
-    setup = draw_bed(public, "bed", small)
-    fitted = bool(public.random() < CALIBRATED) and bool(setup.scene.adjustable)
-    guess = _guess(setup, public)
-    scene = replace(packed(setup.scene, _number(secret, kind, seed, "packing")), bed=None)
+    setup, scene, fitted, guess = known_bed(kind, seed, secret, small)
     sealed = generator(secret, kind, seed, "sealed")
     category, wanted = _category(sealed, setup, effect)
     # standard errors come from a film of the same bed without anything concealed
@@ -309,7 +318,7 @@ def seen_recording(setup: BedSetup, belief: Scene, seen: np.ndarray, name: str) 
     )  # fmt: skip
 
 
-def _number(secret: bytes, *parts: str | int) -> int:
+def drawn_number(secret: bytes, *parts: str | int) -> int:
     return int.from_bytes(derived(secret, *parts)[:6], "big")
 
 
@@ -320,7 +329,7 @@ def _packing_bench(setup: BedSetup, secret: bytes, kind: str, seed: int) -> Pack
         drives, count = list(every), 4 if setup.name == "unseen" else 2
     else:
         drives, count = [1, len(setup.drives) - 2], 3
-    seeds = [[_number(secret, kind, seed, "other packing", d, n) for n in range(count)] for d in drives]
+    seeds = [[drawn_number(secret, kind, seed, "other packing", d, n) for n in range(count)] for d in drives]
     return PackingBench(setup, drives, seeds)
 
 
@@ -339,7 +348,7 @@ def _unseen(seed: int, secret: bytes, effect: str | None, name: str, small: bool
     public = generator(secret, kind, seed, "public")
     setup = draw_bed(public, name, small)
     fitted = bool(public.random() < CALIBRATED) and bool(setup.scene.adjustable)
-    guess = _guess(setup, public)
+    guess = first_guess(setup, public)
     bench = _packing_bench(setup, secret, kind, seed)
     sealed = generator(secret, kind, seed, "sealed")
     category, wanted = _category(sealed, setup, effect)
@@ -353,7 +362,7 @@ def _unseen(seed: int, secret: bytes, effect: str | None, name: str, small: bool
     for d in range(len(setup.drives)):
         runs = []
         for n in range(setup.runs):
-            scene = packed(setup.driven(true, d), _number(secret, kind, seed, "packing", d, n))
+            scene = packed(setup.driven(true, d), drawn_number(secret, kind, seed, "packing", d, n))
             runs.append((scene, tracks(setup, scene, physics, looks(setup), setup.dt, camera.time_offset)))
         if name == "curve":
             found = [camera.scale * speed(scene, xy) for scene, xy in runs]

@@ -99,7 +99,7 @@ def _strong(
     return best if best is not None and 0.4 < best[1] / target < 2.5 else None
 
 
-def _plausible(effect: Effect, setup: Setup) -> bool:
+def plausible(effect: Effect, setup: Setup) -> bool:
     """Numbers that a physicist would not laugh at."""
     v = effect.values
     if effect.name == "contact_friction":
@@ -140,7 +140,7 @@ def _draw_effects(
         for name in names:
             effect = draw(name, setup, sizes, rng, other=bool(rng.random() < 0.5))
             strong = _strong(setup, scene, effect, start, target)
-            if strong is None or not _plausible(strong[0], setup):
+            if strong is None or not plausible(strong[0], setup):
                 break
             found.append(strong)
         if len(found) == count:
@@ -197,7 +197,7 @@ def _seen(setup: Setup, values: np.ndarray, rng: np.random.Generator) -> np.ndar
     return np.round(noisy, 8)
 
 
-def _belief(setup: Setup, values: np.ndarray, rng: np.random.Generator) -> Scene:
+def believed_scene(setup: Setup, values: np.ndarray, rng: np.random.Generator) -> Scene:
     """The scene as the experimenter has it: its adjustable numbers fitted to the tracks, or first guesses.
 
     Depends on the tracks and on what may be known, on nothing else.
@@ -263,7 +263,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
     clean = look(setup, true_scene, effects, start, setup.t, float(setup.t[0]))
     strength = rivals(setup, scene, effects, start, sigma) if len(effects) == 1 else Strength(sigma, 0.0, {})
     values = _seen(setup, clean, generator(secret, "bodies", seed, "noise"))
-    belief = _belief(setup, values, public)
+    belief = believed_scene(setup, values, public)
     mobile = list(setup.mobile)
     truth = {
         "kind": "bodies", "seed": seed, "setup": setup.name, "category": category,

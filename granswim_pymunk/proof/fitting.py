@@ -73,7 +73,7 @@ def look(
     return camera.see(run.xy[:, rows]).reshape(len(t), -1)
 
 
-class _Starts:
+class Starts:
     """The start of every mobile body as free numbers, by how it can move."""
 
     def __init__(self, setup: Setup, scene: Scene, t: np.ndarray, noise: float) -> None:
@@ -148,7 +148,7 @@ def solve(
 ) -> Solution:
     """Fit starts, the scene's adjustable parameters, and (unless ``fixed``) the numbers of ``effects`` to a sight."""
     t0 = float(sight.t[0])
-    starts = _Starts(setup, scene, sight.t, sight.sigma)
+    starts = Starts(setup, scene, sight.t, sight.sigma)
     names = [a.name for a in scene.adjustable]
     low = np.array([a.low for a in scene.adjustable])
     high = np.array([a.high for a in scene.adjustable])

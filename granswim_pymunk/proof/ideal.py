@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 
 from ..errors import InputError, SimulationError
 from ..scene import Body, Scene
-from .fitting import Sight, _Starts, look, solve, with_adjusted
+from .fitting import Sight, Starts, look, solve, with_adjusted
 from .setups import Setup
 from .suspects import APPARATUS, Sizes, numbers, scale_strength, typical, with_numbers
 from .world import Effect, World
@@ -183,7 +183,7 @@ class Response:
         """By the start of every body (N, k)."""
 
         def make() -> list[np.ndarray]:
-            starts = _Starts(self.setup, self.truth.scene, self.t, self.setup.noise)
+            starts = Starts(self.setup, self.truth.scene, self.t, self.setup.noise)
             world = World(self.truth.scene, [], self.setup.dt)
             z = starts.pack(self.start)
 
@@ -453,7 +453,7 @@ class Response:
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         inverse = np.linalg.pinv(columns / size, rcond=1e-9) / size[:, None]
-        starts = _Starts(self.setup, self.setup.scene, self.t, self.setup.noise)
+        starts = Starts(self.setup, self.setup.scene, self.t, self.setup.noise)
         names = [a.name for a in self.setup.scene.adjustable]
         tilted = np.atleast_1d(np.asarray(self.truth.tilt, dtype=float)) if tilt.shape[1] else np.zeros(0)
         at = np.concatenate([
@@ -478,7 +478,7 @@ class Response:
 
     def _believed_look(
         self, at: np.ndarray, places: Sequence[str], own: Mapping[str, np.ndarray], tilted: int, names: Sequence[str],
-        starts: _Starts,
+        starts: Starts,
     ) -> tuple[list[Effect], np.ndarray]:  # fmt: skip
         """The effects of a vector of numbers, and what is seen of them in the believed scene."""
         effects, k = [], 0

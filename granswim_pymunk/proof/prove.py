@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import InputError
 from .conceal import conceal, write_beside
-from .real_score import PREFIX, RealRow, real_table, real_told, score_real
+from .real_score import PREFIX, RealRow, real_told, score_real
 from .score import Row, score_case
 from .seal import opened
 
@@ -220,7 +220,7 @@ def slice_table(out: str | Path, cases: Sequence[tuple[str, int]], part: int, pa
     results = [r for r in read_results(out) if r["case"] in names]
     real = [score_real(r) for r in results if is_real(r)]
     file = out / f"slice-{part}-of-{parts}.csv"
-    write_beside(file, real_table(real) if real else table_text([score_case(r) for r in results]))
+    write_beside(file, table_text(real) if real else table_text([score_case(r) for r in results]))
     return file
 
 
@@ -250,7 +250,7 @@ def write_score(out: str | Path) -> list[Row]:
     out = Path(out)
     conditions = real_rows(out)
     if conditions:
-        write_beside(out / "real-life.csv", real_table(conditions))
+        write_beside(out / "real-life.csv", table_text(conditions))
         write_beside(out / "real-life.txt", "\n".join(real_told(conditions)) + "\n")
     results = [result for result in read_results(out) if not is_real(result)]
     if conditions and not results:
@@ -262,7 +262,7 @@ def write_score(out: str | Path) -> list[Row]:
     return rows
 
 
-def table_text(rows: Sequence[Row]) -> str:
+def table_text(rows: Sequence[Row] | Sequence[RealRow]) -> str:
     """The rows as CSV."""
     if not rows:
         return ""

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..scene import Scene
-from .bed_cases import _guess, _number, believed_bed, rivals, seen_recording, strong
+from .bed_cases import believed_bed, known_bed, rivals, seen_recording, strong
 from .bed_suspects import Plan, acting, draw
-from .beds import BedSetup, digits, draw_bed, packed
+from .beds import BedSetup, digits
 from .cases import Case, plain
 from .ideal import SCALE, TILT, Errors
 from .real_life import OFTEN, SECOND, disturbed, draw_errors, stated_errors, stated_noise, with_statements
@@ -28,7 +28,6 @@ from .world import Effect
 
 NULL = 0.15  # share of the beds with nuisances alone
 LADDER = (10.0, 15.0, 22.0, 35.0)  # ideal standard errors of the largest effect
-CALIBRATED = 0.7  # share of the cases whose adjustable numbers were fitted to the film beforehand
 
 
 def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small: bool = False) -> Case:
@@ -38,11 +37,7 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     ``noise``, ``other noise`` (of the film that standard errors come from), ``statements``.
     """
     kind = "real-life-small-bed" if small else "real-life-bed"
-    public = generator(secret, kind, seed, "public")
-    setup = draw_bed(public, "bed", small)
-    fitted = bool(public.random() < CALIBRATED) and bool(setup.scene.adjustable)
-    guess = _guess(setup, public)
-    scene = replace(packed(setup.scene, _number(secret, kind, seed, "packing")), bed=None)
+    setup, scene, fitted, guess = known_bed(kind, seed, secret, small)
     sealed = generator(secret, kind, seed, "sealed")
     rate = 1 / float(np.median(np.diff(setup.t)))
     drawn = draw_errors(sealed, setup.noise, rate, len(setup.t))

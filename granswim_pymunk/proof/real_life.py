@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..recording import Recording
-from .cases import Case, _belief, _plausible, as_recording, plain, rounded
+from .cases import Case, as_recording, believed_scene, plain, plausible, rounded
 from .fitting import look
 from .ideal import MASSES, RADII, SCALE, TILT, Errors, Response, Truth, has_gravity, slid, touching
 from .seal import generator
@@ -129,7 +129,7 @@ def draw_effects(truth: Truth, errors: Errors, start: np.ndarray, rng: np.random
         effect = draw(name, setup, sizes, rng, other=False)
         given = replace(truth, first=effect)
         found = reached(given, errors, start, target, lambda r: r.sigma("first"), "first")
-        if found is None or not _plausible(found[0].effect("first"), setup) or not same_kind(found[0], start):
+        if found is None or not plausible(found[0].effect("first"), setup) or not same_kind(found[0], start):
             continue
         if rng.random() < SECOND:
             return _with_second(found, errors, start, rng, sizes) or (*found, 0.0)
@@ -165,7 +165,7 @@ def _with_second(
         given = replace(truth, second=draw(name, setup, sizes, rng, other=False))
         # by what they change in the film: the first shows less beside the second, and may be another
         two = reached(given, errors, start, share, lambda r: r.shown("second") / max(r.shown("first"), 1e-9), "second")
-        if two is not None and _plausible(two[0].effect("second"), setup):
+        if two is not None and plausible(two[0].effect("second"), setup):
             response = Response(two[0], errors, start)
             now = response.sigma("first")
             if 0.5 * sigma < now < 2 * sigma:
@@ -290,7 +290,7 @@ def _believed(setup: Setup, values: np.ndarray, rng: np.random.Generator):
         second = np.abs(np.diff(column[rows], 2))
         far = rows[1:-1][second > 12 * max(float(np.median(second)), 1e-12)]
         clean[far, c] = np.nan
-    return _belief(setup, clean, rng)
+    return believed_scene(setup, clean, rng)
 
 
 def told(

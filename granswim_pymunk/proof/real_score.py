@@ -6,8 +6,6 @@ them stay empty and the figures leave the case out.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +14,7 @@ from typing import Any
 
 from scipy import stats
 
-from .score import APART, Figure, _figure, _numbers, _short, figure_lines, read_table, standing
+from .score import APART, Figure, counted, figure_lines, numbers_held, read_table, short, standing
 
 STRONG = 10.0  # ideal standard errors of the largest effect, of which enough cases are wanted
 SURE = 1e-3  # p at which an ideal test sees what is left
@@ -79,13 +77,13 @@ class RealRow:
         """As a line of a table."""
         return {
             "case": self.case, "setup": self.setup, "category": self.category, "truth": "+".join(self.truth),
-            "nuisances": "+".join(self.drawn), "sigma": _short(self.sigma), "second_sigma": _short(self.second_sigma),
-            "best_rival": self.rival, "d_prime": _short(self.d_prime), "verdict": self.verdict,
+            "nuisances": "+".join(self.drawn), "sigma": short(self.sigma), "second_sigma": short(self.second_sigma),
+            "best_rival": self.rival, "d_prime": short(self.d_prime), "verdict": self.verdict,
             "named": "+".join(self.named), "right_name": int(self.right_name), "right_class": int(self.right_class),
-            "complete": "" if self.complete is None else int(self.complete), "share": _short(self.share),
-            "strange": "+".join(self.strange), "entries": self.entries, "left": _short(self.left),
+            "complete": "" if self.complete is None else int(self.complete), "share": short(self.share),
+            "strange": "+".join(self.strange), "entries": self.entries, "left": short(self.left),
             "numbers": len(self.covered), "covered": sum(self.covered), "alone": int(self.alone),
-            "heldout": self.heldout, "seconds": _short(self.seconds), "failed": self.failed,
+            "heldout": self.heldout, "seconds": short(self.seconds), "failed": self.failed,
         }  # fmt: skip
 
 
@@ -163,7 +161,7 @@ def _covered(
     for effect, believed in zip(truth["effects"], truth["believed"], strict=True):
         mine = [m for m in mechanisms if m["name"] in standing(effect["name"], truth)]
         if believed is not None and len(mine) == 1:
-            covered += _numbers([believed], mine, truth.get("pin_length"))[0]
+            covered += numbers_held([believed], mine, truth.get("pin_length"))[0]
     return tuple(covered)
 
 
@@ -179,39 +177,27 @@ def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
     beside = [c for r in rows if not r.alone for c in r.covered]
     told = [r for r in rows if r.complete is not None]
     return [
-        _figure("largest effect: right name or class", "at least 85 %", [r.right_class for r in concealed], 0.85, True),
-        _figure(f"the same, of {STRONG:g} ideal standard errors and more", "at least 85 %",
+        counted("largest effect: right name or class", "at least 85 %", [r.right_class for r in concealed], 0.85, True),
+        counted(f"the same, of {STRONG:g} ideal standard errors and more", "at least 85 %",
                 [r.right_class for r in strong], 0.85, True),
-        replace(_figure("right name itself", "nothing", [r.right_name for r in concealed], 0.0, True), reached=None),
-        _figure("full beds: right name or class", "at least 85 %",
+        replace(counted("right name itself", "nothing", [r.right_name for r in concealed], 0.0, True), reached=None),
+        counted("full beds: right name or class", "at least 85 %",
                 [r.right_class for r in concealed if r.bed], 0.85, True),
-        _figure("a wrong name said to be complete, of all cases", "at most 5 %", [r.wrong_complete for r in told], 0.05,
+        counted("a wrong name said to be complete, of all cases", "at most 5 %", [r.wrong_complete for r in told], 0.05,
                 False),
-        _figure("names neither drawn nor equivalent, of all entries", "at most 10 %",
+        counted("names neither drawn nor equivalent, of all entries", "at most 10 %",
                 [True] * strange + [False] * (entries - strange), 0.1, False),
-        _figure("an ideal test sees what is left: said to be incomplete", "at least 80 %", seen, 0.8, True),
-        _figure("nulls with a mechanism that is no nuisance drawn", "at most 5 %", [bool(r.strange) for r in nulls],
+        counted("an ideal test sees what is left: said to be incomplete", "at least 80 %", seen, 0.8, True),
+        counted("nulls with a mechanism that is no nuisance drawn", "at most 5 %", [bool(r.strange) for r in nulls],
                 0.05, False),
-        _figure("95 % intervals that hold the truth, no second effect or a named one", "at least 85 %", alone, 0.85,
+        counted("95 % intervals that hold the truth, no second effect or a named one", "at least 85 %", alone, 0.85,
                 True),
-        _figure("95 % intervals that hold the truth, a second effect not named", "at least 70 %", beside, 0.7, True),
+        counted("95 % intervals that hold the truth, a second effect not named", "at least 70 %", beside, 0.7, True),
     ]  # fmt: skip
 
 
-def real_table(rows: Sequence[RealRow]) -> str:
-    """The rows as CSV."""
-    if not rows:
-        return ""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0].as_dict()), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow(row.as_dict())
-    return text.getvalue()
-
-
 def read_real_rows(path: str | Path) -> list[RealRow]:
-    """Rows of a table that ``real_table`` made.
+    """Rows of a table that ``table_text`` made of them.
 
     Raises InputError where a column is missing or a number cannot be read.
     """

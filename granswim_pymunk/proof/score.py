@@ -59,18 +59,18 @@ class Row:
         """As a line of a table."""
         return {
             "case": self.case, "setup": self.setup, "category": self.category, "truth": "+".join(self.truth),
-            "other_form": int(self.other_form), "sigma": _short(self.sigma), "best_rival": self.rival,
-            "d_prime": _short(self.d_prime), "verdict": self.verdict, "named": "+".join(self.named),
+            "other_form": int(self.other_form), "sigma": short(self.sigma), "best_rival": self.rival,
+            "d_prime": short(self.d_prime), "verdict": self.verdict, "named": "+".join(self.named),
             "right_name": int(self.right_name), "right_class": int(self.right_class),
             "located": "" if self.located is None else int(self.located), "physics_named": int(self.physics_named),
             "numbers": len(self.covered), "covered": sum(self.covered),
-            **{f"heldout_{k}": _short(v) for k, v in self.held.items()},
-            "p": _short(self.p), "seconds": _short(self.seconds), "failed": self.failed,
+            **{f"heldout_{k}": short(v) for k, v in self.held.items()},
+            "p": short(self.p), "seconds": short(self.seconds), "failed": self.failed,
             "complete": "" if self.complete is None else int(self.complete),
         }  # fmt: skip
 
 
-def _short(value: float | None) -> str:
+def short(value: float | None) -> str:
     return "" if value is None or not math.isfinite(value) else f"{value:.4g}"
 
 
@@ -170,7 +170,7 @@ def score_case(result: Mapping[str, Any]) -> Row:
         right = in_class = kind in ("no_mismatch", "recalibrate")
     # a force without a name has numbers of its own, which no truth speaks of
     comparable = right and len(effects) == 1 and category != "outside"
-    covered, errors = _numbers(effects, mechanisms, truth.get("pin_length")) if comparable else ((), {})
+    covered, errors = numbers_held(effects, mechanisms, truth.get("pin_length")) if comparable else ((), {})
     fit = (verdict.get("fit") or {}).get("heldout") or {}
     null = verdict.get("null")
     return Row(
@@ -214,7 +214,7 @@ def _classes(bodies: Sequence[str], swimmer: Sequence[str] | None) -> set[str]:
     return out
 
 
-def _numbers(
+def numbers_held(
     effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]], pin_length: float | None = None
 ):  # fmt: skip
     """Whether each interval holds the truth, and relative errors; nothing where the true form is another one.
@@ -278,7 +278,7 @@ class Figure:
     reached: bool | None
 
 
-def _figure(what: str, asked: str, flags: Sequence[bool], bound: float, at_least: bool, top: float = 1.0) -> Figure:
+def counted(what: str, asked: str, flags: Sequence[bool], bound: float, at_least: bool, top: float = 1.0) -> Figure:
     n, hits = len(flags), int(sum(flags))
     share = proportion(hits, n)
     reached = None if share is None else (bound <= share[0] <= top if at_least else share[0] <= bound)
@@ -294,25 +294,25 @@ def figures_of_merit(rows: Sequence[Row]) -> list[Figure]:
     unlike = [r for r in outside if r.d_prime >= STRONG]
     intervals = [c for r in rows for c in r.covered]
     return [
-        _figure("right name first (5 standard errors, best rival at d' of 2 or more)", "at least 90 %",
+        counted("right name first (5 standard errors, best rival at d' of 2 or more)", "at least 90 %",
                 [r.right_name for r in strong], 0.9, True),
-        _figure("right name or right class (the same cases)", "at least 97 %",
+        counted("right name or right class (the same cases)", "at least 97 %",
                 [r.right_class for r in strong], 0.97, True),
-        _figure("located at the right bodies (the same cases, where something was found)", "at least 90 %",
+        counted("located at the right bodies (the same cases, where something was found)", "at least 90 %",
                 [r.located for r in strong if r.located is not None], 0.9, True),
-        _figure("nulls and decoys with physics named", "at most 5 %", [r.physics_named for r in nulls], 0.05, False),
-        _figure("outside the library: unmodelled", "at least 80 %", [r.verdict == "unmodelled" for r in outside], 0.8,
+        counted("nulls and decoys with physics named", "at most 5 %", [r.physics_named for r in nulls], 0.05, False),
+        counted("outside the library: unmodelled", "at least 80 %", [r.verdict == "unmodelled" for r in outside], 0.8,
                 True),
-        _figure("outside the library: a confident wrong name", "at most 10 %", [r.physics_named for r in outside], 0.1,
+        counted("outside the library: a confident wrong name", "at most 10 %", [r.physics_named for r in outside], 0.1,
                 False),
-        _figure("outside, and no known law comes nearer than 5 standard errors: unmodelled", "at least 80 %",
+        counted("outside, and no known law comes nearer than 5 standard errors: unmodelled", "at least 80 %",
                 [r.verdict == "unmodelled" for r in unlike], 0.8, True),
-        _figure("outside, and no known law comes nearer than 5 standard errors: a confident wrong name",
+        counted("outside, and no known law comes nearer than 5 standard errors: a confident wrong name",
                 "at most 10 %", [r.physics_named for r in unlike], 0.1, False),
-        _figure("95 % intervals that hold the truth", "90 to 99 %", intervals, 0.9, True, 0.99),
-        _figure("right names said to be complete", "at least 85 %",
+        counted("95 % intervals that hold the truth", "90 to 99 %", intervals, 0.9, True, 0.99),
+        counted("right names said to be complete", "at least 85 %",
                 [r.complete for r in strong if r.right_name and r.complete is not None], 0.85, True),
-        _figure("outside the library: a wrong name said to be complete", "at most 5 %",
+        counted("outside the library: a wrong name said to be complete", "at most 5 %",
                 [bool(r.physics_named and r.complete) for r in outside if r.complete is not None], 0.05, False),
     ]  # fmt: skip
 
