@@ -130,3 +130,92 @@ def commented(text: str) -> str:
     if tomllib.loads(result) != tomllib.loads(original):
         return original  # a value with a bracket in a text: better without remarks than changed
     return result
+
+
+# ---- the page on the format ---------------------------------------------------------------------
+
+_TABLES = {
+    "": "At the top",
+    "scene": "[scene]",
+    "scene.bed": "[scene.bed]: a bed that is not listed body by body",
+    "body": "[[body]]: once for each body",
+    "wall": "[[wall]]: a straight wall",
+    "law": "[[law]]: what is believed to act, once for each law",
+    "adjustable": "[[adjustable]]: a number that recalibration may move",
+    "time": "[time]: for a scene that is run",
+}
+_EXAMPLE = """\
+format = "granswim-recording/2"
+title = "pendulum of 25 cm"
+sampling = 60.0
+[scene]
+gravity = [0.0, -9.81]
+[[body]]
+id = "bob"
+role = "free"
+radius = 0.01
+mass = 0.05
+[[law]]
+name = "pin"
+body = "bob"
+anchor = [0.1, 0.4]
+length = 0.25
+[[adjustable]]
+law = "pin"
+parameter = "length"
+low = 0.24
+high = 0.26
+"""
+
+
+def format_page() -> str:
+    """The page on the format, in Markdown."""
+    lines = [
+        "# The format of a recording",
+        "",
+        "A recording is a folder. Everything is in SI; y points up; angles are in rad, counter-clockwise. A recording is a",
+        "camera's film, an imported file, or a simulation that was filmed: all are the same to the diagnosis.",
+        "",
+        "<!-- made by: python -m granswim_pymunk.recording.keys > docs/format.md -->",
+        "",
+        "| file | what it holds |",
+        "|---|---|",
+        *(f"| `{name}` | {about} |" for name, about in FILES.items()),
+        "",
+        "`recording.toml` is needed, and `tracks.csv`, `tracks.npz` or `curve.csv`. In `tracks.csv` x and y may be empty",
+        "where only an angle was measured, and along a rail the other coordinate may be. Positions along a periodic x may",
+        "be wrapped or unwrapped. The times of tracks and laws are one clock.",
+        "",
+        "## An example",
+        "",
+        "```toml",
+        commented(_EXAMPLE).rstrip(),
+        "```",
+        "",
+        "## Keys of recording.toml",
+        "",
+        "Unknown keys are a warning in a recording, and an error in a scene that is run.",
+    ]
+    for table, title in _TABLES.items():
+        lines += ["", f"### {title}", "", "| key | unit | default | meaning | example |", "|---|---|---|---|---|"]
+        lines += [
+            f"| `{k.name}` | {k.unit} | {k.default} | {k.meaning} | `{k.example}` |" for k in KEYS if k.table == table
+        ]
+    lines += [
+        "",
+        "A `[[law]]` has the parameters of its law beside these keys: `granswim laws NAME` lists them with unit, bounds and",
+        "meaning. Laws that a scene can have:",
+        "",
+        "| law | expression | parameters |",
+        "|---|---|---|",
+    ]
+    for law in all_laws().values():
+        if law.candidate == "flexible" or law.name.startswith("flexible"):
+            continue
+        parameters = ", ".join(f"`{p.name}`" + (f" {p.unit}" if p.unit not in ("", "1") else "") for p in law.parameters)
+        lines.append(f"| `{law.name}` | {law.expression.replace('|', chr(92) + '|')} | {parameters} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(format_page(), end="")
