@@ -173,18 +173,16 @@ def format_page() -> str:
     lines = [
         "# The format of a recording",
         "",
-        "A recording is a folder. Everything is in SI; y points up; angles are in rad, counter-clockwise. A recording is a",
-        "camera's film, an imported file, or a simulation that was filmed: all are the same to the diagnosis.",
-        "",
-        "<!-- made by: python -m granswim_pymunk.recording.keys > docs/format.md -->",
+        "A recording is a folder. Everything is in SI; y points up; angles are in rad, counter-clockwise. It may come",
+        "from a camera, from an imported file, or from a simulation that was filmed: the diagnosis treats all alike.",
         "",
         "| file | what it holds |",
         "|---|---|",
         *(f"| `{name}` | {about} |" for name, about in FILES.items()),
         "",
-        "`recording.toml` is needed, and `tracks.csv`, `tracks.npz` or `curve.csv`. In `tracks.csv` x and y may be empty",
-        "where only an angle was measured, and along a rail the other coordinate may be. Positions along a periodic x may",
-        "be wrapped or unwrapped. The times of tracks and laws are one clock.",
+        "`recording.toml` is needed, and `tracks.csv`, `tracks.npz` or `curve.csv`. In `tracks.csv` x and y may be",
+        "empty where only an angle was measured, and along a rail the other coordinate may be. Positions along a",
+        "periodic x may be wrapped or unwrapped. The times of tracks and laws are one clock.",
         "",
         "## An example",
         "",
@@ -203,8 +201,8 @@ def format_page() -> str:
         ]
     lines += [
         "",
-        "A `[[law]]` has the parameters of its law beside these keys: `granswim laws NAME` lists them with unit, bounds and",
-        "meaning. Laws that a scene can have:",
+        "A `[[law]]` has the parameters of its law beside these keys: `granswim laws NAME` lists them with unit,",
+        "bounds and meaning. Laws that a scene can have:",
         "",
         "| law | expression | parameters |",
         "|---|---|---|",
@@ -212,7 +210,8 @@ def format_page() -> str:
     for law in all_laws().values():
         if law.candidate == "flexible" or law.name.startswith("flexible"):
             continue
-        parameters = ", ".join(f"`{p.name}`" + (f" {p.unit}" if p.unit not in ("", "1") else "") for p in law.parameters)
+        units = {p.name: f" {p.unit}" if p.unit not in ("", "1") else "" for p in law.parameters}
+        parameters = ", ".join(f"`{name}`{unit}" for name, unit in units.items())
         lines.append(f"| `{law.name}` | {law.expression.replace('|', chr(92) + '|')} | {parameters} |")
     return "\n".join(lines) + "\n"
 
