@@ -19,7 +19,7 @@ class InputError(ValueError):
         # what is quoted from a file may hold line breaks; an error is one line
         message = " ".join(str(message).split())
         self.message = message
-        self.file = None if file is None else str(file)
+        self.file = None if file is None else "".join(c if c.isprintable() else "?" for c in str(file))
         self.where = where
         super().__init__(": ".join(part for part in (self.file, where, message) if part))
 

@@ -25,6 +25,14 @@ LARGEST_TABLE = 1_000 * MEGABYTE  # a CSV
 LARGEST_ARRAYS = 1_000 * MEGABYTE  # unpacked numbers of an NPZ
 MOST_BODIES = 250_000
 MOST_CELLS = LARGEST_ARRAYS // 16  # frames times bodies, two coordinates each
+MOST_STEPS = 10**15  # of a run: beyond, a time in floating point no longer tells one step from the next
+MOST_STATES = 10**7  # stored by a run, or sampled by one of a sweep
+MOST_PICTURES = 100_000  # their names have five digits
+MOST_RUNS = 10**6  # of a sweep
+MOST_SEED = 2**63 - 1
+# sizes and masses between which forces, squares and cubes of them are ordinary floats [m], [kg]
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-12, 1e12
+SMALLEST_MASS, LARGEST_MASS = 1e-36, 1e36
 DEEPEST = 50  # tables in tables
 LONGEST_ID = 200
 LONGEST_TITLE = 500
@@ -81,6 +89,23 @@ def check_id(name: str) -> None:
     if not name or len(name) > LONGEST_ID:
         what = "is empty" if not name else f"has {len(name)} characters, at most {LONGEST_ID}"
         raise InputError(f"id {what}", where="body" + (f" {name[:40]}..." if name else ""))
+
+
+def check_between(value: float, name: str, unit: str, low: float, high: float, where: str) -> None:
+    """Raise InputError where a number is not between the two."""
+    if not low <= value <= high:
+        raise InputError(f"{name} should lie between {low:g} and {high:g} {unit}, got {value:g}", where=where)
+
+
+def check_seed(seed: Any, where: str = "seed") -> int:
+    """A seed as a whole number that fits into 63 bits. Raises InputError."""
+    try:
+        whole = not isinstance(seed, bool) and int(seed) == seed and 0 <= seed <= MOST_SEED
+    except (TypeError, ValueError, OverflowError):
+        whole = False
+    if not whole:
+        raise InputError(f"should be a whole number from 0 to 2^63 - 1, got {str(seed)[:40]}", where=where)
+    return int(seed)
 
 
 def read_arrays(path: str | Path, names: Collection[str] | None = None) -> dict[str, np.ndarray]:

@@ -22,6 +22,7 @@ import numpy as np
 from .compiled import njit
 from .errors import InputError, SimulationError
 from .files import written_whole
+from .limits import MOST_BODIES
 from .scene import Body, Scene
 from .storage import cache_folder
 
@@ -169,7 +170,12 @@ def _radii(scene: Scene, rng: np.random.Generator) -> np.ndarray:
     assert bed is not None and scene.periodic_x is not None
     wanted = bed.packing_fraction * scene.periodic_x * bed.height - _held_area(scene)
     low, high = bed.grain_diameter
-    most = math.ceil(wanted / (math.pi / 4 * low**2)) + 1
+    expected = wanted / (math.pi / 4 * low**2)
+    if not expected < MOST_BODIES:
+        raise InputError(
+            f"would have about {expected:.2g} grains; more than {MOST_BODIES} cannot be computed", where="scene.bed"
+        )
+    most = math.ceil(expected) + 1
     radius = rng.uniform(low, high, most) / 2
     area = np.concatenate([[0.0], np.cumsum(math.pi * radius**2)])
     return radius[: int(np.argmin(np.abs(area - wanted)))]

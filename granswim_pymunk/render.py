@@ -373,6 +373,7 @@ class Painter:
             fontweight="bold",
         )
         self._title = text(1 - side, 1 - 0.52 * top, "", color=FAINT, fontsize=11, va="center", ha="right")
+        self._title.set_parse_math(False)  # a title is a text, whatever dollars stand in it
         self._title.set_text(_short(self.scene.title, 70))
         # scale bar: about an eighth of the picture
         length = round_up(wide / 9)

@@ -32,6 +32,7 @@ from .engine import Contacts, Simulation, State, Watch, advise_dt, contact_durat
 from .engine.watch import OVERLAP
 from .errors import InputError, SimulationError, Terminated
 from .files import claimed, refuse_links, writing, written_whole
+from .limits import MOST_PICTURES, MOST_STATES, MOST_STEPS, check_seed
 from .packing import pack, quality
 from .render import Painter, Scale, body_force, frame_options, write_video
 from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
@@ -77,8 +78,11 @@ def shipped_scenarios() -> dict[str, Path]:
 def find_scene(name: str | Path) -> Path:
     """A path to a scene, or the name of one that comes with the package. Raises InputError."""
     path = Path(name)
-    if path.is_file():
-        return path
+    try:
+        if path.is_file():
+            return path
+    except (OSError, ValueError) as error:  # a name that no file can have
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
     shipped = shipped_scenarios()
     if path.name == str(name) and path.stem in shipped and path.suffix in ("", ".toml"):
         return shipped[path.stem]
@@ -142,9 +146,7 @@ def run_scene(
     if video not in VIDEOS:
         raise InputError(f"video should be one of {', '.join(VIDEOS)}, got {video!r}")
     if seed is not None:
-        if seed < 0:
-            raise InputError(f"should be zero or more, got {seed}", where="seed")
-        scene = dataclasses.replace(scene, seed=seed)
+        scene = dataclasses.replace(scene, seed=check_seed(seed))
     duration = _above_zero(duration if duration is not None else scene.time.duration, "duration", file)
     if dt is not None:
         dt = _above_zero(dt, "dt", file)
@@ -153,10 +155,12 @@ def run_scene(
     if frames is None and fps is None:
         frames, fps = options.get("count"), options.get("per_second")
     if fps is not None and frames is None:
-        frames = round(_above_zero(fps, "fps", file) * duration) + 1
+        frames = round(min(_above_zero(fps, "fps", file) * duration, 1e18)) + 1
     frames = FRAMES if frames is None else frames
     if frames < 0 or frames == 1:
         raise InputError(f"should be 0 or at least 2, got {frames}", where="frames")
+    if frames > MOST_PICTURES:
+        raise InputError(f"would be {frames:.3g} pictures; at most {MOST_PICTURES} can be drawn", where="frames")
 
     run = _Run(quiet)
     with claimed(out) as folder:
@@ -172,6 +176,11 @@ def run_scene(
             if dt is not None:
                 time_of = dataclasses.replace(time_of, dt=dt)
             sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+            if duration / sim.dt > MOST_STEPS:
+                raise InputError(
+                    f"is {duration / sim.dt:.2g} steps of {sim.dt:.3g} s; more than {MOST_STEPS:g} cannot be counted",
+                    file=file, where="time.duration",
+                )  # fmt: skip
             if time_of.dt is None and duration > sim.dt:
                 # a little less than the automatic step, so that the run ends when it should
                 time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
@@ -244,6 +253,10 @@ class _Plan:
             stored = pictures if frames else np.round(np.linspace(0, total, 101)).astype(int).tolist()
         else:
             stride = max(round(times.output / dt), 1)
+            if total / stride > MOST_STATES:
+                raise InputError(
+                    f"would store {total / stride:.2g} states; at most {MOST_STATES:g} can be", where="time.output"
+                )
             stored = [*range(0, total, stride), total]
             # a picture shows a stored state, so that it can be drawn again from the trajectory
             places = np.clip(np.searchsorted(stored, pictures), 0, len(stored) - 1)

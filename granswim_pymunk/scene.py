@@ -29,11 +29,17 @@ from .laws import AUTOMATIC, Law, get_law
 from .laws.base import Parameter
 from .limits import (
     DEEPEST,
+    LARGEST_MASS,
+    LARGEST_RADIUS,
     LARGEST_TABLE,
     LARGEST_TOML,
     MOST_BODIES,
+    SMALLEST_MASS,
+    SMALLEST_RADIUS,
+    check_between,
     check_id,
     check_keys,
+    check_seed,
     one_title,
     ordinary_file,
 )  # fmt: skip
@@ -94,6 +100,8 @@ class Body:
         object.__setattr__(self, "radius", _number(self.radius, "radius", "m", file=None, where=where, positive=True))
         if self.role != "wall":
             object.__setattr__(self, "mass", _number(self.mass, "mass", "kg", file=None, where=where, positive=True))
+            check_between(self.mass, "mass", "kg", SMALLEST_MASS, LARGEST_MASS, where)
+        check_between(self.radius, "radius", "m", SMALLEST_RADIUS, LARGEST_RADIUS, where)
         if self.inertia is not None:
             inertia = _number(self.inertia, "inertia", "kg m^2", file=None, where=where, positive=True)
             object.__setattr__(self, "inertia", inertia)
@@ -234,6 +242,14 @@ class Scene:
                 raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
         if self.periodic_x is not None and not self.periodic_x > 0:
             raise InputError(f"should be above zero [m], got {self.periodic_x!r}", where="scene.periodic_x")
+        if self.periodic_x is not None and self.bodies:
+            widest = max(self.bodies, key=lambda b: b.radius)
+            if self.periodic_x < 2 * widest.radius:
+                raise InputError(
+                    f"{self.periodic_x:g} m is less than the diameter of body {widest.id}, {2 * widest.radius:g} m: "
+                    "it would touch itself",
+                    where="scene.periodic_x",
+                )
         for adjustable in self.adjustable:
             uses = [item for item in self.laws if item.name == adjustable.law]
             if not uses:
@@ -873,8 +889,9 @@ def scene_from_dict(
         reader.unknown_input(key)
         del inputs[key]
     seed = data.get("seed", 0)
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
+    if not isinstance(seed, int):
         raise reader.error(f"should be a whole number from 0 to 2^63 - 1, got {seed!r}", "seed")
+    check_seed(seed)
     for key in ("camera", "frames"):
         if not isinstance(data.get(key, {}), Mapping):
             raise reader.error("should be a table", key)

@@ -22,6 +22,7 @@ import inspect
 import io
 import itertools
 import json
+import math
 import os
 import pickle
 import signal
@@ -43,6 +44,7 @@ from .errors import InputError
 from .files import writing, written_whole
 from .fingerprint import fingerprint
 from .laws import all_laws
+from .limits import MOST_RUNS, MOST_STATES, MOST_STEPS, check_seed
 from .scene import Scene
 
 Watch = Callable[[float], None]
@@ -77,9 +79,7 @@ def varied(scene: Scene, **values: Any) -> Scene:
         name = name.replace("__", ".")
         head, _, tail = name.partition(".")
         if name == "seed":
-            if not float(value).is_integer() or value < 0:
-                raise InputError(f"should be a whole number, zero or more, got {value!r}", where="seed")
-            scene = replace(scene, seed=int(value))
+            scene = replace(scene, seed=check_seed(value))
         elif head == "bed":
             if scene.bed is None or tail not in ("height", "packing_fraction", "density", "layers"):
                 raise InputError("the scene has no such field of a bed", where=f"vary {name}")
@@ -249,6 +249,8 @@ def observe(
     mobile = np.flatnonzero(mass)
     kept = [k for k, b in enumerate(scene.bodies) if b.role not in ("grain", "wall")]
     pairs = any(item.law.kind == "pair" for item in scene.laws)
+    if not duration / sim.dt <= MOST_STEPS:
+        raise InputError(f"a duration of {duration:g} s is more than {MOST_STEPS:g} steps of {sim.dt:.3g} s")
     stride = max(round(every / sim.dt), 1)
     samples = max(round(duration / (stride * sim.dt)), 1)
     finder = ContactFinder(scene)
@@ -553,6 +555,8 @@ def sweep(
     for name, items in values.items():
         if not items or len(set(items)) != len(items):
             raise InputError("needs values, each once", where=f"axis {name}")
+    if math.prod(map(len, values.values())) > MOST_RUNS:
+        raise InputError(f"would be more than {MOST_RUNS:g} runs", where="axes")
     jobs = make_jobs(build, grid(values), measure, folder)
     unstored = run_jobs(
         jobs, build, measure, executor=executor, processes=processes, dask=dask, retry_failed=retry_failed,
@@ -616,6 +620,8 @@ def scene_sweep(
         raise InputError("needs a duration above zero [s]: in the scene's [time], or as --duration")
     if not 0 <= settle < duration or not every > 0:
         raise InputError(f"settle should lie between 0 and the duration {duration:g} s, every above 0")
+    if not duration / every <= MOST_STATES:
+        raise InputError(f"{duration / every:.2g} samples of a run; at most {MOST_STATES:g} can be kept")
     measure = functools.partial(observe, duration=duration, settle=settle, every=every)
     table = sweep(scene, axes, measure, Path(out) / "runs", **how)
     table.attrs |= {"scene": scene.to_toml() if len(scene.bodies) < 100 else scene.title, "scene_hash": scene.identity}

@@ -576,3 +576,73 @@ def test_resumed_pictures_are_those_of_a_whole_run(tmp_path, monkeypatch, color)
     assert main(["run", "--resume", str(out)]) == 0
     for frame in whole.frames:
         assert np.array_equal(np.asarray(Image.open(frame)), np.asarray(Image.open(out / "frames" / frame.name)))
+
+
+# ---- numbers that nothing can be done with -----------------------------------------------------
+
+BED = """
+[scene]
+periodic_x = {width}
+[scene.bed]
+height = {height}
+packing_fraction = 0.8
+grain_diameter = [{low}, {high}]
+density = 1000.0
+[swimmer]
+head = [0.006, 0.006]
+disks = 3
+[[law]]
+name = "contact_linear"
+stiffness = 2200.0
+[time]
+duration = 1e-4
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "words"),
+    [
+        (TWO_DISKS, ["--duration", "1e30"], "cannot be counted"),
+        (TWO_DISKS, ["--dt", "1e-30"], "cannot be counted"),
+        (TWO_DISKS.replace("stiffness = 100.0", "stiffness = 1e90"), [], "cannot be counted"),
+        (TWO_DISKS.replace("stiffness = 100.0", "stiffness = 1e101"), [], "absurdly large"),
+        (TWO_DISKS, ["--frames", "100000000000"], "pictures"),
+        (TWO_DISKS, ["--frames", "1" + "0" * 30], "pictures"),
+        (TWO_DISKS, ["--fps", "1e300"], "pictures"),
+        (TWO_DISKS + "output = 1e-12\ndt = 1e-12\n", [], "states"),
+        (TWO_DISKS.replace("radius = 1e-3", "radius = 1e-300"), [], "radius should lie between"),
+        (TWO_DISKS.replace("mass = 1e-5", "mass = 1e-300"), [], "mass should lie between"),
+        (TWO_DISKS, ["--seed", str(2**64)], "2^63 - 1"),
+        ("seed = 18446744073709551616\n" + TWO_DISKS, [], "2^63 - 1"),
+        (TWO_DISKS + "[scene]\nperiodic_x = 1e-3\n", [], "less than the diameter of body a"),
+        ("[swimmer]\nhead = []\n[time]\nduration = 0.01\n", [], "head"),
+        ("a = " + "[" * 10**5 + "]" * 10**5, [], "not valid TOML"),
+        (BED.format(width=1e9, height=1e9, low=1e-3, high=2e-3), [], "grains"),
+        (BED.format(width=0.02, height=0.012, low=1e-9, high=2e-9), [], "grains"),
+        (
+            TWO_DISKS.replace('"contact_linear"', '"pin"\nbody = "a"\nanchor = [0.0, 0.1]\nlength = 0')
+            .replace("stiffness = 100.0", "").replace("damping = 100.0", ""),
+            [],
+            "parameter length",
+        ),
+    ],
+)  # fmt: skip
+def test_absurd_numbers(tmp_path, capsys, text, arguments, words):
+    path, out = tmp_path / "scene.toml", tmp_path / "out"
+    path.write_text(text)
+    assert main(["run", str(path), "--out", str(out), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error and "Traceback" not in error and len(error.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_name_that_no_file_can_have(capsys):
+    for name in ("x" * 300 + ".toml", "a\0b.toml", "a\nb.toml"):
+        assert main(["run", name, "--out", "nowhere"]) == 2
+        error = capsys.readouterr().err
+        assert ".toml: " in error and len(error.splitlines()) == 1 and error.rstrip("\n").isprintable()
+
+
+def test_title_with_dollars_is_a_text(two, tmp_path):
+    two.write_text(TWO_DISKS.replace('"two"', "'broken $\\frac{$ and $x^2$'"))
+    assert len(run_scene(two, tmp_path / "out", frames=2, quiet=True).frames) == 2

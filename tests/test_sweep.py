@@ -302,3 +302,21 @@ def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert len(list((tmp_path / "runs").iterdir())) == 2
     assert main(arguments) == 0
     assert (read_dataset(tmp_path / "table.nc")["reason"] == "").all()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--vary", "seed=18446744073709551616"], "2^63 - 1"),
+        (["--vary", "seed=-1"], "2^63 - 1"),
+        (["--vary", "quadratic_drag.c=1e300"], "absurdly large"),
+        (["--vary", "seed=1:2000", "--vary", "quadratic_drag.c=1:1000"], "runs"),
+        (["--vary", "seed=1", "--every", "1e-300"], "samples"),
+        (["--vary", "seed=1", "--duration", "1e300"], "samples"),
+    ],
+)
+def test_absurd_numbers(more: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["sweep", "falling_ball", "--out", str(out), "--processes", "1", *more]) == 2
+    error = capsys.readouterr().err
+    assert words in error and len(error.splitlines()) == 1 and not out.exists()

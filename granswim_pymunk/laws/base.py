@@ -140,6 +140,8 @@ class Parameter:
         for number in values:
             if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
                 raise InputError(f"expected a finite number [{self.unit}], got {number!r}", file=file, where=where)
+            if abs(number) > 1e100:
+                raise InputError(f"{number:g} {self.unit} is absurdly large", file=file, where=where)
             if not self.low <= number <= self.high:
                 raise InputError(
                     f"{number:g} {self.unit} is outside [{self.low:g}, {self.high:g}]", file=file, where=where

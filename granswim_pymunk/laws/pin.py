@@ -12,7 +12,7 @@ from .base import Parameter, law
     reference="Ryckaert, Ciccotti & Berendsen 1977, J. Comput. Phys. 23, 327; doi:10.1016/0021-9991(77)90098-5",
     parameters=[
         Parameter("anchor", "m", "where the rod hangs", size=2),
-        Parameter("length", "m", "length L of the rod", low=0.0),
+        Parameter("length", "m", "length L of the rod", low=1e-12),
     ],
 )
 def pin(x, y, vx, vy, mass, given_inertia, fx, fy, dt, anchor_x, anchor_y, length):
