@@ -242,14 +242,6 @@ class Scene:
                 raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
         if self.periodic_x is not None and not self.periodic_x > 0:
             raise InputError(f"should be above zero [m], got {self.periodic_x!r}", where="scene.periodic_x")
-        if self.periodic_x is not None and self.bodies:
-            widest = max(self.bodies, key=lambda b: b.radius)
-            if self.periodic_x < 2 * widest.radius:
-                raise InputError(
-                    f"{self.periodic_x:g} m is less than the diameter of body {widest.id}, {2 * widest.radius:g} m: "
-                    "it would touch itself",
-                    where="scene.periodic_x",
-                )
         for adjustable in self.adjustable:
             uses = [item for item in self.laws if item.name == adjustable.law]
             if not uses:
@@ -259,11 +251,24 @@ class Scene:
                 raise InputError("low should be below high", where=f"adjustable {adjustable.name}")
 
     def check_overlaps(self) -> None:
-        """Raise InputError where two bodies that can touch overlap by more than half the smaller radius."""
+        """Raise InputError where two bodies that can touch overlap by more than half the smaller radius.
+
+        A body that is wider than the period overlaps itself.
+        """
         from .touching import overlapping  # scipy takes long to import
 
         placed = [b for b in self.bodies if b.initial is not None]
-        if len(placed) < 2 or not any(item.law.kind in ("pair", "impulse") for item in self.laws):
+        if not any(item.law.kind in ("pair", "impulse") for item in self.laws):
+            return
+        if self.periodic_x is not None and self.bodies:
+            widest = max(self.bodies, key=lambda b: b.radius)
+            if self.periodic_x < 2 * widest.radius:
+                raise InputError(
+                    f"{self.periodic_x:g} m is less than the diameter of body {widest.id}, {2 * widest.radius:g} m: "
+                    "it would touch itself",
+                    where="scene.periodic_x",
+                )
+        if len(placed) < 2:
             return
         xy = np.array([b.initial[:2] for b in placed if b.initial is not None])
         radius = np.array([b.radius for b in placed])
