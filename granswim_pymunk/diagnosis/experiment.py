@@ -60,24 +60,22 @@ def propose(
         ("start at half the speed", 1.0, 0.5, 1.0),
         ("start at twice the speed", 1.0, 2.0, 1.0),
     ]
-    if any(s.form == "pin" for d in winner.described.values() for s in d):
+    if any(s.form == "pin" for case in training for s in winner.start_of(case.name)[0]):
         changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
     for text, longer, faster, wider in changes:
         total = 0.0
         try:
             for case in training:
                 synthetic = _stretched(case, longer)
-                fitter = Fitter([synthetic], predictor, None, stop)
-                described = winner.described[case.name]
-                fitter.described = {case.name: described}
-                start = _changed(described, winner.starts[case.name], faster, wider)
+                described, numbers = winner.start_of(case.name)
+                start = _changed(described, numbers, faster, wider)
                 # what is kept of a start is part of its description
                 truth = predictor(
                     winner.hypothesis, synthetic, winner.values, described, start, float(synthetic.t[0]), synthetic.t
                 )
                 twin = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
-                inner = Fitter([twin], predictor, None, stop)
-                inner.described = {case.name: described}
+                inner = Fitter([twin], predictor, None, stop, whole=True)
+                inner.segments = {case.name: tuple(replace(s, starts=described) for s in inner.segments[case.name])}
                 found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=6)
                 total += found.chi2
         except Failed:

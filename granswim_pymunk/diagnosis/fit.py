@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..inference.criteria import DEFAULT
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
-from .start import StartBody, describe_starts, first_numbers, number_scales
+from .segments import Segment, make_segments
+from .solve import Blocks, descend
+from .start import StartBody, first_numbers, number_scales
 
 _POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
 
@@ -24,29 +27,38 @@ HOPELESS = 1e6  # innovation of a run that failed, in standard deviations: the s
 class Fit:
     """A fitted hypothesis.
 
-    values : (p,) free numbers of the terms;  starts : numbers of each recording's start
+    values : (p,) free numbers of the terms;  starts : numbers of each recording's starts, segment after segment
+    segments : of each recording, one where the whole of it is followed from one start
     innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
+    steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording
     covariance : (p, p) of the values, noise taken as known and white
-    chi2, count : sum of squared innovations and how many there are
-    jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers
+    chi2, count : sum of squared innovations and steps, and how many innovations there are
+    jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers, then on the steps
     limits : of numbers whose 95 % interval was found by profiles, see ``intervals.py``
     """
 
     hypothesis: Hypothesis
     values: np.ndarray
     starts: Mapping[str, np.ndarray]
-    described: Mapping[str, tuple[StartBody, ...]]
+    segments: Mapping[str, tuple[Segment, ...]]
     innovations: Mapping[str, np.ndarray]
     chi2: float
     count: int
     covariance: np.ndarray
     jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    steps: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def numbers(self) -> int:
-        """How many numbers were fitted, those of the starts included."""
-        return len(self.values) + sum(len(s) for s in self.starts.values())
+        """How many numbers were fitted, those of the starts included, less the steps that tie them."""
+        ties = sum(len(s) for s in self.steps.values())
+        return len(self.values) + sum(len(s) for s in self.starts.values()) - ties
+
+    def start_of(self, case: str) -> tuple[tuple[StartBody, ...], np.ndarray]:
+        """How the first start of a recording is described, and its free numbers."""
+        first = self.segments[case][0]
+        return first.starts, self.starts[case][: first.size]
 
     def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
@@ -58,13 +70,23 @@ class Fit:
         return value, max(value - half, free.low), min(value + half, free.high)
 
     def used(self, case: str) -> np.ndarray:
-        """Innovations of a recording as one vector."""
+        """Innovations of a recording as one vector, the steps between its segments after them."""
         array = self.innovations[case]
-        return array[np.isfinite(array)]
+        return np.concatenate([array[np.isfinite(array)], self.steps.get(case, np.zeros(0))])
+
+
+def robust(steps: np.ndarray, limit: float) -> np.ndarray:
+    """Numbers whose squares are Huber's loss: r within the limit d, sqrt(2 d |r| - d^2) beyond it."""
+    size = np.abs(steps)
+    far = np.sign(steps) * np.sqrt(np.maximum(2 * limit * size - limit**2, 0.0))
+    return np.where(size <= limit, steps, far)
 
 
 class Fitter:
-    """Fits hypotheses to the same frames of the same recordings."""
+    """Fits hypotheses to the same frames of the same recordings.
+
+    whole : follow every recording from one start, also through impacts
+    """
 
     def __init__(
         self,
@@ -73,6 +95,7 @@ class Fitter:
         frames: Mapping[str, np.ndarray] | None = None,
         stop: Callable[[], bool] = lambda: False,
         weights: Mapping[str, np.ndarray] | None = None,
+        whole: bool = False,
     ) -> None:
         # (T,) of each recording: how much a frame counts in the fit; 1 where not given
         self.weights = weights or {}
@@ -80,22 +103,81 @@ class Fitter:
         self.frames = {c.name: (frames[c.name] if frames else c.training) for c in self.cases}
         self.predictor = predictor
         self.stop = stop
-        self.described = {c.name: describe_starts(c, self.frames[c.name]) for c in self.cases}
+        criteria = replace(DEFAULT.segments, frames=10**9) if whole else DEFAULT.segments
+        self.segments = {c.name: make_segments(c, self.frames[c.name], criteria) for c in self.cases}
 
     # ---- residuals ------------------------------------------------------------------------------
 
-    def _innovations(
+    def innovations(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray
-    ) -> np.ndarray:
-        t0 = float(case.t[self.frames[case.name]][0])
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Seen minus predicted over sigma (T_frames, c), and the steps between segments (m,) over their spread.
+
+        A segment is followed to the start of the next one, the last as far as ``frames`` (T,) ask for.
+        """
+        parts = self._parts(case, numbers, frames)
+        runs = [self._follow(case, hypothesis, values, part, frames) for part in parts]
+        return self._joined(case, runs, frames)
+
+    def _parts(self, case: Case, numbers: np.ndarray, frames: np.ndarray) -> list[_Part]:
+        segments = self.segments[case.name]
+        last = case.t[frames][-1]
+        parts, at = [], 0
+        for k, segment in enumerate(segments):
+            mine = numbers[at : at + segment.size]
+            at += segment.size
+            begin = case.t[segment.frames][0]
+            if k and begin > last:
+                break
+            wanted = frames & (case.t >= begin) if k else frames.copy()
+            if segment.until is not None:
+                wanted &= case.t < segment.until
+            follower = None
+            if segment.until is not None and segment.until <= last:
+                nxt = segments[k + 1]
+                follower = (segment.until, nxt, numbers[at : at + nxt.size])
+            parts.append(_Part(k, segment, mine, wanted, follower))
+        return parts
+
+    def _follow(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, part: _Part, frames: np.ndarray
+    ) -> tuple[_Part, np.ndarray, np.ndarray]:
+        """One segment: its part, innovations on its frames, steps to the start of the next one."""
+        segment, after = part.segment, part.follower
+        seen = case.values[part.frames]
+        t0 = float(case.t[segment.frames][0])
+        following = None if after is None else (after[0], after[1].starts)
+        nothing = np.zeros(0)
         try:
-            predicted = self.predictor(hypothesis, case, values, self.described[case.name], numbers, t0, case.t[frames])
+            predicted, end = self.predictor.run(
+                hypothesis, case, values, segment.starts, part.numbers, t0, case.t[part.frames], following
+            )
         except Failed:
-            return np.where(np.isfinite(case.values[frames]), HOPELESS, np.nan)
-        innovations = (case.values[frames] - predicted) / case.sigma
+            lost = nothing if after is None else np.full(after[1].size, HOPELESS)
+            return part, np.where(np.isfinite(seen), HOPELESS, np.nan), lost
+        innovations = (seen - predicted) / case.sigma
         if case.name in self.weights:
-            innovations = innovations * self.weights[case.name][frames, None]
-        return innovations
+            innovations = innovations * self.weights[case.name][part.frames, None]
+        if after is None or end is None:
+            return part, innovations, nothing
+        return part, innovations, robust((after[2] - end) / after[1].tie, DEFAULT.segments.robust)
+
+    @staticmethod
+    def _joined(
+        case: Case, runs: Sequence[tuple[_Part, np.ndarray, np.ndarray]], frames: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        full = np.full(case.values.shape, np.nan)
+        for part, innovations, _ in runs:
+            full[part.frames] = innovations
+        return full[frames], np.concatenate([steps for _, _, steps in runs])
+
+    def vector(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Innovations where something was seen, and steps, as one vector in the order of ``Fit.used``."""
+        frames = self.frames[case.name] if frames is None else frames
+        innovations, steps = self.innovations(case, hypothesis, values, numbers, frames)
+        return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
 
     def fit(
         self,
@@ -107,21 +189,95 @@ class Fitter:
         stages: Sequence[float] = (1.0,),
         evaluations: int = 25,
         held: Collection[int] = (),
+        near: Fit | None = None,
     ) -> Fit:
         """Fit starts, and the free numbers unless ``fixed``, on the training frames; those ``held`` stay.
 
         ``stages``: shares of the frames taken in one after the other, so that a long oscillation is not
-        caught a period off. ``values``, ``starts``: where to begin.
+        caught a period off. ``values``, ``starts``: where to begin. ``near``: a fit of another hypothesis nearby, whose
+        derivatives by the starts are good enough as long as the search gets on with them.
         """
         free = hypothesis.free
         x = np.array([f.first for f in free] if values is None else values, dtype=float)
-        numbers = {
-            c.name: (starts[c.name] if starts and c.name in starts else first_numbers(self.described[c.name])).copy()
-            for c in self.cases
-        }
+        numbers = {c.name: self._begin(c.name, starts) for c in self.cases}
+        if self.segmented:
+            active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+            x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, near)
+            return self._finish(hypothesis, x, numbers, fixed, near)
         for share in stages:
             x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
+
+    @property
+    def segmented(self) -> bool:
+        """Whether some recording is followed in more than one segment."""
+        return any(len(s) > 1 for s in self.segments.values())
+
+    def _begin(self, name: str, starts: Mapping[str, np.ndarray] | None) -> np.ndarray:
+        """The numbers given, as far as they are those of the same segments, the others from the first frames."""
+        first = self.first_numbers(name)
+        given = (starts or {}).get(name, np.zeros(0))
+        if len(self.segments[name]) == 1 and len(given) != len(first):
+            given = given[: len(first)]
+        same = min(len(given), len(first))
+        return np.concatenate([given[:same], first[same:]])
+
+    def first_numbers(self, name: str) -> np.ndarray:
+        """First estimates of the numbers of all starts of a recording."""
+        return np.concatenate([first_numbers(s.starts) for s in self.segments[name]])
+
+    def number_scales(self, name: str) -> np.ndarray:
+        """How well the first frames determine them."""
+        return np.concatenate([number_scales(s.starts) for s in self.segments[name]])
+
+    def _descend(
+        self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
+        evaluations: int, near: Fit | None,
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
+        """The numbers that are ``active`` and all starts, by ``solve.descend``."""
+        low, high = hypothesis.bounds
+        at = np.array(active, dtype=int)
+
+        def whole(part: np.ndarray) -> np.ndarray:
+            values = np.array(x, dtype=float)
+            values[at] = part
+            return values
+
+        def evaluate(part: np.ndarray, starts: list[np.ndarray]) -> list[np.ndarray]:
+            if self.stop():
+                raise KeyboardInterrupt
+            values = whole(part)
+            return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
+
+        held = [k for k in range(len(x)) if k not in set(active)]
+        kept: dict[str, np.ndarray] = {}
+        if near is not None:
+            kept = {name: by_start for name, (_, by_start) in near.jacobian.items()}
+
+        def differentiate(
+            part: np.ndarray, starts: list[np.ndarray], here: list[np.ndarray], starts_too: bool
+        ) -> list[Blocks]:
+            values = whole(part)
+            blocks = []
+            for c, s, r in zip(self.cases, starts, here, strict=True):
+                anew = starts_too or c.name not in kept or kept[c.name].shape != (len(r), len(s))
+                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, held, anew)
+                if anew:
+                    kept[c.name] = by_start
+                blocks.append(Blocks(r, by_value[:, at], kept[c.name]))
+            return blocks
+
+        begin = (np.asarray(x, dtype=float)[at], [numbers[c.name] for c in self.cases])
+        try:
+            with np.errstate(all="ignore"):
+                part, starts = descend(
+                    evaluate, differentiate, begin, (low[at], high[at]), stale=near is not None,
+                    evaluations=evaluations,
+                )  # fmt: skip
+        except (ValueError, np.linalg.LinAlgError) as error:
+            self.predictor.failures.append(f"fit: {error}")
+            return x, dict(numbers)
+        return whole(part), {c.name: s for c, s in zip(self.cases, starts, strict=True)}
 
     def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
         """Fit from several beginnings and keep the best: an oscillation has a local minimum in every period.
@@ -132,8 +288,10 @@ class Fitter:
         found = [self.fit(hypothesis, None, base.starts if base else None, stages=stages)]
         values = np.array([f.first for f in hypothesis.free], dtype=float)
         beginnings: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
-        starts = {c.name: first_numbers(self.described[c.name]) for c in self.cases}
-        swinging = any(s.form == "pin" for described in self.described.values() for s in described)
+        if self.segmented:
+            return found[0] if base is None else self._from_grid(hypothesis, found[0], base)
+        starts = {c.name: self.first_numbers(c.name) for c in self.cases}
+        swinging = any(s.form == "pin" for segments in self.segments.values() for s in segments[0].starts)
         shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
         grid = [values]
         for k, f in enumerate(hypothesis.free):
@@ -152,12 +310,29 @@ class Fitter:
                 found.append(self.fit(hypothesis, beginnings[k][0], beginnings[k][1]))
         return min(found, key=lambda fit: fit.chi2)
 
+    def _from_grid(self, hypothesis: Hypothesis, first: Fit, base: Fit) -> Fit:
+        """The best of a fit and of those that begin where single numbers lie elsewhere between their bounds."""
+        found = [first]
+        for k, f in enumerate(hypothesis.free):
+            for share in (0.15, 0.5, 0.85) if self._bears(f) and np.isfinite(f.high - f.low) else ():
+                values = first.values.copy()
+                values[k] = f.low + share * (f.high - f.low)
+                found.append(self.fit(hypothesis, values, base.starts, near=first))
+        return min(found, key=lambda fit: fit.chi2)
+
+    def _vector(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray
+    ) -> np.ndarray:
+        """As ``vector`` on the frames of this fitter, the segments side by side."""
+        frames = self.frames[case.name]
+        parts = self._parts(case, numbers, frames)
+        runs = list(_POOL.map(lambda p: self._follow(case, hypothesis, values, p, frames), parts))
+        innovations, steps = self._joined(case, runs, frames)
+        return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
+
     def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
-        total = 0.0
-        for c in self.cases:
-            r = self._innovations(c, hypothesis, values, starts[c.name], self.frames[c.name])
-            total += float(np.nansum(r**2))
-        return total
+        vectors = (self.vector(c, hypothesis, values, starts[c.name]) for c in self.cases)
+        return sum(float(v @ v) for v in vectors)
 
     def _part(self, case: Case, share: float) -> np.ndarray:
         frames = self.frames[case.name]
@@ -184,7 +359,7 @@ class Fitter:
         offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
         scale = np.concatenate(
             [np.array([free[k].scale for k in active], dtype=float)]
-            + [number_scales(self.described[c.name]) for c in cases]
+            + [self.number_scales(c.name) for c in cases]
         )
         if not len(scale):
             return x, numbers
@@ -201,7 +376,7 @@ class Fitter:
             if self.stop():
                 raise KeyboardInterrupt
             values, starts = unpack(z)
-            seen = _POOL.map(lambda c: self._innovations(c, hypothesis, values, starts[c.name], parts[c.name]), cases)
+            seen = _POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
             return np.concatenate([last["seen"][name][use[name]] for name in parts])
 
@@ -215,7 +390,7 @@ class Fitter:
                 residuals(z)
             for k, c in enumerate(cases):
                 here = last["seen"][c.name]
-                columns, block = self._jacobian(
+                columns, block = self.derivatives(
                     c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
                 )
                 span = slice(rows[k], rows[k + 1])
@@ -240,34 +415,98 @@ class Fitter:
         values, starts = unpack(solution.x)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
 
-    def _jacobian(self, case, hypothesis, values, numbers, frames, fixed, here, held=()):
-        """d(predicted/sigma) by the numbers that bear on this recording: (indices, list of (T, c)).
+    def derivatives(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray,
+        fixed: bool, here: np.ndarray, held: Collection[int] = (),
+    ) -> tuple[list[int], list[np.ndarray]]:  # fmt: skip
+        """d(predicted/sigma) on ``frames`` by the numbers that bear on a recording: (indices, list of (T, c)).
 
         Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand.
-        Numbers that are ``held`` have none.
+        Numbers that are ``held`` have none. For a recording of one segment.
         """
         columns: list[int] = []
         changes: list[tuple[np.ndarray, np.ndarray, float]] = []
-        if not fixed:
-            for k, f in enumerate(hypothesis.free):
-                if k in held or (f.cases is not None and case.name not in f.cases):
-                    continue
-                # a scale may be wider than the bounds: into the wider room, and no further than there is
-                step = min(0.1 * f.scale, max(f.high - values[k], values[k] - f.low))
-                if values[k] + step > f.high:
-                    step = -step
-                shifted = np.array(values, dtype=float)
-                shifted[k] += step
-                columns.append(k)
-                changes.append((shifted, numbers, step))
-        for k, scale in enumerate(number_scales(self.described[case.name])):
+        for k, shifted, step in () if fixed else self._value_steps(case, hypothesis, values, held):
+            columns.append(k)
+            changes.append((shifted, numbers, step))
+        for k, scale in enumerate(self.number_scales(case.name)):
             moved = numbers.copy()
             moved[k] += 0.1 * scale
             columns.append(-k - 1)
             changes.append((np.asarray(values, dtype=float), moved, 0.1 * scale))
         # the compiled loops release the GIL; threads change no bit of the result
-        found = list(_POOL.map(lambda c: self._innovations(case, hypothesis, c[0], c[1], frames), changes))
+        found = list(_POOL.map(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes))
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
+
+    def _value_steps(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, held: Collection[int]
+    ) -> list[tuple[int, np.ndarray, float]]:
+        """For each value that bears on a recording its index, the values with it moved, and by how much."""
+        found = []
+        for k, f in enumerate(hypothesis.free):
+            if k in held or (f.cases is not None and case.name not in f.cases):
+                continue
+            # a scale may be wider than the bounds: into the wider room, and no further than there is
+            step = min(0.1 * f.scale, max(f.high - values[k], values[k] - f.low))
+            if values[k] + step > f.high:
+                step = -step
+            shifted = np.array(values, dtype=float)
+            shifted[k] += step
+            found.append((k, shifted, step))
+        return found
+
+    def _sensitivity(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, fixed: bool,
+        here: np.ndarray, held: Collection[int] = (), starts_too: bool = True,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """d(predicted/sigma) of the vector ``here`` (n,), by all values (n, p) and by the numbers of the starts (n, q).
+
+        A number of a start moves its own segment alone, and the steps on both sides of it.
+        """
+        frames = self.frames[case.name]
+        use = np.isfinite(case.values[frames])
+        shifts = [] if fixed else self._value_steps(case, hypothesis, values, held)
+        by_value = np.zeros((len(here), len(hypothesis.free)))
+        moved = list(_POOL.map(lambda s: self.vector(case, hypothesis, s[1], numbers), shifts))
+        for (k, _, step), vector in zip(shifts, moved, strict=True):
+            by_value[:, k] = (here - vector) / step
+        by_start = np.zeros((len(here), len(numbers)))
+        if starts_too:
+            jobs = self._start_jobs(case, numbers, frames)
+            runs = list(_POOL.map(lambda j: self._follow(case, hypothesis, values, j[2], frames), jobs))
+            rows = np.full(case.values.shape, -1)
+            rows[frames] = np.where(use, np.cumsum(use.ravel()).reshape(use.shape) - 1, -1)
+            ties = int(use.sum()) + np.concatenate([[0], np.cumsum([s.tie.size for s in self.segments[case.name]])])
+            for (column, step, part), (_, innovations, steps) in zip(jobs, runs, strict=True):
+                mine = rows[part.frames]
+                seen = mine >= 0
+                by_start[mine[seen], column] = (here[mine[seen]] - innovations[seen]) / step
+                if len(steps):
+                    span = slice(ties[part.k + 1], ties[part.k + 2])
+                    by_start[span, column] = (here[span] - steps) / step
+                if part.k:
+                    # what was predicted for this start is fixed: the step changes with the start itself
+                    at = column - sum(s.size for s in self.segments[case.name][: part.k])
+                    row = ties[part.k] + at
+                    slack = abs(float(here[row]))
+                    limit = DEFAULT.segments.robust
+                    slope = 1.0 if slack <= limit else limit / slack
+                    by_start[row, column] = -slope / part.segment.tie[at]
+        return by_value, by_start
+
+    def _start_jobs(
+        self, case: Case, numbers: np.ndarray, frames: np.ndarray
+    ) -> list[tuple[int, float, _Part]]:
+        """For each number of a start its column, the step it is moved by, and its segment with it moved."""
+        jobs = []
+        at = 0
+        for part in self._parts(case, numbers, frames):
+            for k, scale in enumerate(number_scales(part.segment.starts)):
+                moved = part.numbers.copy()
+                moved[k] += 0.1 * scale
+                jobs.append((at + k, 0.1 * scale, replace(part, numbers=moved)))
+            at += part.segment.size
+        return jobs
 
     def sharpened(self, fit: Fit) -> Fit:
         """The fit with derivatives and covariance from central differences, over steps that change chi2 by about one.
@@ -281,10 +520,8 @@ class Fitter:
 
     def _central(self, case: Case, fit: Fit, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As ``_sensitivity``, by central differences; ``size`` (p,): of derivatives by values, in all recordings."""
-        frames, numbers = self.frames[case.name], fit.starts[case.name]
-        use = np.isfinite(case.values[frames])
+        numbers = fit.starts[case.name]
         p = len(fit.values)
-        result = np.zeros((int(use.sum()), p + len(numbers)))
         columns: list[int] = []
         ends: list[tuple[np.ndarray, np.ndarray]] = []
         spans: list[float] = []
@@ -299,7 +536,8 @@ class Fitter:
                 ends.append((moved, numbers))
             columns.append(k)
             spans.append(high - low)
-        for k, scale in enumerate(number_scales(self.described[case.name])):
+        single = len(self.segments[case.name]) == 1
+        for k, scale in enumerate(self.number_scales(case.name)) if single else ():
             told = float(np.linalg.norm(fit.jacobian[case.name][1][:, k]))
             step = min(1.0 / told, 0.1 * scale) if told > 0 else 0.1 * scale
             for side in (-1.0, 1.0):
@@ -308,51 +546,62 @@ class Fitter:
                 ends.append((fit.values, shifted))
             columns.append(p + k)
             spans.append(2 * step)
-        seen = list(_POOL.map(lambda e: self._innovations(case, fit.hypothesis, e[0], e[1], frames), ends))
+        seen = list(_POOL.map(lambda e: self.vector(case, fit.hypothesis, e[0], e[1]), ends))
+        result = np.zeros((len(fit.used(case.name)), p + len(numbers)))
         for column, before, after, span in zip(columns, seen[::2], seen[1::2], spans, strict=True):
             if span > 0:
-                result[:, column] = (before - after)[use] / span
+                result[:, column] = (before - after) / span
+        if not single:
+            here = fit.used(case.name)
+            result[:, p:] = self._sensitivity(case, fit.hypothesis, fit.values, numbers, True, here)[1]
         return result[:, :p], result[:, p:]
 
-    def _sensitivity(self, case, hypothesis, values, numbers, frames, fixed, here) -> tuple[np.ndarray, np.ndarray]:
-        """d(predicted/sigma) of what was seen in ``frames``, by all values (n, p) and by the numbers of the start."""
-        use = np.isfinite(case.values[frames])
-        columns, block = self._jacobian(case, hypothesis, values, numbers, frames, fixed, here)
-        by_value = np.zeros((int(use.sum()), len(hypothesis.free)))
-        by_start = np.zeros((int(use.sum()), len(numbers)))
-        for index, column in zip(columns, block, strict=True):
-            if index >= 0:
-                by_value[:, index] = column[use]
-            else:
-                by_start[:, -index - 1] = column[use]
-        return by_value, by_start
-
-    def _finish(self, hypothesis, x, numbers, fixed) -> Fit:
-        innovations, jacobian = {}, {}
+    def _finish(self, hypothesis, x, numbers, fixed, near: Fit | None = None) -> Fit:
+        innovations, jacobian, steps = {}, {}, {}
         p = len(hypothesis.free)
         chi2, count = 0.0, 0
         for c in self.cases:
             frames = self.frames[c.name]
             full = np.full(c.values.shape, np.nan)
-            full[frames] = self._innovations(c, hypothesis, x, numbers[c.name], frames)
+            full[frames], steps[c.name] = self.innovations(c, hypothesis, x, numbers[c.name], frames)
             innovations[c.name] = full
-            jacobian[c.name] = self._sensitivity(c, hypothesis, x, numbers[c.name], frames, fixed, full[frames])
-            used = full[np.isfinite(full)]
-            chi2 += float(used @ used)
-            count += len(used)
+            seen = full[np.isfinite(full)]
+            here = np.concatenate([seen, steps[c.name]])
+            kept = None if near is None else near.jacobian.get(c.name, (None, None))[1]
+            anew = kept is None or kept.shape != (len(here), len(numbers[c.name]))
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, (), anew)
+            jacobian[c.name] = (by_value, by_start if anew or kept is None else kept)
+            chi2 += float(here @ here)
+            count += len(seen)
         covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
-        return Fit(hypothesis, np.array(x), numbers, self.described, innovations, chi2, count, covariance, jacobian)
+        return Fit(
+            hypothesis, np.array(x), numbers, self.segments, innovations, chi2, count, covariance, jacobian,
+            steps=steps,
+        )  # fmt: skip
 
     def predict(self, fit: Fit, case: Case, frames: np.ndarray) -> np.ndarray:
         """Predicted channels (T, c) on ``frames`` and all before them, NaN elsewhere. Raises Failed."""
         t0 = float(case.t[self.frames[case.name]][0])
-        wanted = case.t >= t0
-        wanted &= case.t <= case.t[frames].max()
+        wanted = (case.t >= t0) & (case.t <= case.t[frames].max())
         out = np.full(case.values.shape, np.nan)
-        out[wanted] = self.predictor(
-            fit.hypothesis, case, fit.values, fit.described[case.name], fit.starts[case.name], t0, case.t[wanted]
-        )
+        for part in self._parts(case, fit.starts[case.name], wanted):
+            t0 = float(case.t[part.segment.frames][0])
+            if part.frames.any():
+                out[part.frames] = self.predictor(
+                    fit.hypothesis, case, fit.values, part.segment.starts, part.numbers, t0, case.t[part.frames]
+                )
         return out
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A segment with its numbers, the frames (T,) it is followed over, and (time, segment, numbers) after it."""
+
+    k: int
+    segment: Segment
+    numbers: np.ndarray
+    frames: np.ndarray
+    follower: tuple[float, Segment, np.ndarray] | None
 
 
 def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:

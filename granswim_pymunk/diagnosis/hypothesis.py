@@ -17,7 +17,7 @@ from ..errors import InputError, SimulationError
 from ..recording.camera import see
 from ..scene import Scene
 from .data import Case
-from .start import StartBody, pendulum_angle, states
+from .start import StartBody, numbers_at, pendulum_angle, states
 
 NO_CAMERA: dict[str, Any] = {"scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0)}
 
@@ -165,15 +165,38 @@ class Predictor:
         t: np.ndarray,
     ) -> np.ndarray:
         """Predicted channels (T, c) at frame times ``t``, the first of which is ``t0``. Raises Failed."""
+        return self.run(hypothesis, case, values, starts, numbers, t0, t)[0]
+
+    def run(
+        self,
+        hypothesis: Hypothesis,
+        case: Case,
+        values: Sequence[float] | np.ndarray,
+        starts: tuple[StartBody, ...],
+        numbers: np.ndarray,
+        t0: float,
+        t: np.ndarray,
+        following: tuple[float, tuple[StartBody, ...]] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Predicted channels (T, c) at frame times ``t``, and the start that the run ends with. Raises Failed.
+
+        following : time [s] and description of a start that comes after;  the end is given as its free numbers (m,)
+        """
         scene, camera = hypothesis.scene(case, values)
         offset = float(camera["time_offset"])
         placed = states(starts, numbers, scene, t0 + offset)
         self.runs += 1
         rows = [scene.ids.index(b) for b in case.bodies]
+        times = np.maximum(t + offset, t0 + offset)
+        end = None
         try:
             with np.errstate(all="ignore"):
                 simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset)
-                xy = simulation.sample(np.maximum(t + offset, t0 + offset), rows)
+                if following is None:
+                    xy = simulation.sample(times, rows)
+                else:
+                    xy = simulation.sample(np.append(times, following[0] + offset), rows)[:-1]
+                    end = _end_of(simulation, scene, *following, offset)
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
@@ -194,7 +217,7 @@ class Predictor:
                 out[:, c] = angle + 2 * np.pi * round((asked - angle[0]) / (2 * np.pi))
             else:
                 out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
-        return out
+        return out, end
 
     def _simulation(
         self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float
@@ -215,6 +238,17 @@ class Predictor:
         if simulation.mode == "verlet":
             last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
         return simulation
+
+
+def _end_of(
+    simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...], offset: float
+) -> np.ndarray:
+    """The free numbers of ``starts`` at a time that the simulation has just reached, or is less than a step before."""
+    state = simulation.state()
+    ahead = time + offset - state.t
+    mass = np.array([b.mass for b in scene.bodies])
+    v = state.v + simulation.forces() / mass[:, None] * ahead
+    return numbers_at(starts, scene, state.xy + v * ahead, v)
 
 
 class _Last(threading.local):

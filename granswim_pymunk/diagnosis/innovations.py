@@ -135,7 +135,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                 columns = [k for k, c in enumerate(case.channels) if c.body == body]
                 values = found.innovations[case.name][:, columns]
                 values = values[np.isfinite(values)]
-                numbers = sum(int(s.free.sum()) for s in inner.described[case.name] if s.body == body)
+                numbers = sum(int(s.free.sum()) for s in inner.segments[case.name][0].starts if s.body == body)
                 dof = max(len(values) - numbers, 1)
                 chi2 = float(values @ values) / spread
                 row = {"case": case.name, "body": body, "t": (float(case.t[part][0]), float(case.t[part][-1])),

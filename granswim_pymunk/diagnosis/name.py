@@ -106,8 +106,10 @@ class InnerSplit:
             both = whole.innovations[case.name]
             before = both[self.fitter.frames[case.name]]
             n = int(np.isfinite(both[self.rest[case.name]]).sum())
-            left = float(np.nansum(both**2))
-            left -= min(float(np.nansum(first.innovations[case.name] ** 2)), float(np.nansum(before**2)))
+            left = float(np.nansum(both**2)) + float(np.sum(whole.steps[case.name] ** 2))
+            # of the first part: no worse than the fit to all is there
+            least = float(np.nansum(before**2)) + float(np.sum(whole.steps[case.name][: len(first.steps[case.name])] ** 2))
+            left -= min(float(first.used(case.name) @ first.used(case.name)), least)
             if n:
                 by_case[case.name] = left / n
             total, count = total + left, count + n
@@ -118,17 +120,31 @@ class InnerSplit:
 
 
 def _open(whole: Fit, first: Fit) -> float:
-    """ln det J'J of all data less that of the first part; what all do not tell either counts in neither."""
+    """ln det J'J of all data less that of the first part; what all do not tell either counts in neither.
+
+    A start that lies after the first part is known there as well as it is tied to what comes before.
+    """
     told = []
     for fit in (whole, first):
-        by_value, by_start = zip(*(fit.jacobian[name] for name in first.starts), strict=True)
-        told.append(np.hstack([np.concatenate(by_value), block_diag(*by_start)]))
+        values, starts = zip(*(_padded(fit, whole, name) for name in first.starts), strict=True)
+        told.append(np.hstack([np.concatenate(values), block_diag(*starts)]))
     size = np.linalg.norm(told[0], axis=0)
     scale = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 0.0)
     # what the first part leaves open is bounded by a thousand times what all would tell
     least = 1e-6 * np.eye(len(size))
     more, less = (np.linalg.slogdet(scale * (j.T @ j) * scale[:, None] + least)[1] for j in told)
     return float(more - less)
+
+
+def _padded(fit: Fit, whole: Fit, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of a recording, with rows for the starts that ``whole`` has and this fit does not."""
+    by_value, by_start = fit.jacobian[name]
+    ties = np.concatenate([s.tie for s in whole.segments[name]])
+    missing = len(whole.starts[name]) - by_start.shape[1]
+    if missing <= 0:
+        return by_value, by_start
+    rows = np.zeros((missing, by_value.shape[1]))
+    return np.vstack([by_value, rows]), block_diag(by_start, np.diag(1.0 / ties[len(ties) - missing :]))
 
 
 def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:

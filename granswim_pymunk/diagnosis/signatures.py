@@ -71,13 +71,12 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
             at = 0
             worst = 0.0
             for c in fitter.cases:
-                base = fit.innovations[c.name]
-                size = int(np.isfinite(base).sum())
+                base = fit.used(c.name)
+                size = len(base)
                 if free.cases is None or c.name in free.cases:
                     values = np.concatenate([fit.values, [f.first for f in term.free]])
                     values[len(fit.values) + k] += step
-                    changed = fitter._innovations(c, hypothesis, values, fit.starts[c.name], fitter.frames[c.name])
-                    difference = (base[fitter.frames[c.name]] - changed)[np.isfinite(base[fitter.frames[c.name]])]
+                    difference = base - fitter.vector(c, hypothesis, values, fit.starts[c.name])
                     column[at : at + size] = difference / step
                     worst = max(worst, float(np.abs(difference).max(initial=0.0)))
                 at += size

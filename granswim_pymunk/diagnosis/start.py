@@ -171,6 +171,36 @@ def states(
     return result
 
 
+def numbers_at(bodies: tuple[StartBody, ...], scene: Scene, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The free numbers of a start that a state would have: the inverse of ``states``.
+
+    xy, v : (n, 2) positions [m] and velocities [m/s], rows in the order of the scene's bodies
+    """
+    row = {name: k for k, name in enumerate(scene.ids)}
+    found = []
+    for start in bodies:
+        x, y, vx, vy = (*xy[row[start.body]], *v[row[start.body]])
+        if start.form == "free":
+            values = np.array([x, y, vx, vy])
+        elif start.form == "pin":
+            pin = pin_of(scene, start.body)
+            down, across = _hanging(scene)
+            arm = np.array([x, y]) - np.array(pin["anchor"])
+            angle = math.atan2(float(arm @ across), float(arm @ down))
+            # the same turn as the start that it is held against
+            angle += 2 * math.pi * round((start.first[0] - angle) / (2 * math.pi))
+            tangent = math.cos(angle) * across - math.sin(angle) * down
+            values = np.array([angle, float(np.array([vx, vy]) @ tangent) / pin["length"]])
+        elif start.form == "rail":
+            direction = _direction_of(scene, start.body, "rail")
+            assert direction is not None
+            values = np.array([x, y, vx * direction[0] + vy * direction[1]])
+        else:
+            values = np.array([x, y])
+        found.append(values[start.free])
+    return np.concatenate(found) if found else np.zeros(0)
+
+
 def first_numbers(bodies: tuple[StartBody, ...]) -> np.ndarray:
     return np.concatenate([b.first[b.free] for b in bodies]) if bodies else np.zeros(0)
 

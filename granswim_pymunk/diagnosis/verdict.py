@@ -179,7 +179,7 @@ def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
     scene, camera = fit.hypothesis.scene(case, values)
     t0 = float(case.t[0]) + float(camera["time_offset"])
     if case.name in fit.starts:
-        scene = scene.with_initial(states(fit.described[case.name], fit.starts[case.name], scene, t0))
+        scene = scene.with_initial(states(*fit.start_of(case.name), scene, t0))
     else:
         from .start import describe_starts, first_numbers
 

@@ -1,0 +1,130 @@
+"""Least squares with few shared numbers and many that belong to one recording each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+DAMPING = 1e-3  # of the diagonal, to begin with
+ENOUGH = 1e-3  # of chi2: a fall that no decision hangs on
+GOOD = 0.25  # of the promised fall in chi2, below which derivatives that were taken over are renewed
+
+
+@dataclass
+class Blocks:
+    """Residuals of one recording and their derivatives: r (n,), by shared numbers (n, p), by its own (n, q).
+
+    The derivatives are of the prediction: residuals fall by them.
+    """
+
+    residuals: np.ndarray
+    by_value: np.ndarray
+    by_start: np.ndarray
+
+
+Numbers = tuple[np.ndarray, list[np.ndarray]]
+
+
+def descend(
+    evaluate: Callable[[np.ndarray, list[np.ndarray]], list[np.ndarray]],
+    differentiate: Callable[[np.ndarray, list[np.ndarray], list[np.ndarray], bool], list[Blocks]],
+    begin: Numbers,
+    bounds: tuple[np.ndarray, np.ndarray],
+    *,
+    stale: bool,
+    evaluations: int,
+    tolerance: float = 1e-7,
+) -> Numbers:
+    """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
+
+    evaluate(values, starts) gives the residuals of each recording;  differentiate(values, starts, residuals, starts_too)
+    the blocks there, derivatives by starts anew only where ``starts_too``
+    stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
+    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, or after ``evaluations``.
+    Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
+    Triggs et al. 2000.
+    """
+    low, high = bounds
+    values, starts = np.clip(begin[0], low, high), [s.copy() for s in begin[1]]
+    residuals = evaluate(values, starts)
+    chi2 = sum(float(r @ r) for r in residuals)
+    damping, used, fresh = DAMPING, 1, not stale
+    blocks = differentiate(values, starts, residuals, fresh)
+    while used < evaluations:
+        step, steps, promised = _step(blocks, values, bounds, damping)
+        new_values = np.clip(values + step, low, high)
+        new_starts = [s + d for s, d in zip(starts, steps, strict=True)]
+        found = evaluate(new_values, new_starts)
+        used += 1
+        now = sum(float(r @ r) for r in found)
+        good = (chi2 - now) / promised if promised > 0 else 0.0
+        if np.isfinite(now) and now < chi2:
+            fall = chi2 - now
+            values, starts, residuals, chi2 = new_values, new_starts, found, now
+            damping = max(damping / 5, 1e-9) if good > 0.5 else damping
+            if fall < max(tolerance * chi2, ENOUGH):
+                break
+            fresh = not stale or good < GOOD
+            blocks = differentiate(values, starts, residuals, fresh)
+        elif not fresh:
+            fresh = True
+            blocks = differentiate(values, starts, residuals, True)
+        else:
+            damping = max(10 * damping, 1e-3)
+            if damping > 1e8 or promised < max(tolerance * chi2, ENOUGH):
+                break
+    return values, starts
+
+
+def _step(
+    blocks: Sequence[Blocks], values: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], damping: float
+) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """Steps of the shared and of the other numbers, and the fall of chi2 they promise."""
+    p = len(values)
+    normal, gradient = np.zeros((p, p)), np.zeros(p)
+    own = []
+    for b in blocks:
+        h = b.by_start.T @ b.by_start
+        g = b.by_start.T @ b.residuals
+        cross = b.by_start.T @ b.by_value
+        size = np.diag(h).copy()
+        h[np.diag_indices_from(h)] += damping * size + 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
+        factor = cho_factor(h, check_finite=False) if len(g) else None
+        solved = cho_solve(factor, np.column_stack([g, cross]), check_finite=False) if len(g) else np.zeros((0, p + 1))
+        normal += b.by_value.T @ b.by_value - cross.T @ solved[:, 1:]
+        gradient += b.by_value.T @ b.residuals - cross.T @ solved[:, 0]
+        own.append((solved, size))
+    power = sum((np.sum(b.by_value**2, axis=0) for b in blocks), np.zeros(p))
+    step = _bounded(normal, gradient, values, bounds, damping, power)
+    steps = [solved[:, 0] - solved[:, 1:] @ step for solved, _ in own]
+    left = [b.residuals - b.by_value @ step - b.by_start @ s for b, s in zip(blocks, steps, strict=True)]
+    promised = sum(float(b.residuals @ b.residuals) - float(r @ r) for b, r in zip(blocks, left, strict=True))
+    return step, steps, promised
+
+
+def _bounded(
+    normal: np.ndarray, gradient: np.ndarray, values: np.ndarray, bounds: tuple[np.ndarray, np.ndarray],
+    damping: float, size: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Solve for the shared numbers; those that would leave their bounds stop there, and the others again."""
+    p = len(values)
+    step = np.zeros(p)
+    scale = np.sqrt(np.maximum(size, 1e-300))
+    open_ = size > 0
+    for _ in range(p + 1):
+        if not open_.any():
+            break
+        rest = gradient - normal @ np.where(open_, 0.0, step)
+        part = normal[np.ix_(open_, open_)] / np.outer(scale[open_], scale[open_])
+        part = part + (damping + 1e-12) * np.eye(len(part))
+        step[open_] = np.linalg.lstsq(part, rest[open_] / scale[open_], rcond=1e-12)[0] / scale[open_]
+        room = np.clip(values + step, *bounds) - values
+        stopped = open_ & (np.abs(room - step) > 1e-9 * np.abs(step))
+        if not stopped.any():
+            break
+        step[stopped] = room[stopped]
+        open_ &= ~stopped
+    return step

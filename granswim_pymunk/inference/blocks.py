@@ -1,0 +1,245 @@
+"""How well a fitted hypothesis predicts blocks of training data that its numbers and starts did not see."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..diagnosis.data import Case
+from ..diagnosis.fit import Fit, Fitter, basis
+from ..diagnosis.hypothesis import Failed, Predictor
+from .criteria import DEFAULT, BlockCriteria
+from .noise import Noise
+
+
+@dataclass(frozen=True)
+class Block:
+    """Frames of one training recording: those that its start is fitted on, and those that are then predicted.
+
+    start, rest : (T,) masks of frames;  whole : the block is a whole recording
+    """
+
+    case: Case
+    start: np.ndarray
+    rest: np.ndarray
+    whole: bool
+
+    @property
+    def frames(self) -> np.ndarray:
+        return self.start | self.rest
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Squared residuals of unseen blocks in units of their expected spread.
+
+    sums, counts : by (block, body): sum of squares and how many numbers
+    residuals : by block (T_rest, c) seen minus predicted [unit of the channel], not whitened, NaN where not seen
+    floor : (draws, units) the same sums for noise alone, in the order of ``sums``
+    """
+
+    sums: Mapping[tuple[int, str], float]
+    counts: Mapping[tuple[int, str], int]
+    residuals: Mapping[int, np.ndarray]
+    floor: np.ndarray
+    failed: tuple[str, ...] = ()
+
+    @property
+    def mean(self) -> float:
+        """S: the mean squared residual."""
+        return sum(self.sums.values()) / max(sum(self.counts.values()), 1)
+
+    @property
+    def floors(self) -> np.ndarray:
+        """(draws,) S of replicates without a mismatch."""
+        return np.asarray(self.floor.sum(axis=1) / max(sum(self.counts.values()), 1))
+
+
+def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks) -> list[Block]:
+    """Whole recordings where there are three or more for training, otherwise pieces of the training parts."""
+    training = [c for c in cases if not c.held_out and c.training.any()]
+    blocks = []
+    whole = len(training) >= criteria.recordings
+    pieces = 1 if whole else math.ceil(criteria.pieces / max(len(training), 1))
+    share = criteria.whole_start if whole else criteria.start
+    for case in training:
+        rows = np.flatnonzero(case.training)
+        count = max(1, min(pieces, len(rows) // criteria.frames))
+        for part in np.array_split(rows, count):
+            begin, end = case.t[part[0]], case.t[part[-1]]
+            start = np.zeros(len(case.t), dtype=bool)
+            rest = np.zeros(len(case.t), dtype=bool)
+            cut = max(int(np.searchsorted(case.t[part], begin + share * (end - begin))), criteria.start_frames)
+            start[part[:cut]] = True
+            rest[part[cut:]] = True
+            if rest.any():
+                blocks.append(Block(case, start, rest, whole))
+    return blocks
+
+
+def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
+    """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
+
+    delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays.
+    """
+    free = fit.hypothesis.free
+    p = len(free)
+    if not p:
+        return fit.values
+    information, gradient = np.zeros((p, p)), np.zeros(p)
+    for name, (by_value, by_start) in fit.jacobian.items():
+        full = fit.innovations[name]
+        seen = np.isfinite(full)
+        keep = np.ones(len(by_value), dtype=bool)
+        if name == block.case.name:
+            frame_of = np.nonzero(seen)[0]
+            keep[: len(frame_of)] = ~block.frames[frame_of]
+        values, starts = by_value[keep], by_start[keep]
+        if not len(values):
+            continue
+        q = basis(starts)
+        values = values - q @ (q.T @ values)
+        left = fit.rows(name)[keep]
+        information += values.T @ values
+        gradient += values.T @ left
+    size = np.sqrt(np.diag(information))
+    told = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
+    if not told.any():
+        return fit.values
+    scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
+    step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-8)[0] / size[told]
+    moved = fit.values.copy()
+    moved[told] += step
+    low, high = fit.hypothesis.bounds
+    return np.clip(moved, low, high)
+
+
+def score(
+    fit: Fit,
+    cases: Sequence[Case],
+    blocks: Sequence[Block],
+    predictor: Predictor,
+    noise: Noise,
+    rng: np.random.Generator,
+    criteria: BlockCriteria = DEFAULT.blocks,
+) -> Scores:
+    """Predict each block from a start fitted on its first frames, with numbers found without it.
+
+    The expected covariance is that of white noise and of the start that comes of it: 1 + J_2 (J_1'J_1)^-1 J_2', J the
+    derivatives by the start on its frames and on the rest. A block that cannot be run counts as ``failed``.
+    """
+    sums: dict[tuple[int, str], float] = {}
+    counts: dict[tuple[int, str], int] = {}
+    residuals: dict[int, np.ndarray] = {}
+    floor: list[np.ndarray] = []
+    failed: list[str] = []
+    for b, block in enumerate(blocks):
+        try:
+            left, whiten, answer = _predicted(fit, cases, block, predictor, criteria)
+        except Failed as error:
+            failed.append(f"{block.case.name}: {error}")
+            continue
+        seen = np.isfinite(left)
+        white = whiten(left[seen])
+        body_of = np.array([channel.body for channel in block.case.channels])[np.nonzero(seen)[1]]
+        draws = whiten(answer(_drawn(block, noise, rng, criteria.draws)))
+        for body in dict.fromkeys(body_of.tolist()):
+            mine = body_of == body
+            sums[b, body] = float(np.sum(white[mine] ** 2))
+            counts[b, body] = int(mine.sum())
+            floor.append(np.sum(draws[mine] ** 2, axis=0))
+        residuals[b] = left * block.case.sigma
+    return Scores(sums, counts, residuals, np.array(floor).T.reshape(criteria.draws, len(floor)), tuple(failed))
+
+
+def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> tuple[np.ndarray, np.ndarray]:
+    """Noise on the frames of the start and on the rest, where something was seen: (n_1, draws), (n_2, draws)."""
+    frames = np.flatnonzero(block.frames)
+    drawn = noise.draw((len(frames), len(block.case.channels), draws), rng)
+    seen = np.isfinite(block.case.values)
+    first, rest = block.start[frames], block.rest[frames]
+    return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
+
+
+def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predictor, criteria: BlockCriteria):
+    """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed."""
+    case = block.case
+    fitter = Fitter([case], predictor, {case.name: block.start})
+    values = without(fit, cases, block)
+    found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
+    numbers = found.starts[case.name]
+    here = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)
+    _, columns = fitter.derivatives(case, fit.hypothesis, values, numbers, block.frames, True, here)
+    frames = np.flatnonzero(block.frames)
+    first, rest = block.start[frames], block.rest[frames]
+    seen = np.isfinite(case.values[block.frames])
+    if not np.isfinite(here[seen]).all() or np.abs(here[seen]).max(initial=0.0) >= 1e6:
+        raise Failed("a block could not be predicted")
+    by_start = np.stack(columns, axis=-1) if columns else np.zeros((*here.shape, 0))
+    j1, j2 = by_start[first][seen[first]], by_start[rest][seen[rest]]
+    u, s, vt = np.linalg.svd(j1, full_matrices=False)
+    kept = s > 1e-9 * s.max(initial=0.0)
+    inverse = (vt[kept].T / s[kept]) @ u[:, kept].T  # pseudo-inverse of J_1
+    left, size, _ = np.linalg.svd(j2 @ (vt[kept].T / s[kept]), full_matrices=False)
+    shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+
+    def whiten(vectors: np.ndarray) -> np.ndarray:
+        along = left.T @ vectors
+        return np.asarray(vectors - left @ (shrink[:, None] * along if vectors.ndim > 1 else shrink * along))
+
+    def answer(noise: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        return noise[1] - j2 @ (inverse @ noise[0])
+
+    return np.where(seen[rest], here[rest], np.nan), whiten, answer
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Share of the mismatch on unseen blocks that goes with a hypothesis.
+
+    share : min(1, 1 - (S - S_floor)/(S_recalibrated - S_floor));  low, high : central 95 % from a block bootstrap
+    left, left_before : S - S_floor with the hypothesis and of the recalibrated scene
+    sure : the mismatch is larger than twice the spread of its chance between replicates; else no share can be said
+    """
+
+    share: float
+    low: float
+    high: float
+    left: float
+    left_before: float
+    sure: bool
+
+
+def explained(
+    after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria = DEFAULT.blocks,
+    beyond: float = DEFAULT.verdict.beyond,
+) -> Explained:  # fmt: skip
+    """Compare the scores of a hypothesis with those of the recalibrated scene; blocks that either failed are left out."""
+    units = [u for u in before.sums if u in after.sums]
+    if not units:
+        return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)
+    order = {u: k for k, u in enumerate(after.sums)}
+    floors = after.floor[:, [order[u] for u in units]]
+    s0 = np.array([before.sums[u] for u in units])
+    s1 = np.array([after.sums[u] for u in units])
+    n = np.array([after.counts[u] for u in units], dtype=float)
+    f = floors.mean(axis=0)
+    order0 = {u: k for k, u in enumerate(before.sums)}
+    f0 = before.floor[:, [order0[u] for u in units]].sum(axis=1) / n.sum()
+
+    def share(a: np.ndarray, b: np.ndarray, floor: np.ndarray) -> np.ndarray:
+        rest = b.sum(axis=-1) - floor.sum(axis=-1)
+        with np.errstate(all="ignore"):
+            value = 1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest
+        return np.where(rest > 0, np.minimum(value, 1.0), 0.0)
+
+    drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
+    low, high = np.quantile(share(s1[drawn], s0[drawn], f[drawn]), [0.025, 0.975])
+    total = float(n.sum())
+    before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
+    sure = before_left > beyond * float(f0.std()) and len(units) > 1
+    value = float(share(s1, s0, f))
+    return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure)

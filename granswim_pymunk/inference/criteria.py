@@ -1,0 +1,115 @@
+"""Everything that decides: each number with its meaning and where it comes from (theory, a table, a choice)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class NoiseCriteria:
+    """What passes for noise.
+
+    slow_most : of the white part, how large the slow part of the noise may be (contract: no larger)
+    memory_most : frames, over how many the slow part may be correlated (contract: 30)
+    alarm : probability of noise below which what is left is said to be more than noise. Choice: one in 200
+    stated_off : ln of stated over estimated noise from which the estimate is believed. Choice: the estimate of 100
+        frames is good to a tenth, and laboratories state sizes that are off by two
+    outlier : standard deviations, from both sides, from which a single sighting is no position. Theory: of 1e5
+        sightings of Gaussian noise 2e-4 are farther off than 6
+    outlier_frames : frames on each side that an outlier is held against
+    share_most : of a channel's sightings that may be taken out; beyond it they are no single ones. Choice
+    """
+
+    slow_most: float = 1.0
+    memory_most: float = 30.0
+    alarm: float = 0.005
+    stated_off: float = 0.25
+    outlier: float = 6.0
+    outlier_frames: int = 4
+    share_most: float = 0.05
+
+
+@dataclass(frozen=True)
+class SegmentCriteria:
+    """Where tracks are cut, and how closely their segments join.
+
+    near : of the sum of two radii, a gap below which they may have met. Choice: radii are known to a few per cent
+    around : frames on either side from which a change of velocity is told;  kick : its standard deviations
+    frames : the least of a segment
+    narrow : spread of a step where nothing met, of what the first nine frames tell of the start. Choice: a fiftieth
+        is, beside what a segment as a whole tells, no freedom
+    impulse : of the change of velocity in an impact, what a rigid collision may be off by. Choice: a per cent, as
+        radii that are off by half a per cent turn the line of centres by as much
+    lateness : s, of an impact: it lasts. Source: discs of plastic or steel touch for 0.05 to 0.2 ms
+        (Goldsmith 1960, Impact)
+    robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
+        a run that misses a glancing impact is no evidence of that size
+    """
+
+    near: float = 0.03
+    around: int = 6
+    kick: float = 6.0
+    frames: int = 5
+    narrow: float = 0.02
+    impulse: float = 0.01
+    lateness: float = 1e-4
+    robust: float = 4.0
+
+
+@dataclass(frozen=True)
+class BlockCriteria:
+    """How unseen data inside the training part are scored.
+
+    recordings : so many training recordings, and whole recordings are the blocks (contract: 3)
+    pieces : blocks that the training part of fewer recordings is cut into, altogether. Choice
+    frames : the least of a block. Choice: a start takes some six
+    start : share of a block's frames on which its start is fitted. Choice; for whole recordings that of the contract
+    start_frames : the least of them
+    evaluations : of the fit of a start
+    draws : replicates of the noise for the floor;  bootstrap : resamples for intervals
+    """
+
+    recordings: int = 3
+    pieces: int = 8
+    frames: int = 16
+    start: float = 0.35
+    whole_start: float = 0.2
+    start_frames: int = 6
+    evaluations: int = 8
+    draws: int = 60
+    bootstrap: int = 2000
+
+
+@dataclass(frozen=True)
+class VerdictCriteria:
+    """When a law is named (contract 2, "The verdict").
+
+    alarm : probability of a false alarm below which a mismatch is real
+    share : of the mismatch that named laws explain at least;  share_alone : where no free form was possible
+    free_form : a free form that leaves less than this part of what the names leave is the better explanation;
+        ``free_form_high`` where the names explain ``high`` or more
+    beyond : spreads of the difference between replicates from which a share can be said
+    scale_off : a scale of the picture that is off by more is no explanation
+    """
+
+    alarm: float = 0.01
+    share: float = 0.5
+    share_alone: float = 0.7
+    high: float = 0.9
+    free_form: float = 0.5
+    free_form_high: float = 0.1
+    beyond: float = 2.0
+    scale_off: float = 0.3
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """All of them; ``diagnose(..., criteria=...)`` overrides."""
+
+    noise: NoiseCriteria = field(default_factory=NoiseCriteria)
+    segments: SegmentCriteria = field(default_factory=SegmentCriteria)
+    blocks: BlockCriteria = field(default_factory=BlockCriteria)
+    verdict: VerdictCriteria = field(default_factory=VerdictCriteria)
+
+
+DEFAULT = Criteria()
