@@ -11,15 +11,26 @@ from scipy import stats
 
 from ..recording import Recording
 from .candidates import flexible_terms, named_terms
-from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, verdict_among
+from ..inference.blocks import Block, Explained, Scores, explained, make_blocks, score
+from ..inference.criteria import DEFAULT, Criteria
+from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
+from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter
-from .held_out import Errors, held_out_errors, learn_memory, noise_floor, right_law_errors, training_errors
+from .held_out import (
+    Errors,
+    held_out_errors,
+    learn_memory,
+    noise_floor,
+    paired_verdict,
+    right_law_errors,
+    training_errors,
+)
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
-from .innovations import Place, Whiteness, WindowMap, locate, standard_deviations, whiteness, window_map
+from .innovations import Place, Whiteness, WindowMap, locate, series_of, standard_deviations, whiteness, window_map
 from .intervals import with_limits
-from .name import InnerSplit, Trial, label_of, spread_of, try_candidates, unstuck
+from .name import InnerSplit, Trial, is_apparatus, label_of, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, pair_of, rivals_of_pair, second_law, settled
 from .signatures import Bank, make_bank
@@ -60,6 +71,13 @@ class Diagnosis:
     right_law: np.ndarray  # held-out errors where the law is right and its numbers are found from noisy frames
     inner: dict[str, float]
     proposal: Proposal | None
+    judged: Judgement
+    complete: bool
+    remains: Remains | None
+    heldout: str | None
+    closest: list[tuple[Trial, Explained]]  # named laws that were not accepted, with what they explain
+    withdrawn: list[Trial]  # named laws that held-out data turned down
+    window: float | None
     notes: list[str] = field(default_factory=list)
     seconds: float = 0.0
     runs: int = 0
@@ -135,13 +153,11 @@ def diagnose_bodies(
     found, revised, dropped, others = _explained(study, tried, chosen)
     spread = spread_of(revised, training) if found else tried.spread
     whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
-    verdict, flexible = verdict_among(
-        found, tried.arms, tried.inner, whites[1], naive, recalibrated, revised, spread, bool(study.adjustables),
-        training, notes,
-    )  # fmt: skip
-    if verdict == "unmodelled" and flexible is not None and flexible.fit is not None:
-        if not found or flexible.inner < found[0].inner:
-            found, revised = [flexible], flexible.fit
+    study.progress("what explains", 0.72)
+    weighed = _weighed(study, tried, found, revised)
+    judged, found, revised, closest = _judged(study, tried, null, found, revised, spread, weighed)
+    verdict = judged.verdict
+    flexible = weighed.best_form
     if len(found) == 2:
         near = rivals_of_pair(others, notes)
         taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
@@ -173,6 +189,18 @@ def diagnose_bodies(
     if rms is not None and floor[1] and rms > BEYOND_FLOOR * floor[1] and len(revised.values) and not late(0.9):
         right_law = right_law_errors(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
     proposal = _proposed(study, found, rivals)
+    heldout, withdrawn = None, []
+    if found and verdict in ("missing_physics", "measurement", "unmodelled"):
+        heldout = paired_verdict(held["recalibrated"], held["revised"], study.rng)
+    if heldout == "fails":
+        study.notes.append(f"held-out data are predicted worse with {label_of(*found)} than without: it is withdrawn")
+        withdrawn = found if verdict != "unmodelled" else []
+        judged, verdict, found, revised = Judgement("unmodelled", None, judged.free_form), "unmodelled", [], recalibrated
+        held["revised"], train["revised"] = held["recalibrated"], train["recalibrated"]
+    complete = weighed.completeness(revised, study)
+    remains = None
+    if not complete.passes and verdict not in ("no_mismatch", "recalibrate"):
+        remains = _remains(study, tried, revised, weighed)
     study.progress("done", 1.0)
     failures = study.predictor.failures
     if len(failures) > 0.05 * study.predictor.runs:
@@ -183,7 +211,9 @@ def diagnose_bodies(
         flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),
         null=null, white_naive=whites[0], white_recalibrated=whites[1], white_revised=whites[2],
         windows=windows, places=places, spread=spread, train=train, held=held, rival_held=rival_held,
-        floor=floor, right_law=right_law, inner=tried.inner, proposal=proposal, notes=notes,
+        floor=floor, right_law=right_law, inner=tried.inner, proposal=proposal, judged=judged,
+        complete=complete.passes, remains=remains, heldout=heldout, closest=closest, withdrawn=withdrawn,
+        window=held["revised"].window, notes=notes,
         seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed, dropped_bodies=dropped,
         dt=dict(study.predictor.dt),
     )  # fmt: skip
@@ -314,6 +344,120 @@ def _explained(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, training
         )
     return found, revised, dropped, others
+
+
+@dataclass
+class Weighed:
+    """Scores on unseen blocks of the training part: of the recalibrated scene, of what was named, of nameless forces.
+
+    forms : each with what it explains;  best_form : the one that leaves least, None where none predicts better
+    """
+
+    blocks: list[Block]
+    before: Scores
+    named: Explained | None
+    named_scores: Scores | None
+    forms: list[tuple[Trial, Explained]]
+    best_form: Trial | None
+    criteria: Criteria = DEFAULT
+    told: dict[int, Completeness] = field(default_factory=dict)
+
+    def completeness(self, fit: Fit, study: Study) -> Completeness:
+        """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
+        if id(fit) not in self.told:
+            found = completeness(series_of(fit, study.training), self.criteria)
+            if not found.passes and _below_tolerance(fit, study.training):
+                found = Completeness(found.noise, found.chance, True)
+            self.told[id(fit)] = found
+        return self.told[id(fit)]
+
+
+FORMS = 0.3  # of the gain of the best form without a name: those below it are not weighed
+
+
+def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:
+    """Whether what exceeds the noise is smaller, rms, than what matters to the experimenter."""
+    for case in training:
+        innovations = fit.innovations[case.name]
+        for k, channel in enumerate(case.channels):
+            recording = case.recording
+            matters = recording.angle_tolerance if channel.kind == "angle" else recording.tolerance
+            used = innovations[np.isfinite(innovations[:, k]), k]
+            excess = max(float(np.mean(used**2)) - 1.0, 0.0) if len(used) else 0.0
+            if matters is None or float(np.sqrt(excess)) * case.sigma[k] > matters:
+                return False
+    return True
+
+
+def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> Weighed:
+    """Scores of unseen blocks: recalibrated, named, and the nameless forces that gain most."""
+    blocks = make_blocks(study.cases)
+    noise = completeness(series_of(tried.best, study.training)).noise
+
+    def scores(fit: Fit) -> Scores:
+        return score(fit, study.cases, blocks, study.predictor, noise, study.rng)
+
+    before = scores(tried.recalibrated)
+    named_scores = scores(revised) if found else None
+    named = explained(named_scores, before, study.rng) if named_scores else None
+    most = max((t.gain for t in tried.arms), default=0.0)
+    forms = []
+    for arm in tried.arms:
+        if arm.fit is not None and arm.gain > FORMS * most and arm.gain > 0:
+            forms.append((arm, explained(scores(arm.fit), before, study.rng)))
+    helps = [(arm, e) for arm, e in forms if e.share > 0 and e.low > 0]
+    best = min(helps, key=lambda f: f[1].left, default=(None, None))[0]
+    return Weighed(blocks, before, named, named_scores, forms, best)
+
+
+def _judged(
+    study: Study, tried: Tried, null: Null | None, found: list[Trial], revised: Fit, spread: float, weighed: Weighed
+) -> tuple[Judgement, list[Trial], Fit, list[tuple[Trial, Explained]]]:
+    """The verdict of the contract, the laws or the force without a name that stand, their fit, and the names that fell."""
+    recalibrated, notes = tried.recalibrated, study.notes
+    shares = [e.share for _, e in weighed.forms]
+    form_share = max(shares, default=None)
+    form_share = None if form_share is None else max(form_share, 0.0)
+    left = weighed.completeness(recalibrated, study)
+    real = bool(found) or left.chance < weighed.criteria.verdict.alarm
+    if _below_tolerance(recalibrated, study.training) and left.passes:
+        found, real = [], False
+    if not real:
+        improved = tried.naive.chi2 - recalibrated.chi2
+        moved = bool(study.adjustables) and improved / spread > 12 + 2 * len(recalibrated.values)
+        return Judgement("recalibrate" if moved else "no_mismatch", None, None), [], recalibrated, []
+    closest: list[tuple[Trial, Explained]] = []
+    if found and weighed.named is not None:
+        fits = [t for t, _ in weighed.forms]
+        best = max((worth(t, spread) for t in fits), default=-np.inf)
+        gain = (recalibrated.chi2 - revised.chi2) / spread - 2 * sum(t.used for t in found)
+        good, why = accepted(weighed.named, [e for _, e in weighed.forms], gain - best)
+        if good:
+            verdict = "measurement" if all(is_apparatus(t) for t in found) else "missing_physics"
+            return Judgement(verdict, weighed.named, form_share), found, revised, []
+        notes.append(f"{label_of(*found)} is not named: {why}")
+        closest = [(t, weighed.named) for t in found]
+    form = weighed.best_form
+    if form is not None and form.fit is not None:
+        told = next(e for t, e in weighed.forms if t is form)
+        return Judgement("unmodelled", told, form_share), [form], form.fit, closest
+    return Judgement("unmodelled", None, form_share), [], recalibrated, closest
+
+
+def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Remains | None:
+    """What is left of unseen training data, and which law or nameless force around the revised scene is most like it."""
+    noise = weighed.completeness(revised, study).noise
+    scores = weighed.named_scores
+    if scores is None or weighed.named is None or revised is tried.recalibrated:
+        scores = score(revised, study.cases, weighed.blocks, study.predictor, noise, study.rng)
+    taken = {t.mechanism for t in revised.hypothesis.terms}
+    beside = [t for t in (*tried.terms, *(a.term for a in tried.arms)) if t.mechanism not in taken]
+    signatures = make_bank(study.fitter, revised, beside).signatures
+    best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
+    from ..report.words import plainly
+
+    looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
+    return remains_of(scores, weighed.blocks, looks)
 
 
 def _located(

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from ..inference.criteria import DEFAULT
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
-from .segments import Segment, make_segments
+from .segments import Segment, limits_of, make_segments
 from .solve import Blocks, descend
 from .start import StartBody, first_numbers, number_scales
 
@@ -70,16 +70,34 @@ class Fit:
         return value, max(value - half, free.low), min(value + half, free.high)
 
     def used(self, case: str) -> np.ndarray:
-        """Innovations of a recording as one vector, the steps between its segments after them."""
-        array = self.innovations[case]
-        return np.concatenate([array[np.isfinite(array)], self.steps.get(case, np.zeros(0))])
+        """Innovations of a recording as one vector, the steps between its segments after them, weighted."""
+        array, steps = self.innovations[case], self.steps.get(case, np.zeros(0))
+        return np.concatenate([array[np.isfinite(array)], steps * self._step_roots(case)])
+
+    def _step_roots(self, case: str) -> np.ndarray:
+        steps = self.steps.get(case, np.zeros(0))
+        return weight_roots(steps, limits_of(self.segments[case])) if len(steps) else steps
+
+    def roots(self, case: str) -> np.ndarray:
+        """Roots of the weights of ``used``: 1 but for steps that are far."""
+        return np.concatenate([np.ones(int(np.isfinite(self.innovations[case]).sum())), self._step_roots(case)])
+
+    def step_loss(self, case: str, most: int | None = None) -> float:
+        """What the first ``most`` steps of a recording add to chi2."""
+        steps = self.steps.get(case, np.zeros(0))[:most]
+        return huber(steps, limits_of(self.segments[case])) if len(steps) else 0.0
 
 
-def robust(steps: np.ndarray, limit: float) -> np.ndarray:
-    """Numbers whose squares are Huber's loss: r within the limit d, sqrt(2 d |r| - d^2) beyond it."""
-    size = np.abs(steps)
-    far = np.sign(steps) * np.sqrt(np.maximum(2 * limit * size - limit**2, 0.0))
-    return np.where(size <= limit, steps, far)
+def huber(steps: np.ndarray, limit: np.ndarray) -> float:
+    """Sum of Huber's loss: r^2 within the limit d, 2 d |r| - d^2 beyond it."""
+    size, limit = np.abs(steps), limit[: len(steps)]
+    return float(np.sum(np.minimum(size, limit) * (2 * size - np.minimum(size, limit))))
+
+
+def weight_roots(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Roots of the weights with which squares have the gradient of Huber's loss: d/|r| beyond the limit."""
+    size = np.maximum(np.abs(steps), 1e-300)
+    return np.asarray(np.sqrt(np.minimum(1.0, limit[: len(steps)] / size)))
 
 
 class Fitter:
@@ -160,7 +178,7 @@ class Fitter:
             innovations = innovations * self.weights[case.name][part.frames, None]
         if after is None or end is None:
             return part, innovations, nothing
-        return part, innovations, robust((after[2] - end) / after[1].tie, DEFAULT.segments.robust)
+        return part, innovations, (after[2] - end) / after[1].tie
 
     @staticmethod
     def _joined(
@@ -251,8 +269,10 @@ class Fitter:
 
         held = [k for k in range(len(x)) if k not in set(active)]
         kept: dict[str, np.ndarray] = {}
+        normal: dict[str, np.ndarray] = {}
         if near is not None:
             kept = {name: by_start for name, (_, by_start) in near.jacobian.items()}
+            normal = {name: by_start.T @ by_start for name, by_start in kept.items()}
 
         def differentiate(
             part: np.ndarray, starts: list[np.ndarray], here: list[np.ndarray], starts_too: bool
@@ -262,16 +282,21 @@ class Fitter:
             for c, s, r in zip(self.cases, starts, here, strict=True):
                 anew = starts_too or c.name not in kept or kept[c.name].shape != (len(r), len(s))
                 by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, held, anew)
+                roots = self._roots(c, r)[:, None]
                 if anew:
-                    kept[c.name] = by_start
-                blocks.append(Blocks(r, by_value[:, at], kept[c.name]))
+                    kept[c.name] = by_start * roots
+                    normal[c.name] = kept[c.name].T @ kept[c.name]
+                blocks.append(Blocks(r * roots[:, 0], by_value[:, at] * roots, kept[c.name], normal[c.name]))
             return blocks
+
+        def loss(vectors: list[np.ndarray]) -> float:
+            return sum(self._loss(c, v) for c, v in zip(self.cases, vectors, strict=True))
 
         begin = (np.asarray(x, dtype=float)[at], [numbers[c.name] for c in self.cases])
         try:
             with np.errstate(all="ignore"):
                 part, starts = descend(
-                    evaluate, differentiate, begin, (low[at], high[at]), stale=near is not None,
+                    evaluate, differentiate, loss, begin, (low[at], high[at]), stale=near is not None,
                     evaluations=evaluations,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
@@ -331,8 +356,19 @@ class Fitter:
         return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
 
     def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
-        vectors = (self.vector(c, hypothesis, values, starts[c.name]) for c in self.cases)
-        return sum(float(v @ v) for v in vectors)
+        return sum(self._loss(c, self.vector(c, hypothesis, values, starts[c.name])) for c in self.cases)
+
+    def _seen(self, case: Case) -> int:
+        return int(np.isfinite(case.values[self.frames[case.name]]).sum())
+
+    def _loss(self, case: Case, vector: np.ndarray) -> float:
+        """chi2 of a vector: squares of innovations, Huber's loss of steps."""
+        seen = self._seen(case)
+        return float(vector[:seen] @ vector[:seen]) + huber(vector[seen:], limits_of(self.segments[case.name]))
+
+    def _roots(self, case: Case, vector: np.ndarray) -> np.ndarray:
+        seen = self._seen(case)
+        return np.concatenate([np.ones(seen), weight_roots(vector[seen:], limits_of(self.segments[case.name]))])
 
     def _part(self, case: Case, share: float) -> np.ndarray:
         frames = self.frames[case.name]
@@ -488,10 +524,7 @@ class Fitter:
                     # what was predicted for this start is fixed: the step changes with the start itself
                     at = column - sum(s.size for s in self.segments[case.name][: part.k])
                     row = ties[part.k] + at
-                    slack = abs(float(here[row]))
-                    limit = DEFAULT.segments.robust
-                    slope = 1.0 if slack <= limit else limit / slack
-                    by_start[row, column] = -slope / part.segment.tie[at]
+                    by_start[row, column] = -1.0 / part.segment.tie[at]
         return by_value, by_start
 
     def _start_jobs(
@@ -547,13 +580,15 @@ class Fitter:
             columns.append(p + k)
             spans.append(2 * step)
         seen = list(_POOL.map(lambda e: self.vector(case, fit.hypothesis, e[0], e[1]), ends))
-        result = np.zeros((len(fit.used(case.name)), p + len(numbers)))
+        roots = fit.roots(case.name)
+        result = np.zeros((len(roots), p + len(numbers)))
         for column, before, after, span in zip(columns, seen[::2], seen[1::2], spans, strict=True):
             if span > 0:
                 result[:, column] = (before - after) / span
         if not single:
-            here = fit.used(case.name)
+            here = fit.used(case.name) / roots
             result[:, p:] = self._sensitivity(case, fit.hypothesis, fit.values, numbers, True, here)[1]
+        result *= roots[:, None]
         return result[:, :p], result[:, p:]
 
     def _finish(self, hypothesis, x, numbers, fixed, near: Fit | None = None) -> Fit:
@@ -570,8 +605,9 @@ class Fitter:
             kept = None if near is None else near.jacobian.get(c.name, (None, None))[1]
             anew = kept is None or kept.shape != (len(here), len(numbers[c.name]))
             by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, (), anew)
-            jacobian[c.name] = (by_value, by_start if anew or kept is None else kept)
-            chi2 += float(here @ here)
+            roots = self._roots(c, here)[:, None]
+            jacobian[c.name] = (by_value * roots, by_start * roots if anew or kept is None else kept)
+            chi2 += self._loss(c, here)
             count += len(seen)
         covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
         return Fit(
@@ -604,6 +640,9 @@ class _Part:
     follower: tuple[float, Segment, np.ndarray] | None
 
 
+MANY = 60  # numbers of starts from which their normal equations stand in for singular values
+
+
 def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:
     """(p, p) of the values, the starts projected out."""
     information = np.zeros((p, p))
@@ -621,11 +660,23 @@ def basis(columns: np.ndarray) -> np.ndarray:
     columns = columns[:, size > 0] / size[size > 0]
     if columns.shape[1] == 0:
         return columns
+    if columns.shape[1] > MANY:
+        # many starts hardly depend on one another: the roots of their normal equations do
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = values > 1e-10 * values[-1]
+        return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     return u[:, s > 1e-7 * s[0]]
 
 
 def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Projection of ``vectors`` (n, m) on the span of ``columns`` (n, k)."""
+    if columns.shape[1] > MANY:
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        values, turned = np.linalg.eigh(columns.T @ columns)
+        kept = values > 1e-10 * values[-1]
+        inner = turned[:, kept].T @ (columns.T @ vectors) / values[kept, None]
+        return np.asarray(columns @ (turned[:, kept] @ inner))
     q = basis(columns)
-    return q @ (q.T @ vectors)
+    return np.asarray(q @ (q.T @ vectors))

@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ..inference.criteria import DEFAULT
+from ..inference.judge import paired
 from ..scene import Scene
 from .data import START_SHARE, Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Hypothesis, Predictor, Term
+from .segments import make_segments
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,33 @@ class Errors:
     whole_by_case: Mapping[str, float] | None = None
     predicted: Mapping[str, np.ndarray] | None = None
     values: Mapping[str, np.ndarray] | None = None
+    # (T, c) of each recording in standard deviations of the noise, NaN where not scored
+    scored: Mapping[str, np.ndarray] | None = None
+    window: float | None = None  # s, of the windows that were scored, None for whole runs
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares in units of the noise."""
+        return float(sum(np.nansum(e**2) for e in (self.scored or {}).values()))
+
+
+PAIRED = 8  # blocks that the held-out frames of a recording are cut into, for each body
+
+
+def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> str:
+    """Whether held-out data are predicted better: by a bootstrap of blocks of frames, see ``paired``."""
+    blocks: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for name, first in (before.scored or {}).items():
+        second = (after.scored or {}).get(name)
+        if second is None:
+            continue
+        for c in range(first.shape[1]):
+            rows = np.flatnonzero(np.isfinite(first[:, c]) & np.isfinite(second[:, c]))
+            for part in np.array_split(rows, PAIRED):
+                if len(part):
+                    blocks[0].append(first[part, c] ** 2)
+                    blocks[1].append(second[part, c] ** 2)
+    return paired(*blocks, rng)
 
 
 class _Bound:
@@ -135,11 +165,22 @@ def held_out_errors(
     ``memory``: see ``fading``.
     """
     errors: dict[str, np.ndarray] = {}
+    sizes: dict[str, np.ndarray] = {}
+    window: float | None = None
     everything: dict[str, np.ndarray] = {}
     predicted: dict[str, np.ndarray] = {}
     used: dict[str, np.ndarray] = {}
     for case in cases:
         if not case.scored.any():
+            continue
+        windows = _windows(case)
+        if windows:
+            seen, length = _by_windows(hypothesis, training, case, windows, predictor, stop)
+            if seen is None:
+                continue
+            array = np.where(case.scored[:, None], case.values - seen, np.nan)
+            errors[case.name], predicted[case.name], window = array, seen, length
+            sizes[case.name] = array / case.sigma
             continue
         runs = [(case.start, errors, case.scored)]
         if case.held_out and whole:
@@ -164,9 +205,52 @@ def held_out_errors(
             into[case.name] = array
             if into is errors:
                 predicted[case.name] = seen
+                sizes[case.name] = array / case.sigma
     pooled = _pool(errors)
     all_frames = _pool(everything)
-    return replace(pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used)
+    return replace(
+        pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
+        scored=sizes, window=window,
+    )  # fmt: skip
+
+
+def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Windows of held-out frames with starts of their own, (frames of the start, the rest), where a run would part.
+
+    None where the recording can be followed from one start: then the run goes on.
+    """
+    criteria = DEFAULT.blocks
+    if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
+        return []
+    rows = np.flatnonzero(case.scored)
+    count = max(1, min(criteria.pieces // 2, len(rows) // criteria.frames))
+    result = []
+    for part in np.array_split(rows, count):
+        cut = max(int(criteria.start * len(part)), criteria.start_frames)
+        first, rest = (np.zeros(len(case.t), dtype=bool) for _ in range(2))
+        first[part[:cut]], rest[part[cut:]] = True, True
+        if rest.any():
+            result.append((first, rest))
+    return result
+
+
+def _by_windows(
+    hypothesis: Hypothesis, training: Fit, case: Case, windows: Sequence[tuple[np.ndarray, np.ndarray]],
+    predictor: Predictor, stop: Callable[[], bool],
+) -> tuple[np.ndarray | None, float]:  # fmt: skip
+    """What is predicted (T, c) of the windows after their starts, NaN elsewhere, and how long they are [s]."""
+    out = np.full(case.values.shape, np.nan)
+    lengths = []
+    for first, rest in windows:
+        fitter = Fitter([case], predictor, {case.name: first}, stop)
+        try:
+            fit = fitter.fit(hypothesis, training.values, None, fixed=True, evaluations=10)
+            seen = fitter.predict(fit, case, rest)
+        except Failed:
+            continue
+        out[rest] = seen[rest]
+        lengths.append(float(np.ptp(case.t[rest])))
+    return (out, float(np.mean(lengths))) if lengths else (None, 0.0)
 
 
 def noise_floor(

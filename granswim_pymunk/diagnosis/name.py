@@ -17,6 +17,9 @@ from .signatures import FAR, Bank, Signature
 
 SPECIAL_CASES = {"ambient_flow": "linear_drag"}  # law: the law it becomes when all but its first number are zero
 LED = 0.5  # of the best gain: laws of a bent valley that come as near are searched to its end
+SHORT = 10  # evaluations of a refit where recordings are followed in segments
+NEAR = 0.1  # of the best first-order gain: where segments are short, laws below it are not refitted,
+VARIANTS = 2  # nor more than so many forms of one law
 INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
 
 
@@ -106,10 +109,11 @@ class InnerSplit:
             both = whole.innovations[case.name]
             before = both[self.fitter.frames[case.name]]
             n = int(np.isfinite(both[self.rest[case.name]]).sum())
-            left = float(np.nansum(both**2)) + float(np.sum(whole.steps[case.name] ** 2))
+            left = float(np.nansum(both**2)) + whole.step_loss(case.name)
             # of the first part: no worse than the fit to all is there
-            least = float(np.nansum(before**2)) + float(np.sum(whole.steps[case.name][: len(first.steps[case.name])] ** 2))
-            left -= min(float(first.used(case.name) @ first.used(case.name)), least)
+            least = float(np.nansum(before**2)) + whole.step_loss(case.name, len(first.steps[case.name]))
+            alone = float(np.nansum(first.innovations[case.name] ** 2)) + first.step_loss(case.name)
+            left -= min(alone, least)
             if n:
                 by_case[case.name] = left / n
             total, count = total + left, count + n
@@ -151,12 +155,16 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
     hypothesis = base.hypothesis.with_term(signature.term)
     first_will_do, evaluations, beginnings = _beginnings(base, signature.term)
+    if fitter.segmented and not _is_limit(signature.term):
+        # over a segment the prediction is nearly linear: its first-order amount is where to begin
+        evaluations, beginnings = SHORT, beginnings[:1]
     best: Fit | None = None
     for share, begin in beginnings:
         values = np.concatenate([base.values, begin])
         found = fitter.fit(
-            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,), evaluations=evaluations
-        )
+            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,), evaluations=evaluations,
+            near=base,
+        )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found
         if first_will_do and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
@@ -208,8 +216,14 @@ def try_candidates(
     """Refit the candidates that are not imitated by starts and recalibration, best first."""
     trials = []
     order = sorted(bank.signatures, key=lambda s: -s.gain)
+    forms: dict[tuple[str, int], int] = {}
     for k, signature in enumerate(order):
         progress(signature.term.label, k, len(order))
+        form = (signature.term.mechanism, len(signature.term.free))
+        forms[form] = forms.get(form, 0) + 1
+        if fitter.segmented and (signature.gain < NEAR * order[0].gain or forms[form] > VARIANTS):
+            trials.append(Trial(signature, None, 0.0, float("inf"), "others explain far more to first order"))
+            continue
         if signature.surviving <= 1e-3 and not (_is_limit(signature.term) and not signature.directions.shape[1]):
             trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
         elif k > 0 and late():

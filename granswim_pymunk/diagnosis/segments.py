@@ -27,13 +27,15 @@ class Segment:
 
     frames : (T,) mask of the frames that are compared;  starts : how its start is described, at the first of them
     until : when the next one begins [s], None for the last;  tie : (m,) one standard deviation of the step from the
-    end of the segment before to the free numbers of this start, empty for the first
+    end of the segment before to the free numbers of this start, empty for the first;  limit : (m,) of such a step over
+    its spread, beyond which it counts in proportion: bounded for bodies that met
     """
 
     frames: np.ndarray
     starts: tuple[StartBody, ...]
     until: float | None
     tie: np.ndarray
+    limit: np.ndarray
 
     @property
     def size(self) -> int:
@@ -74,22 +76,31 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria = DE
         mask[rows[begin:end]] = True
         starts = describe_starts(case, mask)
         until = float(case.t[rows[end]]) if end < len(rows) else None
-        tie = np.zeros(0) if k == 0 else _tie(starts, cuts[k - 1][1], criteria)
-        segments.append(Segment(mask, starts, until, tie))
+        tie, limit = _tie(starts, cuts[k - 1][1] if k else None, criteria)
+        segments.append(Segment(mask, starts, until, tie, limit))
     return tuple(segments)
 
 
-def _tie(starts: Sequence[StartBody], impacts: Sequence[Impact], criteria: SegmentCriteria) -> np.ndarray:
-    """Spread of the step between the end of one segment and the start of the next, over the free numbers."""
-    spreads = []
-    for start in starts:
+def _tie(
+    starts: Sequence[StartBody], impacts: Sequence[Impact] | None, criteria: SegmentCriteria
+) -> tuple[np.ndarray, np.ndarray]:
+    """Spread and limit of the step between the end of one segment and the start of the next, over its free numbers."""
+    spreads, limits = [np.zeros(0)], [np.zeros(0)]
+    for start in starts if impacts is not None else ():
         spread = criteria.narrow * np.where(start.scale > 0, start.scale, 1.0)
-        kick = sum(i.kick.get(start.body, 0.0) for i in impacts)
-        if kick > 0 and start.form in ("free", "rail"):
+        kick = sum(i.kick.get(start.body, 0.0) for i in impacts or ())
+        met = kick > 0 and start.form in ("free", "rail")
+        if met:
             speeds = np.arange(len(spread)) >= 2
             spread = np.maximum(spread, np.where(speeds, criteria.impulse * kick, criteria.lateness * kick))
         spreads.append(spread[start.free])
-    return np.concatenate(spreads) if spreads else np.zeros(0)
+        limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
+    return np.concatenate(spreads), np.concatenate(limits)
+
+
+def limits_of(segments: Sequence[Segment]) -> np.ndarray:
+    """Limits of all steps of a recording, in the order of its segments."""
+    return np.concatenate([s.limit for s in segments])
 
 
 def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> list[Impact]:

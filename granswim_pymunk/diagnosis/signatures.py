@@ -71,12 +71,12 @@ def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarr
             at = 0
             worst = 0.0
             for c in fitter.cases:
-                base = fit.used(c.name)
+                base, roots = fit.used(c.name), fit.roots(c.name)
                 size = len(base)
                 if free.cases is None or c.name in free.cases:
                     values = np.concatenate([fit.values, [f.first for f in term.free]])
                     values[len(fit.values) + k] += step
-                    difference = base - fitter.vector(c, hypothesis, values, fit.starts[c.name])
+                    difference = base - roots * fitter.vector(c, hypothesis, values, fit.starts[c.name])
                     column[at : at + size] = difference / step
                     worst = max(worst, float(np.abs(difference).max(initial=0.0)))
                 at += size

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 DAMPING = 1e-3  # of the diagonal, to begin with
-ENOUGH = 1e-3  # of chi2: a fall that no decision hangs on
+ENOUGH = 0.02  # of chi2: a fall that no decision hangs on
 GOOD = 0.25  # of the promised fall in chi2, below which derivatives that were taken over are renewed
 
 
@@ -23,6 +23,7 @@ class Blocks:
     residuals: np.ndarray
     by_value: np.ndarray
     by_start: np.ndarray
+    normal: np.ndarray | None = None  # by_start' by_start (q, q), where it is known from before
 
 
 Numbers = tuple[np.ndarray, list[np.ndarray]]
@@ -31,17 +32,19 @@ Numbers = tuple[np.ndarray, list[np.ndarray]]
 def descend(
     evaluate: Callable[[np.ndarray, list[np.ndarray]], list[np.ndarray]],
     differentiate: Callable[[np.ndarray, list[np.ndarray], list[np.ndarray], bool], list[Blocks]],
+    loss: Callable[[list[np.ndarray]], float],
     begin: Numbers,
     bounds: tuple[np.ndarray, np.ndarray],
     *,
     stale: bool,
     evaluations: int,
-    tolerance: float = 1e-7,
+    tolerance: float = 1e-5,
 ) -> Numbers:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
 
-    evaluate(values, starts) gives the residuals of each recording;  differentiate(values, starts, residuals, starts_too)
-    the blocks there, derivatives by starts anew only where ``starts_too``
+    evaluate(values, starts) gives the residuals of each recording, loss(residuals) what is to fall;
+    differentiate(values, starts, residuals, starts_too) the blocks there, each row weighted as the loss asks for
+    (iterated weights), derivatives by starts anew only where ``starts_too``
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
     Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, or after ``evaluations``.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
@@ -50,7 +53,7 @@ def descend(
     low, high = bounds
     values, starts = np.clip(begin[0], low, high), [s.copy() for s in begin[1]]
     residuals = evaluate(values, starts)
-    chi2 = sum(float(r @ r) for r in residuals)
+    chi2 = loss(residuals)
     damping, used, fresh = DAMPING, 1, not stale
     blocks = differentiate(values, starts, residuals, fresh)
     while used < evaluations:
@@ -59,7 +62,7 @@ def descend(
         new_starts = [s + d for s, d in zip(starts, steps, strict=True)]
         found = evaluate(new_values, new_starts)
         used += 1
-        now = sum(float(r @ r) for r in found)
+        now = loss(found)
         good = (chi2 - now) / promised if promised > 0 else 0.0
         if np.isfinite(now) and now < chi2:
             fall = chi2 - now
@@ -87,7 +90,7 @@ def _step(
     normal, gradient = np.zeros((p, p)), np.zeros(p)
     own = []
     for b in blocks:
-        h = b.by_start.T @ b.by_start
+        h = (b.by_start.T @ b.by_start) if b.normal is None else b.normal.copy()
         g = b.by_start.T @ b.residuals
         cross = b.by_start.T @ b.by_value
         size = np.diag(h).copy()

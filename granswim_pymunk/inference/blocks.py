@@ -102,7 +102,7 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
             continue
         q = basis(starts)
         values = values - q @ (q.T @ values)
-        left = fit.rows(name)[keep]
+        left = fit.used(name)[keep]
         information += values.T @ values
         gradient += values.T @ left
     size = np.sqrt(np.diag(information))
@@ -167,11 +167,11 @@ def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> 
 def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predictor, criteria: BlockCriteria):
     """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed."""
     case = block.case
-    fitter = Fitter([case], predictor, {case.name: block.start})
+    fitter = Fitter([case], predictor, {case.name: block.start}, whole=True)
     values = without(fit, cases, block)
     found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
     numbers = found.starts[case.name]
-    here = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)
+    here, _ = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)
     _, columns = fitter.derivatives(case, fit.hypothesis, values, numbers, block.frames, True, here)
     frames = np.flatnonzero(block.frames)
     first, rest = block.start[frames], block.rest[frames]

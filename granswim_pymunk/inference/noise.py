@@ -11,7 +11,8 @@ from scipy import stats
 
 from .criteria import DEFAULT, NoiseCriteria
 
-BANDS = (4, 12, 40)  # lowest frequencies that are summed, beside all: physics that was left out is slow
+BANDS = (4, 12, 40)  # lowest frequencies that are summed, beside the lower half: physics that was left out is slow
+TRUSTED = 1.5  # by how much the fast half of a spectrum may differ from the noise that was believed and still be it
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,26 @@ def periodogram(series: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(np.fft.rfft(series)[1 : len(series) // 2 + 1]) ** 2 / len(series))
 
 
+def _spectra(residuals: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
+    """Periodograms over the level of their fast half, which no fit of something slow has touched, and its size."""
+    found = []
+    for r in residuals:
+        if len(r) < 12:
+            continue
+        power = periodogram(r)
+        fast = power[len(power) // 2 :]
+        level = float(np.clip(fast.mean(), 1 / TRUSTED**2, TRUSTED**2))
+        found.append((power / level, len(fast)))
+    return found
+
+
 def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria = DEFAULT.noise) -> Noise:
     """The noise that makes residuals of several channels, in units of the white part, most likely.
 
     Only the slow part is looked for, within what the criteria let pass; the white part is known.
-    -2 ln L = sum(ln S + I/S) over frequencies (Whittle 1953, Ark. Mat. 2, 423).
+    -2 ln L = 2 sum(ln S + I/S) over frequencies (Whittle 1953, Ark. Mat. 2, 423).
     """
-    series = [periodogram(r) for r in residuals if len(r) >= 12]
+    series = [power for power, _ in _spectra(residuals)]
     if not series:
         return Noise()
     sizes = criteria.slow_most * np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.65, 0.85, 1.0])
@@ -70,7 +84,7 @@ def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria = DEFAULT
             noise = Noise(float(size), float(memory))
             value = 0.0 if size == 0 else 4.0  # two more numbers (AIC)
             for power in series:
-                expected = noise.spectrum(2 * len(power))
+                expected = noise.spectrum(2 * len(power))[: len(power)]
                 value += 2 * float(np.sum(np.log(expected) + power / expected))
             if value < least:
                 best, least = noise, value
@@ -78,22 +92,23 @@ def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria = DEFAULT
 
 
 def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
-    """Probability that this noise looks as large as these residuals at low frequencies, or over all of them.
+    """Probability that this noise looks as large as these residuals at low frequencies.
 
-    I/S is exponential at each frequency; sums over the lowest ones, and over all, are gamma distributed. The least
-    of these probabilities, times their number.
+    I/S is exponential at each frequency, so that the mean over low ones against that over the fast half has the F
+    distribution. The least of these probabilities over several bands, times their number.
     """
-    ratios = [periodogram(r) for r in residuals if len(r) >= 12]
-    ratios = [power / noise.spectrum(2 * len(power)) for power in ratios]
-    if not ratios:
+    spectra = [(power / noise.spectrum(2 * len(power))[: len(power)], fast) for power, fast in _spectra(residuals)]
+    if not spectra:
         return 1.0
-    longest = max(len(r) for r in ratios)
-    bands = [m for m in BANDS if m < longest] + [longest]
+    half = max(len(power) - fast for power, fast in spectra)
+    bands = [m for m in BANDS if m < half] + [half]
+    told = sum(fast for _, fast in spectra)
     least = 1.0
     for m in bands:
-        used = [r[:m] for r in ratios]
-        total, count = sum(float(u.sum()) for u in used), sum(len(u) for u in used)
-        least = min(least, float(stats.gamma.sf(total, count)))
+        low = [power[: min(m, len(power) - fast)] for power, fast in spectra]
+        count = sum(len(part) for part in low)
+        ratio = sum(float(part.sum()) for part in low) / max(count, 1)
+        least = min(least, float(stats.f.sf(ratio, 2 * count, 2 * told)))
     return min(1.0, least * len(bands))
 
 
