@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,14 +12,12 @@ from .candidates import camera_terms, for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Hypothesis, Predictor
-from .innovations import Whiteness
-from .name import InnerSplit, Trial, is_apparatus, is_part, label_of, spread_of
+from .name import InnerSplit, Trial, is_apparatus, is_part, spread_of
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
-MOST_LEFT = 0.5  # of the misfit: an apparatus that leaves more is not what is wrong
 REPLICATES = 299
 
 
@@ -159,52 +157,6 @@ def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, traini
     if all(c.sigma_known for c in training) and rest > 3 * np.sqrt(2 * revised.count):
         share = max(share, rest / max(recalibrated.chi2 - recalibrated.count, 1e-12))
     return float(share)
-
-
-def verdict_among(
-    found: list[Trial], arms: Sequence[Trial], inner_scores: Mapping[str, float], white_recalibrated: Whiteness,
-    naive: Fit, recalibrated: Fit, revised: Fit, spread: float, adjustable: bool, training: Sequence[Case],
-    notes: list[str],
-) -> tuple[str, Trial | None]:  # fmt: skip
-    """Which of the five verdicts, and the flexible arm where it wins."""
-    base = inner_scores["recalibrated"]
-    arm = min(arms, key=lambda t: t.inner, default=None)
-    named_inner = inner_scores.get(label_of(*found), found[0].inner) if found else base
-    named_gain = recalibrated.chi2 - revised.chi2
-    if arm is not None and arm.fit is not None:
-        more = arm.numbers - sum(t.numbers for t in found)
-        # where the size of the noise is given, what a law leaves beyond it does not excuse the law
-        level = min(spread, spread_of(arm.fit, training)) if all(c.sigma_known for c in training) else spread
-        ahead = (arm.gain - named_gain) / level - 2 * more
-        # a margin in prediction and in fit, so that a spline of the same law does not win by chance
-        clear = ahead > (25 if more > 0 else 12) and arm.inner < 0.9 * named_inner
-        clear = clear and arm.inner - 1.0 < 0.6 * (named_inner - 1.0)
-        # two laws that one force of no more numbers replaces were put together to imitate it
-        instead = len(found) > 1 and more <= 0 and ahead > SAME and arm.inner <= named_inner
-        if arm.inner < base and (clear or instead):
-            return "unmodelled", arm
-    if found:
-        # a law that is the best of a poor lot is not an explanation
-        left = left_over(revised, recalibrated, named_inner, base, training)
-        if spread > 1.0 and left > POOR:
-            notes.append(f"the best named law, {found[0].mechanism}, leaves {100 * left:.0f} % of the misfit")
-            if all(is_apparatus(t) for t in found) and left < MOST_LEFT:
-                notes.append("until the apparatus is put right these data say nothing about the physics")
-                return "measurement", None
-            return "unmodelled", arm
-        if all(is_apparatus(t) for t in found):
-            return "measurement", None
-        return "missing_physics", None
-    if white_recalibrated.z > 6 and white_recalibrated.p < 1e-6:
-        # the size of the noise is given, and this is more than noise
-        notes.append("the innovations are far above the stated noise, and no named law predicts them better")
-        return "unmodelled", arm
-    improved = naive.chi2 - recalibrated.chi2
-    if adjustable and improved / spread > 12 + 2 * len(recalibrated.values):
-        return "recalibrate", None
-    if white_recalibrated.p < 1e-4:
-        notes.append("the innovations are not white noise, but nothing tried predicts them better")
-    return "no_mismatch", None
 
 
 def rivals_of(found: list[Trial], alive: list[Trial], spread: float, verdict: str) -> list[tuple[Trial, bool]]:

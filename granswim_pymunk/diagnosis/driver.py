@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import stats
 
-from ..recording import Recording
-from .candidates import flexible_terms, named_terms
 from ..inference.blocks import Block, Explained, Scores, explained, make_blocks, score
 from ..inference.criteria import DEFAULT, Criteria
 from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
+from ..recording import Recording
+from .candidates import flexible_terms, named_terms
 from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
-from .fit import Fit, Fitter
+from .fit import Fit, Fitter, joined
 from .held_out import (
     Errors,
     held_out_errors,
@@ -77,6 +77,7 @@ class Diagnosis:
     heldout: str | None
     closest: list[tuple[Trial, Explained]]  # named laws that were not accepted, with what they explain
     withdrawn: list[Trial]  # named laws that held-out data turned down
+    withdrawn_held: Errors | None
     window: float | None
     notes: list[str] = field(default_factory=list)
     seconds: float = 0.0
@@ -151,6 +152,10 @@ def diagnose_bodies(
     naive, recalibrated = tried.naive, tried.recalibrated
     null, chosen = _beyond_nulls(study, tried)
     found, revised, dropped, others = _explained(study, tried, chosen)
+    fitter = study.fitter
+    if found and fitter.segmented:
+        fitter, revised = joined(fitter, revised)
+        found = [replace(t, fit=revised) for t in found]
     spread = spread_of(revised, training) if found else tried.spread
     whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
     study.progress("what explains", 0.72)
@@ -166,7 +171,7 @@ def diagnose_bodies(
         rivals = rivals_of(found, tried.alive, spread, verdict)
 
     if found and verdict in ("missing_physics", "measurement"):
-        revised = with_limits(study.fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
+        revised = with_limits(fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
         if revised.limits:
             names = ", ".join(revised.hypothesis.free[k].name for k in revised.limits)
             notes.append(f"{names} and the adjustables are known only together: their intervals are profiles of chi2")
@@ -179,7 +184,8 @@ def diagnose_bodies(
     fits = {"naive": naive, "recalibrated": recalibrated, "revised": revised}
     train = {name: training_errors(fit, training) for name, fit in fits.items()}
     held = {name: _held_out(study, fit) for name, fit in fits.items()}
-    rival_held = {t.mechanism: _held_out(study, t.fit, whole=False) for t, _ in rivals if t.fit is not None}
+    scored = [t for t, _ in rivals] + [t for t, _ in closest]
+    rival_held = {t.mechanism: _held_out(study, t.fit, whole=False) for t in scored if t.fit is not None}
     study.progress("noise floor", 0.92)
     floor = noise_floor(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
 
@@ -189,13 +195,15 @@ def diagnose_bodies(
     if rms is not None and floor[1] and rms > BEYOND_FLOOR * floor[1] and len(revised.values) and not late(0.9):
         right_law = right_law_errors(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
     proposal = _proposed(study, found, rivals)
-    heldout, withdrawn = None, []
+    heldout, withdrawn, withdrawn_held = None, list[Trial](), None
     if found and verdict in ("missing_physics", "measurement", "unmodelled"):
         heldout = paired_verdict(held["recalibrated"], held["revised"], study.rng)
     if heldout == "fails":
         study.notes.append(f"held-out data are predicted worse with {label_of(*found)} than without: it is withdrawn")
         withdrawn = found if verdict != "unmodelled" else []
-        judged, verdict, found, revised = Judgement("unmodelled", None, judged.free_form), "unmodelled", [], recalibrated
+        withdrawn_held = held["revised"]
+        judged, verdict = Judgement("unmodelled", None, judged.free_form), "unmodelled"
+        found, revised = [], recalibrated
         held["revised"], train["revised"] = held["recalibrated"], train["recalibrated"]
     complete = weighed.completeness(revised, study)
     remains = None
@@ -213,6 +221,7 @@ def diagnose_bodies(
         windows=windows, places=places, spread=spread, train=train, held=held, rival_held=rival_held,
         floor=floor, right_law=right_law, inner=tried.inner, proposal=proposal, judged=judged,
         complete=complete.passes, remains=remains, heldout=heldout, closest=closest, withdrawn=withdrawn,
+        withdrawn_held=withdrawn_held,
         window=held["revised"].window, notes=notes,
         seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed, dropped_bodies=dropped,
         dt=dict(study.predictor.dt),
@@ -413,7 +422,7 @@ def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> We
 def _judged(
     study: Study, tried: Tried, null: Null | None, found: list[Trial], revised: Fit, spread: float, weighed: Weighed
 ) -> tuple[Judgement, list[Trial], Fit, list[tuple[Trial, Explained]]]:
-    """The verdict of the contract, the laws or the force without a name that stand, their fit, and the names that fell."""
+    """The verdict of the contract, the laws or the nameless force that stand, their fit, and the names that fell."""
     recalibrated, notes = tried.recalibrated, study.notes
     shares = [e.share for _, e in weighed.forms]
     form_share = max(shares, default=None)
@@ -445,7 +454,7 @@ def _judged(
 
 
 def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Remains | None:
-    """What is left of unseen training data, and which law or nameless force around the revised scene is most like it."""
+    """What is left of unseen training data, and which law or nameless force beside the revised scene is most like it."""
     noise = weighed.completeness(revised, study).noise
     scores = weighed.named_scores
     if scores is None or weighed.named is None or revised is tried.recalibrated:

@@ -66,7 +66,7 @@ def surrogate(innovations: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def search_nulls(
     bank: Bank,
-    noise: Sequence[np.ndarray] | float,
+    noise: Sequence[tuple[np.ndarray, int]] | float,
     wanted: np.ndarray,
     case: float,
     replicates: int,
@@ -75,16 +75,23 @@ def search_nulls(
     """Search again in innovations that hold no candidate.
 
     ``noise``: the size of white noise, or innovations (T, c) of each recording, in the order of the bank, whose
-    phases are shuffled. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data.
+    phases are shuffled, and how many steps between segments come after them. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data.
     """
     if isinstance(noise, float):
         drawn = noise * rng.normal(size=(len(bank.innovations), replicates))
     else:
-        drawn = np.column_stack([np.concatenate([surrogate(array, rng) for array in noise]) for _ in range(replicates)])
+        drawn = np.column_stack([_shuffled_again(noise, rng) for _ in range(replicates)])
     return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)
 
 
-def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[np.ndarray] | float:
+def _shuffled_again(noise: Sequence[tuple[np.ndarray, int]], rng: np.random.Generator) -> np.ndarray:
+    """One replicate of all recordings; steps between segments are as wide as they are expected to be."""
+    return np.concatenate(
+        [part for array, steps in noise for part in (surrogate(array, rng), rng.normal(size=steps))]
+    )  # fmt: skip
+
+
+def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[tuple[np.ndarray, int]] | float:
     """What the nulls are drawn from: the size of white noise, or, where more remains, what the best fit leaves over.
 
     A fit takes the slow part of the noise away, which is where laws are: where white noise remains its size alone
@@ -94,4 +101,4 @@ def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[np.ndarray]
     if spread <= 1.0:
         return 1.0 if all(c.sigma_known for c in cases) else float(np.sqrt(fit.chi2 / free))
     size = np.sqrt(fit.count / free)
-    return [fit.innovations[c.name] * size for c in cases]
+    return [(fit.innovations[c.name] * size, len(fit.steps.get(c.name, ()))) for c in cases]

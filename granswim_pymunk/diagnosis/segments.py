@@ -45,7 +45,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Impact:
-    """Bodies that met: ``row`` of the closest frame, ``apart`` the first after it in which they are clear of each other.
+    """Bodies that met: ``row`` of the closest frame, ``apart`` the first after it in which they are clear.
 
     kick : |change of velocity| of each [m/s]
     """
@@ -164,7 +164,7 @@ def _minima(gap: np.ndarray, near: float) -> list[int]:
 def _kick(
     t: np.ndarray, xy: np.ndarray, sigma: float, span: tuple[int, int], criteria: SegmentCriteria
 ) -> float:
-    """|change of velocity| [m/s] across a span of rows, from lines through the frames beside it; 0 where it is noise."""
+    """|change of velocity| [m/s] across a span of rows, from lines through frames beside it; 0 where it is noise."""
     n, (row, apart) = criteria.around, span
     speeds, spreads = [], []
     for rows in (np.arange(max(row - n, 0), row), np.arange(apart, min(apart + n, len(t)))):

@@ -11,6 +11,7 @@ from typing import Any
 
 import tomli_w
 
+from ..inference.judge import explained_dict
 from ..scene import Scene, Time
 from .candidates import distinct_bodies, owners
 from .data import Case
@@ -20,6 +21,8 @@ from .held_out import Errors
 from .hypothesis import NO_CAMERA, equation_with
 from .name import Trial
 from .start import states
+
+FORMAT = "granswim-verdict/2"
 
 
 def _number(value: float | None) -> float | None:
@@ -92,28 +95,21 @@ def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
 
 
 def heldout_gain(diagnosis: Diagnosis, errors: Errors) -> float | None:
-    """How much the mean squared error on held-out data falls against recalibration, as a log-ratio:
-    n/2 ln(recalibrated/this), n the independent held-out numbers."""
-    before, after = diagnosis.held["recalibrated"].rms, errors.rms
-    if not before or not after:
+    """Half the fall of chi2 on held-out data, recalibrated less this."""
+    before = diagnosis.held["recalibrated"]
+    if before.rms is None or errors.rms is None:
         return None
-    n = sum(int(math.prod(c.values[c.scored].shape)) for c in diagnosis.cases) / max(diagnosis.spread, 1.0)
-    return float(max(n, 1.0) * math.log(before / after))
+    return (before.chi2 - errors.chi2) / 2
 
 
 def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The contents of verdict.json (contract version 1)."""
+    """The contents of verdict.json (contract version 2)."""
     d = diagnosis
     mechanisms: list[dict[str, Any]] = []
     rival_gain = {name: heldout_gain(d, e) for name, e in d.rival_held.items()}
     gain = heldout_gain(d, d.held["revised"])
     if d.verdict == "unmodelled" and d.found:
-        trial = d.found[0]
-        entry = _entries(d, trial, gain)[0]
-        if not trial.mechanism.startswith("flexible"):
-            entry["expression"] = (
-                f"not explained; of the named laws {trial.mechanism} comes closest: {entry['expression']}"
-            )
+        entry = _entries(d, d.found[0], gain)[0]
         entry["name"] = "unknown"
         mechanisms.append(entry)
     else:
@@ -131,16 +127,17 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     }
     whole = {k: _number(v.whole) for k, v in d.held.items()}
     result: dict[str, Any] = {
-        "format": "granswim-verdict/1",
+        "format": FORMAT,
         "verdict": d.verdict,
         "mismatch": [place.as_dict() for place in d.places],
         "mechanisms": mechanisms,
-        "rivals": [
-            {"name": t.mechanism, "gain_heldout": rival_gain.get(t.mechanism), "indistinguishable": same}
-            for t, same in d.rivals
-        ],
-        "fit": {**errors, "unit": next(c.unit for c in d.cases)},
+        "rivals": _rivals(d, rival_gain),
+        "heldout": d.heldout,
+        "fit": {**errors, "unit": next(c.unit for c in d.cases), "window": d.window},
         "null": {"p_false_alarm": d.null.p, "replicates": len(d.null.gains)} if d.null else None,
+        "explained": explained_dict(d.judged),
+        "complete": d.complete,
+        "remains": None if d.remains is None else d.remains.as_dict(),
         "next_experiment": None
         if d.proposal is None
         else {"change": d.proposal.change, "separates": list(d.proposal.separates), "d_prime": d.proposal.d_prime},
@@ -153,6 +150,25 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     if any(whole.values()):
         result["fit"]["heldout_start_fitted_to_whole"] = whole
     return result
+
+
+def _rivals(d: Diagnosis, gains: dict[str, float | None]) -> list[dict[str, Any]]:
+    """What was named and did not stand comes first, then what does worse or as well."""
+    withdrawn = [
+        {"name": t.mechanism, "gain_heldout": heldout_gain(d, d.withdrawn_held), "indistinguishable": False,
+         "withdrawn": True}
+        for t in d.withdrawn if d.withdrawn_held is not None
+    ]  # fmt: skip
+    near = [
+        {"name": t.mechanism, "gain_heldout": gains.get(t.mechanism), "indistinguishable": False, "share": e.share}
+        for t, e in d.closest
+    ]
+    first = {r["name"] for r in (*withdrawn, *near)}
+    others = [
+        {"name": t.mechanism, "gain_heldout": gains.get(t.mechanism), "indistinguishable": same}
+        for t, same in d.rivals if t.mechanism not in first
+    ]  # fmt: skip
+    return [*withdrawn, *near, *others]
 
 
 def _remaining(d: Diagnosis) -> list[str]:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ..diagnosis.data import Case
-from ..diagnosis.fit import Fit, Fitter, basis
+from ..diagnosis.fit import Fit, Fitter, project
 from ..diagnosis.hypothesis import Failed, Predictor
+from ..diagnosis.segments import find_impacts, make_segments
 from .criteria import DEFAULT, BlockCriteria
 from .noise import Noise
+
+
+LEAST_TOLD = 0.1  # of what all data tell of a number: where the others tell less, it stays as it is
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,10 @@ def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks)
     pieces = 1 if whole else math.ceil(criteria.pieces / max(len(training), 1))
     share = criteria.whole_start if whole else criteria.start
     for case in training:
+        through = [] if whole else _through_impacts(case, criteria)
+        if through:
+            blocks += through
+            continue
         rows = np.flatnonzero(case.training)
         count = max(1, min(pieces, len(rows) // criteria.frames))
         for part in np.array_split(rows, count):
@@ -80,6 +89,20 @@ def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks)
     return blocks
 
 
+def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
+    """From the flight before an impact through it to the next one; none where nothing met."""
+    segments = make_segments(case, case.training)
+    hits = np.array([i.row for i in find_impacts(case)] or [len(case.t)])
+    blocks = []
+    for before, after in pairwise(segments):
+        first = np.flatnonzero(before.frames)[0]
+        hit = hits[hits > first].min(initial=len(case.t))
+        start = before.frames & (np.arange(len(case.t)) < hit)
+        if start.sum() >= criteria.start_frames // 2:
+            blocks.append(Block(case, start, after.frames, False))
+    return blocks
+
+
 def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
@@ -89,24 +112,19 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     p = len(free)
     if not p:
         return fit.values
-    information, gradient = np.zeros((p, p)), np.zeros(p)
+    information, gradient, all_told = np.zeros((p, p)), np.zeros(p), np.zeros(p)
     for name, (by_value, by_start) in fit.jacobian.items():
-        full = fit.innovations[name]
-        seen = np.isfinite(full)
-        keep = np.ones(len(by_value), dtype=bool)
-        if name == block.case.name:
-            frame_of = np.nonzero(seen)[0]
-            keep[: len(frame_of)] = ~block.frames[frame_of]
-        values, starts = by_value[keep], by_start[keep]
+        keep = _outside(fit, name, block) if name == block.case.name else np.ones(len(by_value), dtype=bool)
+        whole = by_value - project(by_start, by_value)
+        all_told += np.sum(whole**2, axis=0)
+        values = by_value[keep]
         if not len(values):
             continue
-        q = basis(starts)
-        values = values - q @ (q.T @ values)
-        left = fit.used(name)[keep]
+        values = values - project(by_start[keep], values)
         information += values.T @ values
-        gradient += values.T @ left
+        gradient += values.T @ fit.used(name)[keep]
     size = np.sqrt(np.diag(information))
-    told = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
+    told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
     if not told.any():
         return fit.values
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
@@ -115,6 +133,16 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     moved[told] += step
     low, high = fit.hypothesis.bounds
     return np.clip(moved, low, high)
+
+
+def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:
+    """Rows of a recording in ``Fit.used`` that do not lie in a block, nor join segments that do."""
+    frame_of = np.nonzero(np.isfinite(fit.innovations[name]))[0]
+    inside = [bool((s.frames & block.frames).any()) for s in fit.segments[name]]
+    ties = [
+        np.full(len(s.tie), not (inside[k] or inside[k - 1])) for k, s in enumerate(fit.segments[name]) if k
+    ]  # fmt: skip
+    return np.concatenate([~block.frames[frame_of], *ties])
 
 
 def score(
@@ -217,7 +245,7 @@ def explained(
     after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria = DEFAULT.blocks,
     beyond: float = DEFAULT.verdict.beyond,
 ) -> Explained:  # fmt: skip
-    """Compare the scores of a hypothesis with those of the recalibrated scene; blocks that either failed are left out."""
+    """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed."""
     units = [u for u in before.sums if u in after.sums]
     if not units:
         return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)

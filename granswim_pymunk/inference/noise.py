@@ -113,7 +113,7 @@ def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
 
 
 def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCriteria = DEFAULT.noise) -> np.ndarray:
-    """(T,) True where a single sighting lies off the line through the frames before it and off that through those after.
+    """(T,) True where a single sighting is off the line through the frames before it and off that through those after.
 
     t (T,) [s], values (T,), NaN where not seen. A kink, as in a collision, continues one of the two; a jump that
     stays continues the other.
