@@ -11,9 +11,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from ..errors import InputError
+from ..inference.criteria import DEFAULT
+from ..inference.noise import outliers
 from ..recording import Recording
 
 TRAINING_SHARE = 0.6  # of the time, where single recordings are split
+MANY_FRAMES = 40  # of a channel, from which its noise can be told
+LEAST_TOLD = 150  # sightings in all, from which a stated noise can be refuted
 START_SHARE = 0.2  # of a held-out recording, on which its start is fitted
 
 
@@ -30,7 +34,8 @@ class Case:
     """One recording, ready to be compared.
 
     t : (T,) frame times [s];  values : (T, c) measured numbers, NaN where there is none;
-    sigma : (c,) one standard deviation of the noise;  sigma_known : given by the experimenter
+    sigma : (c,) one standard deviation of the white noise;  sigma_known : given by the experimenter, and not refuted
+    notes : what was found of the noise
     training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
         parameters are known; scored as held out
     """
@@ -45,6 +50,7 @@ class Case:
     start: np.ndarray
     scored: np.ndarray
     held_out: bool
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -84,8 +90,9 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     return next((now for now, then in pairwise(found) if then > 0.9 * now), found[-2])
 
 
-def prepare(recording: Recording, *, held_out: bool, split: bool) -> Case:
-    """Make a Case. ``held_out``: nothing of it is used for fitting; ``split``: the last 40 % of its time are.
+def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = True) -> Case:
+    """Make a Case. ``held_out``: nothing of it is used for fitting; ``split``: the last 40 % of its time are;
+    ``clean``: single sightings that are no positions are left out, and the noise that was stated is held against them.
 
     Raises InputError where there is nothing to look at.
     """
@@ -127,6 +134,13 @@ def prepare(recording: Recording, *, held_out: bool, split: bool) -> Case:
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
     values = np.column_stack(columns)
+    notes, lost = list[str](), 0
+    if clean:
+        values, lost = _without_outliers(t, values, channels, sigmas)
+        sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known)
+        known = known and not refuted
+    if lost:
+        notes.append(f"{recording.name}: {lost} single sightings are off by more than noise and are left out")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
     begin, end = float(t[0]), float(t[-1])
@@ -139,7 +153,62 @@ def prepare(recording: Recording, *, held_out: bool, split: bool) -> Case:
         training, start, scored = before, before, ~before
     else:
         training, start, scored = ~nothing, ~nothing, nothing
-    return Case(recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out)
+    return Case(
+        recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes)
+    )
+
+
+def _without_outliers(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+) -> tuple[np.ndarray, int]:
+    """The numbers (T, c) without single sightings that are no positions, and how many were taken out.
+
+    Where one coordinate of a body is off, the other is not believed either.
+    """
+    found = np.zeros(values.shape, dtype=bool)
+    for c, sigma in enumerate(sigmas):
+        seen = values[np.isfinite(values[:, c]), c]
+        estimate = estimate_noise(t[np.isfinite(values[:, c])], seen)
+        found[:, c] = outliers(t, values[:, c], max(sigma, estimate))
+    for body in dict.fromkeys(channel.body for channel in channels):
+        mine = [c for c, channel in enumerate(channels) if channel.body == body]
+        found[:, mine] = found[:, mine].any(axis=1, keepdims=True)
+    return np.where(found, np.nan, values), int(found.any(axis=1).sum())
+
+
+def _weighed_noise(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool
+) -> tuple[list[float], bool, list[str]]:
+    """Sizes of the noise, whether what was stated is refuted by the recording itself, and what is to be said of it.
+
+    What neighbouring frames say is believed where all channels of a kind together are off by more than
+    ``stated_off``, and are told well enough.
+    """
+    result, refuted, notes = list(sigmas), False, list[str]()
+    if not known:
+        return result, False, notes
+    for kinds, what, unit in ((("x", "y"), "positions", "m"), (("angle",), "angles", "rad")):
+        ratios, told = [], 0
+        for c, channel in enumerate(channels):
+            seen = np.isfinite(values[:, c])
+            if channel.kind in kinds and seen.sum() >= MANY_FRAMES:
+                estimate = estimate_noise(t[seen], values[seen, c])
+                if estimate > 0:
+                    ratios.append(np.log(estimate / sigmas[c]))
+                    told += int(seen.sum())
+        if not ratios or told < LEAST_TOLD:
+            continue
+        off = float(np.median(ratios))
+        if abs(off) > DEFAULT.noise.stated_off:
+            refuted = True
+            mine = [c for c, channel in enumerate(channels) if channel.kind in kinds]
+            for c in mine:
+                result[c] = sigmas[c] * float(np.exp(off))
+            notes.append(
+                f"noise of {what}: {sigmas[mine[0]]:.2g} {unit} was stated, neighbouring frames show "
+                f"{result[mine[0]]:.2g} {unit}, which is used"
+            )
+    return result, refuted, notes
 
 
 def choose_held_out(recordings: Sequence[Recording]) -> set[str]:

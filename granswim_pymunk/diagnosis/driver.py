@@ -242,6 +242,7 @@ def _study(
     fitter = Fitter(cases, predictor)
     inner = InnerSplit.make(training, predictor, lambda: False)
     study = Study(cases, training, predictor, fitter, inner, stages, adjustable_terms(cases), rng, progress, late)
+    study.notes += dict.fromkeys(note for case in cases for note in case.notes)
     if len({c.unit for c in cases}) > 1:
         study.notes.append("some recordings are angles only: errors are pooled in the unit of the first")
     return study
@@ -381,6 +382,7 @@ class Weighed:
         return self.told[id(fit)]
 
 
+BESIDE, FEW = 6, 6  # leading laws, and how many numbers one may have, of which what is left may be the like
 FORMS = 0.3  # of the gain of the best form without a name: those below it are not weighed
 
 
@@ -460,7 +462,8 @@ def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Rema
     if scores is None or weighed.named is None or revised is tried.recalibrated:
         scores = score(revised, study.cases, weighed.blocks, study.predictor, noise, study.rng)
     taken = {t.mechanism for t in revised.hypothesis.terms}
-    beside = [t for t in (*tried.terms, *(a.term for a in tried.arms)) if t.mechanism not in taken]
+    leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
+    beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
     signatures = make_bank(study.fitter, revised, beside).signatures
     best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
     from ..report.words import plainly

@@ -223,7 +223,7 @@ def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
     if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
         return []
     rows = np.flatnonzero(case.scored)
-    count = max(1, min(criteria.pieces // 2, len(rows) // criteria.frames))
+    count = max(1, min(criteria.pieces, len(rows) // criteria.frames))
     result = []
     for part in np.array_split(rows, count):
         cut = max(int(criteria.start * len(part)), criteria.start_frames)

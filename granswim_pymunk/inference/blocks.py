@@ -13,6 +13,7 @@ from ..diagnosis.data import Case
 from ..diagnosis.fit import Fit, Fitter, project
 from ..diagnosis.hypothesis import Failed, Predictor
 from ..diagnosis.segments import find_impacts, make_segments
+from ..laws import all_laws
 from .criteria import DEFAULT, BlockCriteria
 from .noise import Noise
 
@@ -106,7 +107,8 @@ def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
 def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
-    delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays.
+    delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays, or
+    is zero where it belongs to a force without a name.
     """
     free = fit.hypothesis.free
     p = len(free)
@@ -126,13 +128,27 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     size = np.sqrt(np.diag(information))
     told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
     if not told.any():
-        return fit.values
+        return np.where(_nameless(fit), 0.0, fit.values)
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
     step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-8)[0] / size[told]
     moved = fit.values.copy()
     moved[told] += step
+    moved[~told & _nameless(fit)] = 0.0
     low, high = fit.hypothesis.bounds
     return np.clip(moved, low, high)
+
+
+def _nameless(fit: Fit) -> np.ndarray:
+    """(p,) numbers of a force without a name: one that only a block tells could follow anything there."""
+    laws = all_laws()
+    return np.array(
+        [
+            term.mechanism in laws and laws[term.mechanism].candidate == "flexible"
+            for term in fit.hypothesis.terms
+            for _ in term.free
+        ],
+        dtype=bool,
+    )
 
 
 def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:

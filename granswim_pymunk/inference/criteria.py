@@ -61,7 +61,8 @@ class BlockCriteria:
     """How unseen data inside the training part are scored.
 
     recordings : so many training recordings, and whole recordings are the blocks (contract: 3)
-    pieces : blocks that the training part of fewer recordings is cut into, altogether. Choice
+    pieces : blocks that the training part of fewer recordings is cut into, altogether. Choice: what a steady force
+        shows of itself grows like the time to the power of 2.5, so few and long ones; four are the least to resample
     frames : the least of a block. Choice: a start takes some six
     start : share of a block's frames on which its start is fitted. Choice; for whole recordings that of the contract
     start_frames : the least of them
@@ -70,7 +71,7 @@ class BlockCriteria:
     """
 
     recordings: int = 3
-    pieces: int = 8
+    pieces: int = 4
     frames: int = 16
     start: float = 0.35
     whole_start: float = 0.2

@@ -142,12 +142,23 @@ def headline(diagnosis: Diagnosis) -> str:
     mechanisms = list(dict.fromkeys(t.mechanism for t in diagnosis.found))
     laws = [spoken(m) for m in mechanisms if m not in APPARATUS]
     apparatus = [spoken(m) for m in mechanisms if m in APPARATUS]
+    if diagnosis.withdrawn:
+        names = listed(list(dict.fromkeys(spoken(t.mechanism) for t in diagnosis.withdrawn)))
+        return f"Withdrawn: held-out data are predicted worse with {names} than without, so no law is named."
     if diagnosis.verdict == "missing_physics":
         text = f"The scene leaves out {listed(laws)}{_on_whom(diagnosis)}"
+        if not diagnosis.complete:
+            text = f"The best approximation so far: the scene leaves out {listed(laws)}{_on_whom(diagnosis)}"
         return text + (f", and the measurement is off: {listed(apparatus)}." if apparatus else ".")
     if diagnosis.verdict == "measurement":
         return f"The measurement is off, not the physics: {listed(apparatus)}."
     if diagnosis.verdict == "unmodelled":
+        if diagnosis.closest:
+            name, share = spoken(diagnosis.closest[0][0].mechanism), diagnosis.closest[0][1].share
+            return (
+                "Something is missing from the scene, and no law known here describes it; what comes closest, "
+                f"{name}, explains {_percent(share)} of it."
+            )
         return "Something is missing from the scene, and no law known here describes it."
     if diagnosis.verdict == "recalibrate":
         moved = [f.name for f in fitted_numbers(diagnosis.recalibrated, 1.0, adjustable=True)]
@@ -173,7 +184,7 @@ def _on_whom(diagnosis: Diagnosis) -> str:
 def summary(diagnosis: Diagnosis) -> str:
     """One short paragraph (HTML): what helps and by how much, what remains, how sure, what else it may be."""
     unit = _unit(diagnosis)
-    parts = []
+    parts = _standing(diagnosis)
     part, errors, floor = "held-out", diagnosis.held, diagnosis.floor[1]
     if _rms(errors, "naive") is None:
         part, errors, floor = "training", diagnosis.train, diagnosis.floor[0]
@@ -241,6 +252,38 @@ def summary(diagnosis: Diagnosis) -> str:
         a, b = (spoken(n) for n in diagnosis.proposal.separates)
         parts.append(f"To measure next, so that {a} and {b} part: {escaped(diagnosis.proposal.change)}.")
     return " ".join(parts)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * max(share, 0.0):.0f}\u00a0%"
+
+
+def _standing(diagnosis: Diagnosis) -> list[str]:
+    """What fails first, then how much is explained and what is left (HTML sentences)."""
+    parts = []
+    if diagnosis.heldout == "undecided" and diagnosis.verdict in ("missing_physics", "measurement"):
+        parts.append("The held-out data do not decide whether it predicts better.")
+    told = diagnosis.judged.explained
+    if told is not None and told.sure and diagnosis.verdict in ("missing_physics", "measurement", "unmodelled"):
+        what = "A force without a name" if diagnosis.verdict == "unmodelled" else "It"
+        text = (
+            f"{what} explains <strong>{_percent(told.share)}</strong> ({_percent(told.low)} to "
+            f"{_percent(told.high)}) of what the scene misses on blocks that the fit did not see"
+        )
+        form = diagnosis.judged.free_form
+        if form is not None and diagnosis.verdict != "unmodelled":
+            text += f"; the best force without a name {_percent(form)}"
+        parts.append(text + ".")
+    left = diagnosis.remains
+    if left is not None:
+        when = "" if left.t is None else f" from {number(left.t[0])} to {number(left.t[1])} s"
+        text = (
+            f"What is left is more than noise, {length(left.rms, _unit(diagnosis))} rms on such blocks, "
+            f"{times(left.times_floor)} times the floor, most of it on {listed(bodies(left.bodies), 3)}{when}"
+        )
+        like = "" if left.looks_like.startswith("nothing") else f"; it looks like {escaped(left.looks_like)}"
+        parts.append(text + like + ".")
+    return parts
 
 
 def _shows_most(diagnosis: Diagnosis) -> str:

@@ -133,7 +133,7 @@ def bed_case(
         raise fault("has no swimmer to follow through the bed")
     if recording.xy.size == 0 or len(recording.t) < 12:
         raise fault("has too few frames for windows in a bed")
-    case = prepare(recording, held_out=held_out, split=split)
+    case = prepare(recording, held_out=held_out, split=split, clean=False)
     unwrapped = recording.unwrapped().xy
     sigma = recording.position_noise
     if not sigma:
