@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..inference.criteria import DEFAULT
 from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .data import Case
@@ -22,6 +23,7 @@ from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 
 TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
+SCALE_OFF = DEFAULT.verdict.scale_off
 FEW = 6  # bodies that a push on a single one is looked for among
 APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
 
@@ -69,6 +71,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     terms = []
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
+    fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -82,9 +85,10 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 grown = r0 / TYPICAL_RADIUS if p.unit == "m" else 1.0
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = 0.1 * abs(typical) if inner else 1.0
+                low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
-                    free.append(Free(name, p.unit, p.low, p.high, typical, scale, where, typical, inner))
+                    free.append(Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner))
                 groups.append((p.name, tuple(range(start, len(free)))))
         label = law.name + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
@@ -121,15 +125,7 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     cases = [case for case in cases if not case.held_out]
     if "top" in names:
-        fastest = 1e-12
-        for case in cases:
-            dt, values = np.diff(case.t[case.training]), case.values[case.training]
-            for k, channel in enumerate(case.channels):
-                arm = case.recording.scene.laws_named("pin")[0].values["length"] if channel.kind == "angle" else 1.0
-                step = np.abs(np.diff(values[:, k])) / dt * arm
-                step = step[np.isfinite(step)]
-                fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
-        result["top"] = 1.2 * fastest
+        result["top"] = 1.2 * fastest_of(cases)
     if "begin" in names:
         begin = min(float(c.t[c.training][0]) for c in cases)
         end = max(float(c.t[c.training][-1]) for c in cases)
@@ -142,6 +138,23 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
             result["centre"] = tuple(float(v) for v in every.mean(axis=0))
             result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
     return result
+
+
+def fastest_of(cases: Sequence[Case]) -> float:
+    """How fast bodies moved in the training parts, along one axis [m/s]; a hundredth of the steps may be faster."""
+    fastest = 1e-12
+    for case in cases:
+        if case.held_out:
+            continue
+        dt, values = np.diff(case.t[case.training]), case.values[case.training]
+        for k, channel in enumerate(case.channels):
+            arm = 1.0
+            if channel.kind == "angle":
+                arm = next((i.values["length"] for i in case.recording.scene.laws_named("pin")), 1.0)
+            step = np.abs(np.diff(values[:, k])) / dt * arm
+            step = step[np.isfinite(step)]
+            fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
+    return fastest
 
 
 class _LawAdder:
@@ -193,7 +206,7 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
             def apply(scene, camera, values, name=name):
                 return scene.with_parameter(name, float(values[0])), camera
 
-            free = Free(name, unit, 0.0, high, believed, 0.01 * max(believed, 0.1), None, believed)
+            free = Free(name, unit, 0.0, high, believed, 0.01 * max(believed, 0.1), None, believed, natural=True)
             acting = scene.laws_named(law)[0].bodies or tuple(b.id for b in scene.bodies if b.mobile)
             terms.append(
                 Term(
@@ -219,7 +232,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     terms = []
     if positions:
         terms.append(Term("camera_scale", "camera_scale",
-                          (Free("camera.scale", "1", 0.5, 2.0, 1.0, 1e-3, None, 1.0),), put("scale"),
+                          (Free("camera.scale", "1", 1 - SCALE_OFF, 1 + SCALE_OFF, 1.0, 1e-3, None, 1.0),), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip

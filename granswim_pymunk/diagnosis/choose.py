@@ -48,6 +48,25 @@ def _excess(trial: Trial) -> float:
     return left if left > 3 * np.sqrt(2 * trial.fit.count) else 0.0
 
 
+def absurd(trial: Trial, spread: float = 1.0) -> str:
+    """Why the numbers of a law make no sense for the apparatus; empty where they do.
+
+    A number that lies where its search ends, and is not where its law is absent, has not been found. Bounds are declared
+    with the law: a scale that is off by 30 %, an added mass above the mass.
+    """
+    if trial.fit is None:
+        return ""
+    offset = len(trial.fit.values) - trial.numbers
+    for k, free in enumerate(trial.term.free):
+        value = float(trial.fit.values[offset + k])
+        for bound in (free.low, free.high):
+            if math.isfinite(bound) and bound != free.neutral and not free.natural:
+                room = abs(bound - free.neutral)
+                if abs(value - bound) < 1e-3 * room:
+                    return f"{free.name} ends at {bound:g}, where its search ends"
+    return ""
+
+
 def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
     """The candidate to be named.
 
@@ -56,7 +75,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     one with fewest numbers, apparatus before physics, and a law on all bodies before the same law on one of them,
     which had as many chances as there are bodies.
     """
-    trials = [t for t in trials if worth(t, spread) > 8 and t.inner < base_inner]
+    trials = [t for t in trials if worth(t, spread) > 8 and t.inner < base_inner and not absurd(t)]
     if not trials:
         return None
     if spread <= 1.0:

@@ -456,7 +456,7 @@ def _judged(
 
 
 def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Remains | None:
-    """What is left of unseen training data, and which law or nameless force beside the revised scene is most like it."""
+    """What is left of unseen training data, and which law or nameless force beside the revised scene is the like."""
     noise = weighed.completeness(revised, study).noise
     scores = weighed.named_scores
     if scores is None or weighed.named is None or revised is tried.recalibrated:

@@ -34,6 +34,7 @@ class Free:
     scale: float
     cases: frozenset[str] | None = None
     neutral: float = 0.0  # where the term is absent
+    natural: bool = False  # its bounds are those of nature (a restitution of one), and may be the answer
     inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
 
 

@@ -19,7 +19,7 @@ from ..scene import Scene
 from .driver import Diagnosis
 from .verdict import verdict_dict, write_text
 
-FORMAT = "granswim-verdict/1"
+FORMAT = "granswim-verdict/2"
 VERDICTS = ("no_mismatch", "recalibrate", "missing_physics", "unmodelled", "measurement")
 MODELS = ("naive", "recalibrated", "revised", "noise_floor")
 
@@ -64,7 +64,8 @@ def empty_verdict(verdict: str, unit: str | None = "m rms") -> dict[str, Any]:
     nothing = dict.fromkeys(MODELS)
     return {
         "format": FORMAT, "verdict": verdict, "mismatch": [], "mechanisms": [], "rivals": [],
-        "fit": {"train": dict(nothing), "heldout": dict(nothing), "unit": unit},
+        "heldout": None, "explained": None, "complete": verdict in ("no_mismatch", "recalibrate"), "remains": None,
+        "fit": {"train": dict(nothing), "heldout": dict(nothing), "unit": unit, "window": None},
         "null": None, "next_experiment": None, "recalibrated": {}, "notes": [],
     }  # fmt: skip
 
@@ -123,7 +124,7 @@ def check_verdict(verdict: Mapping[str, Any]) -> None:
         raise ValueError(f"a verdict needs {', '.join(lacking)}")
     if verdict["verdict"] not in VERDICTS:
         raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}, not {verdict['verdict']!r}")
-    if verdict["verdict"] in ("missing_physics", "unmodelled", "measurement") and not verdict["mechanisms"]:
+    if verdict["verdict"] in ("missing_physics", "measurement") and not verdict["mechanisms"]:
         raise ValueError(f"{verdict['verdict']} needs an entry in mechanisms")
     for part in ("train", "heldout"):
         if set(verdict["fit"][part]) < set(MODELS):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -71,7 +72,7 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria = DE
             cuts.append((after, [impact]))
     edges = [0, *(c for c, _ in cuts), len(rows)]
     segments = []
-    for k, (begin, end) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (begin, end) in enumerate(pairwise(edges)):
         mask = np.zeros(len(case.t), dtype=bool)
         mask[rows[begin:end]] = True
         starts = describe_starts(case, mask)
@@ -126,7 +127,7 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
             other, noise = paths[b] if b in paths else (still[b], 0.0)
             rest = np.linalg.norm(paths[a][0] - other, axis=1) - scene.body(a).radius - scene.body(b).radius
             near = criteria.near * (scene.body(a).radius + scene.body(b).radius)
-            bodies = (a, b) if b in paths else (a,)
+            bodies: tuple[str, ...] = (a, b) if b in paths else (a,)
             spread = float(np.hypot(paths[a][1], noise))
             met += [(row, _apart(rest, row, 2 * spread), bodies) for row in _minima(rest, 4 * spread + near)]
     found = []
@@ -166,7 +167,8 @@ def _kick(
 ) -> float:
     """|change of velocity| [m/s] across a span of rows, from lines through frames beside it; 0 where it is noise."""
     n, (row, apart) = criteria.around, span
-    speeds, spreads = [], []
+    speeds: list[np.ndarray] = []
+    spreads: list[float] = []
     for rows in (np.arange(max(row - n, 0), row), np.arange(apart, min(apart + n, len(t)))):
         rows = rows[np.isfinite(xy[rows]).all(axis=1)]
         if len(rows) < 3:
@@ -175,4 +177,4 @@ def _kick(
         speeds.append(s @ xy[rows] / float(s @ s))
         spreads.append(sigma / float(np.sqrt(s @ s)))
     size = float(np.linalg.norm(speeds[1] - speeds[0]))
-    return size if size > criteria.kick * float(np.hypot(*spreads)) else 0.0
+    return size if size > criteria.kick * float(np.hypot(spreads[0], spreads[1])) else 0.0

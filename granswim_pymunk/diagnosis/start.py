@@ -179,7 +179,7 @@ def numbers_at(bodies: tuple[StartBody, ...], scene: Scene, xy: np.ndarray, v: n
     row = {name: k for k, name in enumerate(scene.ids)}
     found = []
     for start in bodies:
-        x, y, vx, vy = (*xy[row[start.body]], *v[row[start.body]])
+        x, y, vx, vy = np.concatenate([xy[row[start.body]], v[row[start.body]]]).tolist()
         if start.form == "free":
             values = np.array([x, y, vx, vy])
         elif start.form == "pin":

@@ -17,7 +17,6 @@ from ..laws import all_laws
 from .criteria import DEFAULT, BlockCriteria
 from .noise import Noise
 
-
 LEAST_TOLD = 0.1  # of what all data tell of a number: where the others tell less, it stays as it is
 
 

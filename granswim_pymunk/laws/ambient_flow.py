@@ -9,7 +9,9 @@ from .base import Parameter, law
     reference="Stokes 1851, Trans. Camb. Phil. Soc. 9, 8; in the frame of the medium",
     parameters=[
         Parameter("c", "kg/s", "drag coefficient", low=0.0, typical=1.0),
-        Parameter("u", "m/s", "velocity of the medium", size=2, default=(0.0, 0.0), typical=1.0e-2),
+        Parameter(
+            "u", "m/s", "velocity of the medium", size=2, default=(0.0, 0.0), typical=1.0e-2, within="speed"
+        ),
     ],
     strength=("c",),
     candidate="named",

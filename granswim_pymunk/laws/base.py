@@ -121,6 +121,8 @@ class Parameter:
     typical: float | None = None
     # the value of a strength at which the law is absent
     neutral: float = 0.0
+    # "speed": no larger than the fastest body moves, or it explains nothing
+    within: str = ""
 
     @property
     def arguments(self) -> tuple[str, ...]:

@@ -1,0 +1,131 @@
+"""What explains, what passes for noise, where tracks are cut: the steps of a diagnosis one by one."""
+
+import numpy as np
+import pytest
+from test_diagnosis import SHORT, collision, filmed
+
+from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.fit import Fitter
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.segments import find_impacts, make_segments
+from granswim_pymunk.diagnosis.solve import Blocks, descend
+from granswim_pymunk.inference.blocks import Explained, Scores, explained
+from granswim_pymunk.inference.judge import accepted, completeness, paired
+from granswim_pymunk.inference.noise import Noise, fit_noise, outliers
+
+
+def share(value: float, low: float = 0.1, left: float | None = None, sure: bool = True) -> Explained:
+    return Explained(value, low, 1.0, 1.0 - value if left is None else left, 1.0, sure)
+
+
+def test_a_law_is_named_by_what_it_explains_and_not_by_what_is_left():
+    assert accepted(share(0.84), [share(0.88)], 0.0)[0]
+    assert not accepted(share(0.45), [share(0.2)], 0.0)[0]  # less than half
+    assert not accepted(share(0.8, low=-0.1), [share(0.2)], 0.0)[0]  # worse on some parts
+    assert not accepted(share(0.6), [share(0.85)], 0.0)[0]  # a nameless force leaves less than half of that
+    assert accepted(share(0.92), [share(0.97)], 0.0)[0]  # and less than a tenth where most is explained
+    assert not accepted(share(0.92), [share(0.995)], 0.0)[0]
+    assert not accepted(share(0.6), [], 0.0)[0] and accepted(share(0.75), [], 0.0)[0]  # no form to hold against
+    assert accepted(share(0.1, sure=False), [], 10.0)[0] and not accepted(share(0.1, sure=False), [], -10.0)[0]
+
+
+def test_the_share_is_of_the_mismatch_beyond_the_floor():
+    units = [(k, "a") for k in range(6)]
+    counts = dict.fromkeys(units, 100)
+    rng = np.random.default_rng(1)
+    floor = rng.chisquare(100, size=(60, 6))
+
+    def scores(per_number: float) -> Scores:
+        return Scores(dict.fromkeys(units, 100 * per_number), counts, {}, floor)
+
+    found = explained(scores(3.0), scores(11.0), rng)
+    assert found.share == pytest.approx(0.8, abs=0.01) and found.low == pytest.approx(0.8, abs=0.02)
+    assert found.sure and not explained(scores(1.0), scores(1.01), rng).sure
+    assert explained(scores(0.5), scores(11.0), rng).share == 1.0
+
+
+def test_slow_noise_passes_within_limits_and_a_drift_does_not():
+    rng = np.random.default_rng(2)
+    white = [rng.normal(size=400) for _ in range(4)]
+    slow = [Noise(0.8, 12.0).draw((400,), rng) for _ in range(4)]
+    drift = [r + 1.5 * np.sin(np.arange(400) / 60) for r in white]
+    assert completeness(white).passes and completeness(white).noise.size <= 0.2
+    assert completeness(slow).passes
+    assert fit_noise(slow).size == pytest.approx(0.8, abs=0.25)
+    assert not completeness(drift).passes
+    assert not completeness([Noise(3.0, 12.0).draw((400,), rng) for _ in range(4)]).passes  # larger than the white part
+
+
+def test_chance_of_noise_is_even_where_nothing_is_left():
+    rng = np.random.default_rng(3)
+    chances = np.array([completeness([rng.normal(size=200) for _ in range(2)]).chance for _ in range(200)])
+    assert np.mean(chances < 0.05) < 0.1 and np.mean(chances < 0.005) < 0.02
+
+
+def test_an_outlier_is_one_sighting_and_a_collision_is_none():
+    t = np.arange(80) / 100
+    path = np.where(t < 0.4, t, 0.8 - t) * 0.5  # a kink at 0.4 s
+    seen = path + np.random.default_rng(4).normal(size=80) * 1e-4
+    assert not outliers(t, seen, 1e-4).any()
+    seen[[20, 60]] += [5e-3, -3e-3]
+    assert np.flatnonzero(outliers(t, seen, 1e-4)).tolist() == [20, 60]
+
+
+def test_a_stated_noise_is_held_against_neighbouring_frames():
+    from dataclasses import replace
+
+    film = filmed(collision(0.9), collision(0.9), np.arange(0, 1.2, 0.01), np.random.default_rng(5), noise=1e-4)
+    right, wrong = (prepare(replace(film, position_noise=s), held_out=False, split=True) for s in (1e-4, 3e-5))
+    assert right.sigma_known and right.sigma[0] == 1e-4 and not right.notes
+    assert not wrong.sigma_known and wrong.sigma[0] == pytest.approx(1e-4, rel=0.25)
+    assert "was stated" in wrong.notes[0]
+
+
+def test_tracks_are_cut_where_bodies_met_and_joined_there():
+    film = filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))
+    case = prepare(film, held_out=False, split=True)
+    (impact,) = find_impacts(case)
+    assert impact.bodies == ("a", "b") and 0.1 < case.t[impact.row] < 0.2
+    first, second = make_segments(case, case.training)
+    assert first.until == pytest.approx(case.t[second.frames][0])
+    # what met may step, and nothing else could
+    assert np.isfinite(second.limit).all() and len(second.tie) == 8
+    fitter = Fitter([case], Predictor({case.name: 5e-4}))
+    fit = fitter.fit(Hypothesis())
+    # with the wrong restitution each flight is followed, and the step in velocity tells of the loss
+    used = fit.innovations[case.name]
+    assert np.sqrt(np.nanmean(used**2)) < 3
+    assert np.abs(fit.steps[case.name]).max() > 4
+
+
+def test_least_squares_finds_shared_and_own_numbers_within_bounds():
+    rng = np.random.default_rng(7)
+    truth, own = np.array([2.0, -1.0]), [np.array([0.5, 0.1, 0.0]), np.array([-0.3, 0.2, 1.0])]
+    a, b = [rng.normal(size=(50, 2)) for _ in own], [rng.normal(size=(50, 3)) for _ in own]
+    data = [x @ truth + y @ s for x, y, s in zip(a, b, own, strict=True)]
+
+    def evaluate(values, starts):
+        return [d - x @ values - y @ s for d, x, y, s in zip(data, a, b, starts, strict=True)]
+
+    def differentiate(values, starts, residuals, anew):
+        return [Blocks(r, x, y) for r, x, y in zip(residuals, a, b, strict=True)]
+
+    def solve(low, high):
+        begin = (np.zeros(2), [np.zeros(3), np.zeros(3)])
+        loss = lambda vectors: sum(float(v @ v) for v in vectors)  # noqa: E731
+        return descend(evaluate, differentiate, loss, begin, (low, high), stale=False, evaluations=20)
+
+    values, starts = solve(np.full(2, -np.inf), np.full(2, np.inf))
+    np.testing.assert_allclose(values, truth, atol=1e-3)
+    np.testing.assert_allclose(starts[1], own[1], atol=1e-3)
+    values, _ = solve(np.array([-9.0, -9.0]), np.array([1.5, 9.0]))
+    assert values[0] == 1.5
+
+
+def test_held_out_errors_are_compared_in_pairs():
+    rng = np.random.default_rng(8)
+    before = [rng.chisquare(5, size=20) for _ in range(8)]
+    assert paired(before, [b / 2 for b in before], rng) == "holds"
+    assert paired(before, [2 * b for b in before], rng) == "fails"
+    mixed = [b * (0.9 if k % 2 else 1.1) for k, b in enumerate(before)]
+    assert paired(before, mixed, rng) == "undecided"
