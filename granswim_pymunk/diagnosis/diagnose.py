@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -102,8 +103,7 @@ def diagnose(
         raise InputError("two recordings have this name", where=twice)
     groups = grouped(training, held)
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise InputError("is a file; --out should name a folder", file=out)
+    _try_to_write(out)
     tell = progress or (lambda text, share: None)
     diagnosis: Diagnosis | Outcome
     if len(groups) > 1:
@@ -120,6 +120,18 @@ def diagnose(
 
     write_report(diagnosis, out)
     return diagnosis
+
+
+def _try_to_write(out: Path) -> None:
+    """Raise InputError where the results could not be written: before the search, not after it."""
+    if out.exists() and not out.is_dir():
+        raise InputError("is a file; --out should name a folder", file=out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError(f"cannot be written to: {error.strerror or error}", file=out) from None
 
 
 def _read(items: Sequence[str | Path | Recording]) -> list[Recording]:

@@ -37,6 +37,7 @@ from .signatures import Bank, make_bank
 from .steps import time_steps
 
 Progress = Callable[[str, float], None]
+FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
 BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
 
 
@@ -104,7 +105,8 @@ class Study:
     notes: list[str] = field(default_factory=list)
 
     def stop(self) -> bool:
-        return False
+        """Whether the time is up: fits then end where they stand."""
+        return self.late(FITS_END)
 
 
 @dataclass
@@ -239,8 +241,8 @@ def _study(
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
-    fitter = Fitter(cases, predictor)
-    inner = InnerSplit.make(training, predictor, lambda: False)
+    fitter = Fitter(cases, predictor, stop=lambda: late(FITS_END))
+    inner = InnerSplit.make(training, predictor, lambda: late(FITS_END))
     study = Study(cases, training, predictor, fitter, inner, stages, adjustable_terms(cases), rng, progress, late)
     study.notes += dict.fromkeys(note for case in cases for note in case.notes)
     if len({c.unit for c in cases}) > 1:

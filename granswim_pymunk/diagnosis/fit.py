@@ -121,9 +121,14 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     return fitter, fit
 
 
+class TimeUp(Exception):
+    """The budget is spent: a fit ends where it stands."""
+
+
 class Fitter:
     """Fits hypotheses to the same frames of the same recordings.
 
+    stop : whether the time is up: a fit then ends with the best that it has seen
     whole : follow every recording from one start, also through impacts
     """
 
@@ -293,8 +298,6 @@ class Fitter:
             return values
 
         def evaluate(part: np.ndarray, starts: list[np.ndarray]) -> list[np.ndarray]:
-            if self.stop():
-                raise KeyboardInterrupt
             values = whole(part)
             return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
 
@@ -328,7 +331,7 @@ class Fitter:
             with np.errstate(all="ignore"):
                 part, starts = descend(
                     evaluate, differentiate, loss, begin, (low[at], high[at]), stale=near is not None,
-                    evaluations=evaluations,
+                    evaluations=evaluations, stop=self.stop,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
@@ -440,13 +443,17 @@ class Fitter:
             return values, {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
 
         def residuals(z):
-            if self.stop():
-                raise KeyboardInterrupt
+            if last and self.stop():
+                raise TimeUp
             values, starts = unpack(z)
             seen = _POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
-            return np.concatenate([last["seen"][name][use[name]] for name in parts])
+            found = np.concatenate([last["seen"][name][use[name]] for name in parts])
+            if float(found @ found) < best[0]:
+                best[:] = [float(found @ found), np.array(z)]
+            return found
 
+        best: list[Any] = [np.inf, None]  # chi2 and numbers of the best so far, where time runs out
         last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
@@ -479,6 +486,9 @@ class Fitter:
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
             return x, numbers
+        except TimeUp:
+            values, starts = unpack(best[1])
+            return np.array(values), {name: np.array(v) for name, v in starts.items()}
         values, starts = unpack(solution.x)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
 

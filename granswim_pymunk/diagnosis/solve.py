@@ -39,6 +39,7 @@ def descend(
     stale: bool,
     evaluations: int,
     tolerance: float = 1e-5,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Numbers:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
 
@@ -46,7 +47,7 @@ def descend(
     differentiate(values, starts, residuals, starts_too) the blocks there, each row weighted as the loss asks for
     (iterated weights), derivatives by starts anew only where ``starts_too``
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
-    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, or after ``evaluations``.
+    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, after ``evaluations``, or when told to stop.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
     Triggs et al. 2000.
     """
@@ -56,7 +57,7 @@ def descend(
     chi2 = loss(residuals)
     damping, used, fresh = DAMPING, 1, not stale
     blocks = differentiate(values, starts, residuals, fresh)
-    while used < evaluations:
+    while used < evaluations and not stop():
         step, steps, promised = _step(blocks, values, bounds, damping)
         new_values = np.clip(values + step, low, high)
         new_starts = [s + d for s, d in zip(starts, steps, strict=True)]
