@@ -15,12 +15,12 @@ from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
-from granswim_pymunk.diagnosis.innovations import standard_deviations
 from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.pairs import any_field
 from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
 from granswim_pymunk.validation.reference import Reference
@@ -592,5 +592,5 @@ def test_command_writes_the_contract_and_the_revised_scene_runs(tmp_path, capsys
 
 def test_z_ends_where_doubles_end():
     # windows that fit far better than expected have p = 1 to the last digit
-    assert standard_deviations(1.0) == pytest.approx(-7.94, abs=0.01)
-    assert standard_deviations(0.0) == pytest.approx(37.0, abs=0.1) and standard_deviations(0.5) == 0.0
+    assert normal_score(1.0) == pytest.approx(-7.94, abs=0.01)
+    assert normal_score(0.0) == pytest.approx(37.0, abs=0.1) and normal_score(0.5) == 0.0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from test_diagnosis import SHORT, collision, filmed
 
 from granswim_pymunk.diagnosis.data import prepare
@@ -12,6 +13,7 @@ from granswim_pymunk.diagnosis.solve import Blocks, descend
 from granswim_pymunk.inference.blocks import Explained, Scores, explained
 from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import Noise, fit_noise, outliers
+from granswim_pymunk.inference.significance import after_looks
 
 
 def share(value: float, low: float = 0.1, left: float | None = None, sure: bool = True) -> Explained:
@@ -129,3 +131,11 @@ def test_held_out_errors_are_compared_in_pairs():
     assert paired(before, [2 * b for b in before], rng) == "fails"
     mixed = [b * (0.9 if k % 2 else 1.1) for k, b in enumerate(before)]
     assert paired(before, mixed, rng) == "undecided"
+
+
+def test_p_and_z_of_a_place_count_all_looks():
+    rng = np.random.default_rng(9)
+    largest = stats.norm.sf(rng.normal(size=(4000, 20)).max(axis=1))
+    z = np.array([after_looks(float(p), 20)[0] for p in largest])
+    assert abs(z.mean()) < 0.05 and z.std() == pytest.approx(1.0, abs=0.05)  # standard normal where nothing is missing
+    assert after_looks(1e-9, 20)[1] == pytest.approx(2e-8)

@@ -231,8 +231,8 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
     terms = []
     if positions:
-        terms.append(Term("camera_scale", "camera_scale",
-                          (Free("camera.scale", "1", 1 - SCALE_OFF, 1 + SCALE_OFF, 1.0, 1e-3, None, 1.0),), put("scale"),
+        scale = Free("camera.scale", "1", 1 - SCALE_OFF, 1 + SCALE_OFF, 1.0, 1e-3, None, 1.0)
+        terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -51,8 +52,8 @@ def _excess(trial: Trial) -> float:
 def absurd(trial: Trial, spread: float = 1.0) -> str:
     """Why the numbers of a law make no sense for the apparatus; empty where they do.
 
-    A number that lies where its search ends, and is not where its law is absent, has not been found. Bounds are declared
-    with the law: a scale that is off by 30 %, an added mass above the mass.
+    A number that lies where its search ends, and is not where its law is absent, has not been found. Bounds are
+    declared with the law: a scale that is off by 30 %, an added mass above the mass.
     """
     if trial.fit is None:
         return ""

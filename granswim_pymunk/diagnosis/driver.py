@@ -12,6 +12,7 @@ from scipy import stats
 from ..inference.blocks import Block, Explained, Scores, explained, make_blocks, score
 from ..inference.criteria import DEFAULT, Criteria
 from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
+from ..inference.significance import after_looks
 from ..recording import Recording
 from .candidates import flexible_terms, named_terms
 from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
@@ -28,7 +29,7 @@ from .held_out import (
     training_errors,
 )
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
-from .innovations import Place, Whiteness, WindowMap, locate, series_of, standard_deviations, whiteness, window_map
+from .innovations import Place, Whiteness, WindowMap, locate, series_of, whiteness, window_map
 from .intervals import with_limits
 from .name import InnerSplit, Trial, is_apparatus, label_of, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
@@ -536,9 +537,8 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     bodies = bodies or seen
     gain = recalibrated.chi2 - revised.chi2
     numbers = sum(t.numbers for t in found)
-    p = float(stats.chi2.sf(gain, numbers))
-    z = standard_deviations(p)
+    z, p = after_looks(float(stats.chi2.sf(gain, numbers)), 1)
     t = [float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))]
     return (
-        Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, max(p, 1e-300), cases[0].name),
+        Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, p, cases[0].name),
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ..inference.significance import after_looks, normal_score
 from .data import Case
 from .fit import Fit, Fitter
 from .nulls import correlation_time
@@ -77,7 +78,7 @@ def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
 
 @dataclass(frozen=True)
 class Place:
-    """A part of the data with its mismatch: ``z`` of chi2 there, ``p`` after looking in ``looked`` places."""
+    """A part of the data with its mismatch: ``p`` after all looks, ``z`` its normal score."""
 
     bodies: tuple[str, ...]
     where: Mapping[str, Any]
@@ -108,11 +109,6 @@ class WindowMap:
     frames_per_window: int
 
 
-def standard_deviations(p: float) -> float:
-    """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
-    return float(stats.norm.isf(min(max(p, 1e-300), 1.0 - 1e-15)))
-
-
 def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
     """Cut every recording into ``pieces`` windows with starts of their own and see which the model cannot follow.
 
@@ -140,7 +136,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                 chi2 = float(values @ values) / spread
                 row = {"case": case.name, "body": body, "t": (float(case.t[part][0]), float(case.t[part][-1])),
                        "chi2": chi2, "dof": dof,
-                       "z": standard_deviations(float(stats.chi2.sf(chi2, dof)))}  # fmt: skip
+                       "z": normal_score(float(stats.chi2.sf(chi2, dof)))}  # fmt: skip
                 row |= _extent(case, body, part)
                 rows.append(row)
     return WindowMap(tuple(rows), size)
@@ -201,8 +197,7 @@ def _gaps(case: Case, body: str) -> np.ndarray | None:
 def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
     """Bodies whose windows are not noise, with the times, places and speeds where it is worst.
 
-    A body counts when the combined chi2 of its windows does so after looking at all bodies and all windows
-    (Bonferroni).
+    A body counts when the combined chi2 of its windows, or of one, does so after looking at all bodies and windows.
     """
     by_body: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for row in windows.rows:
@@ -214,7 +209,7 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
         p_all = float(stats.chi2.sf(*total))
         worst = max(rows, key=lambda r: r["z"])
         p_one = float(stats.chi2.sf(worst["chi2"], worst["dof"]))
-        p = min(1.0, looked * min(p_all, p_one))
+        z, p = after_looks(min(p_all, p_one), looked)
         if p > 0.01:
             continue
         # all windows that are bad by themselves, else the worst
@@ -227,11 +222,10 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
         }
         contact = [r["before_contact"] for r in bad]
         before = None if None in contact else all(contact)
-        z = standard_deviations(min(p_all, p_one))
         places.append(
             Place((body,), {k: _listed(span[k]) for k in ("x", "y", "gap")},
                   {"t": _listed(span["t"]), "before_contact": before}, span["speed"],
-                  z, max(p, 1e-300), case)
+                  z, p, case)
         )  # fmt: skip
     return tuple(sorted(places, key=lambda place: -place.z))
 

@@ -47,7 +47,7 @@ def descend(
     differentiate(values, starts, residuals, starts_too) the blocks there, each row weighted as the loss asks for
     (iterated weights), derivatives by starts anew only where ``starts_too``
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
-    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, after ``evaluations``, or when told to stop.
+    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, after ``evaluations``, or when told.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
     Triggs et al. 2000.
     """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ..innovations import standard_deviations
+from ...inference.significance import after_looks
 from .bench import Bench, Prediction, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
@@ -20,7 +20,6 @@ BINS = 8  # of the cycle
 GRAINS = ("grains within two diameters of the swimmer", "grains farther from the swimmer")
 LEVEL = 0.01
 FARTHEST = 5.0  # standard deviations: how far a sum of grains strays beyond that hangs on a single violent one
-LARGEST = 37.0  # z beyond which a normal tail has no number
 
 
 @dataclass(frozen=True)
@@ -96,10 +95,9 @@ def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -
     looked = max(len(candidates), 1)
     places = []
     for place, p_one in candidates:
-        p = min(1.0, looked * p_one)
+        z, p = after_looks(p_one, looked)
         if p < LEVEL:
-            z = min(standard_deviations(p_one), LARGEST)
-            places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, max(p, 1e-300)))
+            places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, p))
     return sorted(places, key=lambda q: -q.z)
 
 
@@ -126,10 +124,8 @@ def locate_law(
             if total > 0:
                 candidates.append((where, float(products[of_place].sum()) / math.sqrt(total * size)))
     looked = max(len(candidates), 1)
-    found = [
-        replace(where, z=min(z, LARGEST), p=max(min(looked * float(stats.norm.sf(z)), 1.0), 1e-300))
-        for where, z in candidates
-    ]
+    scored = [(where, *after_looks(float(stats.norm.sf(z)), looked)) for where, z in candidates]
+    found = [replace(where, z=z, p=p) for where, z, p in scored]
     return sorted((q for q in found if q.p < LEVEL), key=lambda q: (q.phase is not None, -q.z))
 
 

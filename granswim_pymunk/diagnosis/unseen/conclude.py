@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
+from ...inference.significance import normal_score
 from ..choose import ALARM, SAME
-from ..innovations import standard_deviations
 from .conditions import Condition
 from .observe import View
 from .response import Fit, Means, add, fit, spread_of
@@ -374,11 +374,11 @@ def locate(f: Finding) -> list[Spot]:
         nu = max(sum(p[2] for p in parts), n + 3)
         p = min(float(stats.f.sf(chi2 * (nu - n + 1) / (nu * n), n, nu - n + 1)) * looked, 1.0)
         if p < ALARM:
-            spots.append(Spot(j, standard_deviations(p), max(p, 1e-300), curves[j][1]))
+            spots.append(Spot(j, normal_score(p), max(p, 1e-300), curves[j][1]))
     nu = max(sum(s.means.dof[c.name] for c in s.training), whole_n + 3)
     p = min(float(stats.f.sf(whole * (nu - whole_n + 1) / (nu * whole_n), whole_n, nu - whole_n + 1)) * looked, 1.0)
     if p < ALARM:
-        spots.append(Spot(None, standard_deviations(p), max(p, 1e-300), None))
+        spots.append(Spot(None, normal_score(p), max(p, 1e-300), None))
     spots.sort(key=lambda spot: -spot.z)
     if not spots and f.verdict not in ("no_mismatch",):
         # nothing stands out by itself: the swimmer as a whole
