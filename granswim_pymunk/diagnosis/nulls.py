@@ -75,7 +75,8 @@ def search_nulls(
     """Search again in innovations that hold no candidate.
 
     ``noise``: the size of white noise, or innovations (T, c) of each recording, in the order of the bank, whose
-    phases are shuffled, and how many steps between segments come after them. ``wanted`` (candidates,): mask of those that count; ``case``: the gain found on the data.
+    phases are shuffled, and how many steps between segments come after them. ``wanted`` (candidates,): mask of those
+    that count; ``case``: the gain found on the data.
     """
     if isinstance(noise, float):
         drawn = noise * rng.normal(size=(len(bank.innovations), replicates))
