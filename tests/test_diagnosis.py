@@ -147,11 +147,13 @@ def test_a_force_on_a_slanted_rail_has_one_component():
     naive = Scene((body,), slanted)
     truth = Scene((body,), (*slanted, use("linear_drag", c=0.1), use("uniform_force", a=(0.0, 0.2))))
     found = diagnose_bodies([filmed(truth, naive, SWING[::4], np.random.default_rng(9))])
-    entry = verdict_dict(found)["mechanisms"][0]
-    assert entry["name"] == "ambient_flow"  # a drag and a steady push are a drag in a stream
-    u = entry["parameters"]["u"]
-    assert u["value"][0] == 0.0 and u["low"][0] is None
-    assert u["low"][1] < 0.3 * 0.2 / 0.1 * math.cos(across) ** 2 < u["high"][1]
+    # a stream that did the same would be faster than the cart, which is no explanation
+    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    assert set(entries) == {"linear_drag", "uniform_force"}
+    a = entries["uniform_force"]["a"]
+    assert a["value"][0] == 0.0 and a["low"][0] is None
+    assert a["low"][1] < 0.2 < a["high"][1] and a["high"][1] - a["low"][1] < 0.02
+    assert entries["linear_drag"]["c"]["low"] < 0.1 < entries["linear_drag"]["c"]["high"]
 
 
 def test_nothing_missing_gives_no_mismatch():

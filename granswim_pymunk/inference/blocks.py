@@ -17,6 +17,7 @@ from ..laws import all_laws
 from .criteria import DEFAULT, BlockCriteria
 from .noise import Noise
 
+LEAST_DRAWN = 0.05  # of the mismatch, that a sample of the bootstrap has to hold
 LEAST_TOLD = 0.1  # of what all data tell of a number: where the others tell less, it stays as it is
 
 
@@ -124,15 +125,17 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
         values = values - project(by_start[keep], values)
         information += values.T @ values
         gradient += values.T @ fit.used(name)[keep]
+    absent = np.array([f.neutral for f in free])
     size = np.sqrt(np.diag(information))
     told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
     if not told.any():
-        return np.where(_nameless(fit), 0.0, fit.values)
+        return np.where(_nameless(fit), absent, fit.values)
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
     step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-8)[0] / size[told]
     moved = fit.values.copy()
     moved[told] += step
-    moved[~told & _nameless(fit)] = 0.0
+    unknown = ~told & _nameless(fit)
+    moved[unknown] = absent[unknown]
     low, high = fit.hypothesis.bounds
     return np.clip(moved, low, high)
 
@@ -273,16 +276,20 @@ def explained(
     order0 = {u: k for k, u in enumerate(before.sums)}
     f0 = before.floor[:, [order0[u] for u in units]].sum(axis=1) / n.sum()
 
+    whole = float((s0 - f).sum())
+
     def share(a: np.ndarray, b: np.ndarray, floor: np.ndarray) -> np.ndarray:
         rest = b.sum(axis=-1) - floor.sum(axis=-1)
         with np.errstate(all="ignore"):
-            value = 1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest
-        return np.where(rest > 0, np.minimum(value, 1.0), 0.0)
+            value = np.minimum(1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest, 1.0)
+        # a sample in which hardly any mismatch was drawn says nothing of its share
+        return np.where(rest > LEAST_DRAWN * abs(whole), value, np.nan)
 
     drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
-    low, high = np.quantile(share(s1[drawn], s0[drawn], f[drawn]), [0.025, 0.975])
+    shares = share(s1[drawn], s0[drawn], f[drawn])
+    low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
     total = float(n.sum())
     before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
     sure = before_left > beyond * float(f0.std()) and len(units) > 1
-    value = float(share(s1, s0, f))
+    value = float(np.nan_to_num(share(s1, s0, f)))
     return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure)
