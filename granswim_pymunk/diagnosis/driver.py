@@ -180,7 +180,8 @@ def diagnose_bodies(
             notes.append(f"{names} and the adjustables are known only together: their intervals are profiles of chi2")
     # innovations of short windows under the recalibrated scene
     study.progress("locating", 0.76)
-    windows, places = _located(study, verdict, naive, recalibrated, revised, found)
+    followed = revised if found else tried.best
+    windows, places = _located(study, verdict, naive, recalibrated, followed, found)
 
     # looked at only now that the verdict is fixed
     study.progress("held-out data", 0.84)

@@ -129,28 +129,25 @@ def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
     size = np.sqrt(np.diag(information))
     told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
     if not told.any():
-        return np.where(_nameless(fit), absent, fit.values)
+        return np.where(_of_time(fit), absent, fit.values)
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
     step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-8)[0] / size[told]
     moved = fit.values.copy()
     moved[told] += step
-    unknown = ~told & _nameless(fit)
+    unknown = ~told & _of_time(fit)
     moved[unknown] = absent[unknown]
     low, high = fit.hypothesis.bounds
     return np.clip(moved, low, high)
 
 
-def _nameless(fit: Fit) -> np.ndarray:
-    """(p,) numbers of a force without a name: one that only a block tells could follow anything there."""
+def _of_time(fit: Fit) -> np.ndarray:
+    """(p,) numbers of a nameless force in time: where only a block tells them they could follow anything there."""
     laws = all_laws()
-    return np.array(
-        [
-            term.mechanism in laws and laws[term.mechanism].candidate == "flexible"
-            for term in fit.hypothesis.terms
-            for _ in term.free
-        ],
-        dtype=bool,
-    )
+
+    def in_time(mechanism: str) -> bool:
+        return mechanism in laws and laws[mechanism].candidate == "flexible" and "t" in laws[mechanism].arguments
+
+    return np.array([in_time(term.mechanism) for term in fit.hypothesis.terms for _ in term.free], dtype=bool)
 
 
 def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:
@@ -248,6 +245,7 @@ class Explained:
 
     share : min(1, 1 - (S - S_floor)/(S_recalibrated - S_floor));  low, high : central 95 % from a block bootstrap
     left, left_before : S - S_floor with the hypothesis and of the recalibrated scene
+    spread : of S between replicates without a mismatch
     sure : the mismatch is larger than twice the spread of its chance between replicates; else no share can be said
     """
 
@@ -257,6 +255,7 @@ class Explained:
     left: float
     left_before: float
     sure: bool
+    spread: float = 0.0
 
 
 def explained(
@@ -292,4 +291,4 @@ def explained(
     before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
     sure = before_left > beyond * float(f0.std()) and len(units) > 1
     value = float(np.nan_to_num(share(s1, s0, f)))
-    return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure)
+    return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure, float(f0.std()))

@@ -72,7 +72,7 @@ class BlockCriteria:
 
     recordings: int = 3
     pieces: int = 4
-    frames: int = 16
+    frames: int = 24
     start: float = 0.35
     whole_start: float = 0.2
     start_frames: int = 6

@@ -105,7 +105,8 @@ def accepted(
         return False, "on some parts of the data it predicts no better than the scene without it"
     part = c.free_form_high if named.share >= c.high else c.free_form
     best = min((f.left for f in forms), default=np.inf)
-    if best < part * named.left and named.left > (1 - c.high) * 0.05 * named.left_before:
+    # where both leave no more than replicates do, neither is ahead
+    if best < part * named.left and named.left - max(best, 0.0) > c.beyond * named.spread:
         return False, "a force without a name leaves far less"
     return True, ""
 
