@@ -440,6 +440,63 @@ class Scene:
                         result[name] = (tuple(map(float, t)), tuple(map(float, value / gain)))
         return result
 
+    # ---- making -------------------------------------------------------------------------------
+
+    @classmethod
+    def box(cls, width: float, height: float, *, wall_radius: float | None = None, **more: Any) -> Scene:
+        """A closed box with its lower left corner at (0, 0); its walls are disks side by side, called ``wall 0`` ...
+
+        width, height : free room inside [m];  wall_radius : of these disks [m], a fortieth of the shorter side
+        more : what else a Scene has (``laws``, ``gravity``, ``title`` ...)
+
+        >>> scene = Scene.box(0.2, 0.1).add(Body("a", "free", 0.01, 0.1, initial=(0.1, 0.05, 0.3, 0.0)))
+        >>> scene = scene.add(use("contact_linear", stiffness=100.0, damping=1.0))
+        >>> len([b for b in scene.bodies if b.mobile]), scene.laws[0].name
+        (1, 'contact_linear')
+        """
+        if not (width > 0 and height > 0):
+            raise InputError(f"should be above zero [m], got {width!r} and {height!r}", where="box")
+        r = min(width, height) / 40 if wall_radius is None else wall_radius
+        if not r > 0:
+            raise InputError(f"should be above zero [m], got {r!r}", where="wall_radius")
+        # half a diameter apart, so that what slides along a wall hardly feels its waves
+        along = np.linspace(-r, width + r, max(math.ceil((width + 2 * r) / r), 2) + 1).tolist()
+        up = np.linspace(-r, height + r, max(math.ceil((height + 2 * r) / r), 2) + 1).tolist()[1:-1]
+        places = [(x, y) for y in (-r, height + r) for x in along] + [(x, y) for x in (-r, width + r) for y in up]
+        walls = tuple(
+            Body(f"wall {k}", "wall", radius=r, mass=1.0, initial=(x, y, 0.0, 0.0)) for k, (x, y) in enumerate(places)
+        )
+        return cls(bodies=(*walls, *more.pop("bodies", ())), **more)
+
+    def add(self, *items: Body | LawUse | Adjustable) -> Scene:
+        """The scene with these bodies, laws and adjustables as well."""
+        for item in items:
+            if not isinstance(item, Body | LawUse | Adjustable):
+                raise InputError(f"should be a Body, a law put to use or an Adjustable, got {item!r}", where="add")
+        return replace(
+            self,
+            bodies=(*self.bodies, *(i for i in items if isinstance(i, Body))),
+            laws=(*self.laws, *(i for i in items if isinstance(i, LawUse))),
+            adjustable=(*self.adjustable, *(i for i in items if isinstance(i, Adjustable))),
+        )
+
+    def plot(self, state: Any = None, **options: Any) -> Any:
+        """A figure of the scene where its bodies start, or of a ``state`` of its simulation; as ``render.draw_frame``.
+
+        Raises InputError where a body has no ``initial`` place.
+        """
+        from .engine import State
+        from .render import draw_frame
+
+        if state is None:
+            lost = [b.id for b in self.bodies if b.initial is None]
+            if lost:
+                raise InputError("has no initial place to be drawn at", where=f"body {lost[0]}")
+            rows = np.array([b.initial for b in self.bodies], dtype=float).reshape(-1, 4)
+            zero = np.zeros(len(rows))
+            state = State(t=self.time.start, xy=rows[:, :2], v=rows[:, 2:], angle=zero, spin=zero)
+        return draw_frame(self, state, **options)
+
     # ---- changing -----------------------------------------------------------------------------
 
     def with_laws(self, *items: LawUse) -> Scene:

@@ -352,7 +352,7 @@ def track(
         check_plausible(built.recording)
     except InputError as error:
         raise InputError(error.message, file=movie, where=error.where) from None
-    done = finish(built.recording, out, "trackpy", built.notes)
+    done = finish(built.recording, out, "film, tracked with trackpy", built.notes)
     keep_film(film, done.folder / "film.mp4", rate)
     drawn = draw_found(film, tracked, pixels, done.folder / "found.png")
     return replace(done, picture=drawn)

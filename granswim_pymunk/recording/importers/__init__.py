@@ -84,7 +84,7 @@ class Imported:
     def lines(self) -> list[str]:
         """What was found, in words."""
         said = [
-            f"{self.recording.name}: {FORMATS[self.format].help}",
+            f"{self.recording.name}: {FORMATS[self.format].help if self.format in FORMATS else self.format}",
             *(f"  {line}" for line in told(self.recording, self.look)),
         ]
         said += [f"  note: {note}" for note in self.notes]

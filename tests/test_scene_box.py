@@ -1,0 +1,66 @@
+"""Scenes put together in Python: a box, adding, a picture."""
+
+import doctest
+
+import numpy as np
+import pytest
+
+import granswim_pymunk.scene
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
+
+
+def ball(name="a", at=(0.1, 0.05), v=(0.0, 0.0)):
+    return Body(name, "free", radius=0.01, mass=0.1, initial=(*at, *v))
+
+
+def test_examples_in_the_docstrings():
+    assert doctest.testmod(granswim_pymunk.scene).failed == 0
+
+
+def test_a_box_is_closed_and_free_inside():
+    scene = Scene.box(0.2, 0.1, gravity=(0.0, -9.81), title="box")
+    xy = np.array([b.initial[:2] for b in scene.bodies])
+    r = scene.bodies[0].radius
+    assert all(b.role == "wall" for b in scene.bodies) and scene.title == "box" and scene.gravity == (0.0, -9.81)
+    # nothing of a wall stands inside, and no gap lets a disk of its own size through
+    inside = (
+        (xy[:, 0] > -r + 1e-12) & (xy[:, 0] < 0.2 + r - 1e-12) & (xy[:, 1] > -r + 1e-12) & (xy[:, 1] < 0.1 + r - 1e-12)
+    )
+    assert not inside.any()
+    nearest = [np.sort(np.hypot(*(xy - p).T))[1:3].max() for p in xy]
+    assert max(nearest) < 1.5 * r
+
+
+def test_a_ball_in_a_box_bounces_and_stays():
+    scene = Scene.box(0.2, 0.1).add(ball(v=(0.6, 0.35)), use("contact_linear", stiffness=2000.0, damping=0.0))
+    simulation = Simulation(scene)
+    row = scene.ids.index("a")
+    xy = simulation.sample(np.linspace(0.05, 1.0, 20), rows=[row])[:, 0]
+    assert (xy > 0.005).all() and (xy[:, 0] < 0.195).all() and (xy[:, 1] < 0.095).all()
+    assert np.ptp(xy[:, 0]) > 0.1
+
+
+def test_add_gives_a_new_scene():
+    empty = Scene.box(0.2, 0.1)
+    full = empty.add(
+        ball("a"), use("linear_drag", c=1.0), Adjustable("linear_drag", "c", 0.5, 2.0), ball("b", (0.05, 0.05))
+    )
+    assert len(full.bodies) == len(empty.bodies) + 2 and not empty.laws
+    assert full.laws[0].name == "linear_drag" and full.adjustable[0].name == "linear_drag.c"
+    with pytest.raises(InputError, match="should be a Body"):
+        empty.add("ball")
+    with pytest.raises(InputError, match="used twice"):
+        full.add(ball("a"))
+    for size in ((0.0, 1.0), (1.0, -1.0)):
+        with pytest.raises(InputError, match="above zero"):
+            Scene.box(*size)
+
+
+def test_plot(tmp_path):
+    scene = Scene.box(0.2, 0.1).add(ball())
+    scene.plot(path=tmp_path / "start.png", width=300)
+    assert (tmp_path / "start.png").read_bytes()[:4] == b"\x89PNG"
+    with pytest.raises(InputError, match="no initial place"):
+        scene.add(Body("lost", "free", radius=0.01, mass=0.1)).plot()
