@@ -1,146 +1,265 @@
-"""``python -m granswim_pymunk.benchmarks.fuzz [N] [SEED]``: nonsense for the reader of recordings.
+"""``python -m granswim_pymunk.benchmarks.fuzz [N] [SEED] [--kinds K ...] [--case K] [--whole N] [--json FILE]``.
 
-Good recordings are cut off, shuffled, given bytes that are no UTF-8, numbers that are huge, tiny or none, keys and rows
-twice or not at all, and long lines. Each must be read or refused with an InputError of one line: never another error,
-never a hang.
+Nonsense for every door of the program: recordings, scenes, foreign tables, options of the commands, beds of another
+code, checkpoints. Good files are cut off, shuffled, given bytes that are no UTF-8, numbers that are huge, tiny or none,
+keys and rows twice or not at all. Each must be taken or refused with an error of one line: never another error, never
+more than LONGEST seconds, never more than MOST_MEMORY. N cases run in this process, each up to the plan of its work;
+``--whole N`` runs whole diagnoses of spoilt recordings, each in a process of its own.
 """
 
 from __future__ import annotations
 
-import functools
+import argparse
+import contextlib
 import importlib
+import json
+import math
+import resource
 import shutil
+import signal
+import subprocess
 import sys
 import tempfile
 import time
+import traceback
 import warnings
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
 import numpy as np
 
-from granswim_pymunk.errors import InputError
-from granswim_pymunk.recording import read_recording
+from granswim_pymunk.benchmarks.fuzz_inputs import KINDS, nonsense, seeds, spoil_some, write
+from granswim_pymunk.errors import InputError, SimulationError
 
-Files = dict[str, bytes]
+LONGEST = 10.0  # s of computing for one case; six times as much on the clock, as the machine may be busy
+MOST_MEMORY = 2e9  # bytes, of the process with everything that it has imported
+MOST_PACKED = 300  # grains that are packed here; more is work, not a plan
 
-VALUES = (
-    b"nan", b"inf", b"-inf", b"1e999", b"-1e308", b"1e-320", b"0", b"-0.0", b"", b"''", b"true", b"[]", b"{}",
-    b"1e5000", b"9" * 400, b"0x1F", b"1_000", b"12:30", b"\xff\xfe", b"\xc3\x28", b"\x00", "½".encode(),
-    b"[[body]]", b"\"", b"#",
-    b"1979-05-27", b"\"a\\nb\"", b"-1", b"1e300", b"[1, 2", b"../../etc/passwd", b"'''",
-)  # fmt: skip
+__all__ = ["Found", "fuzz", "nonsense", "seeds", "whole"]
 
 
 @dataclass
 class Found:
-    """What came of it: ``failures`` holds (case, error) for all that is neither read nor refused."""
+    """What came of it: ``failures`` holds (case, kind and error) for all that is neither taken nor refused."""
 
     tried: int = 0
     read: int = 0
     refused: int = 0
-    slowest: float = 0.0  # s
+    slowest: float = 0.0  # s of computing
     failures: list[tuple[int, str]] = field(default_factory=list)
+    kinds: dict[str, dict[str, int]] = field(default_factory=dict)
+    memory: float = 0.0  # bytes, the most that the process had
+
+    def count(self, kind: str, what: str) -> None:
+        self.kinds.setdefault(kind, {"read": 0, "refused": 0, "failed": 0})[what] += 1
 
 
-@functools.cache
-def seeds() -> tuple[Files, ...]:
-    """The small recordings that come with the package, their tables cut to 40 rows."""
-    root = importlib.import_module("granswim_pymunk.recordings").__path__
-    found = []
-    for toml in sorted(p for folder in root for p in Path(folder).rglob("recording.toml")):
-        files = {p.name: p.read_bytes() for p in sorted(toml.parent.iterdir()) if p.is_file()}
-        if sum(len(f) for f in files.values()) > 300_000:
-            continue
-        found.append(_shortened(files))
-    return tuple(found)
+class Planned(BaseException):
+    """The work was planned: here it would begin."""
 
 
-def _shortened(files: Files, rows: int = 40) -> Files:
-    return {
-        name: b"".join(content.splitlines(keepends=True)[: rows + 1]) if name == "tracks.csv" else content
-        for name, content in files.items()
-    }
+class TooLong(BaseException):
+    """A case has taken its time."""
 
 
-def nonsense(rng: np.random.Generator) -> Files:
-    """A recording with one to three things wrong with it."""
-    kept = seeds()
-    files = dict(kept[int(rng.integers(len(kept)))])
-    for _ in range(int(rng.integers(1, 4))):
-        if not files:
-            break
-        name = sorted(files)[int(rng.integers(len(files)))]
-        files[name] = _spoil(files[name], rng)
-        if rng.random() < 0.03:
-            del files[name]
-    return files
+@contextlib.contextmanager
+def up_to_the_plan() -> Iterator[None]:
+    """Commands stop where their work begins: the first step, the first diagnosis, the first case."""
+    from granswim_pymunk import packing, run, sweep
+    from granswim_pymunk.commands import benchmark, crosscheck
+    from granswim_pymunk.limits import MOST_BODIES
+
+    # the package has functions of these names
+    diagnose = importlib.import_module("granswim_pymunk.diagnosis.diagnose")
+    conceal = importlib.import_module("granswim_pymunk.proof.conceal")
+    prove = importlib.import_module("granswim_pymunk.proof.prove")
+
+    def begin(*args: Any, **more: Any) -> Any:
+        raise Planned
+
+    make = packing._make
+
+    def little(scene: Any, *more: Any) -> Any:
+        bed = scene.bed
+        area = math.pi / 4 * float(np.mean(bed.grain_diameter)) ** 2
+        grains = (scene.periodic_x or 0.0) * bed.height * bed.packing_fraction / area
+        if MOST_PACKED < grains <= MOST_BODIES:
+            raise Planned
+        return make(scene, *more)
+
+    with contextlib.ExitStack() as stack:
+        for owner, name, stub in (
+            (run._Run, "go", begin), (sweep, "run_jobs", begin), (packing, "_make", little),
+            (diagnose, "diagnose_together", begin), (prove, "prove_cases", begin), (crosscheck, "crosscheck", begin),
+            (benchmark, "benchmark", begin),
+        ):  # fmt: skip
+            stack.enter_context(mock.patch.object(owner, name, stub))
+        stack.enter_context(mock.patch.dict(diagnose.METHODS, dict.fromkeys(diagnose.METHODS, begin)))
+        stack.enter_context(mock.patch.dict(conceal.KINDS, dict.fromkeys(conceal.KINDS, begin)))
+        yield
 
 
-def _spoil(content: bytes, rng: np.random.Generator) -> bytes:
-    lines = content.splitlines(keepends=True)
-    at = int(rng.integers(max(len(lines), 1)))
-    value = VALUES[int(rng.integers(len(VALUES)))]
-    kind = int(rng.integers(11))
-    if kind == 0:
-        return content[: int(rng.integers(len(content) + 1))]
-    if kind == 1:
-        return b"".join(lines[k] for k in rng.permutation(len(lines)))
-    if kind == 2 and content:
-        spoilt = bytearray(content)
-        for k in rng.integers(len(spoilt), size=int(rng.integers(1, 20))):
-            spoilt[k] = int(rng.integers(256))
-        return bytes(spoilt)
-    if kind in (3, 4, 5) and lines:
-        mark = b"," if b"," in lines[at] and b"=" not in lines[at] else b"="
-        parts = lines[at].split(mark)
-        parts[int(rng.integers(len(parts)))] = value
-        lines[at] = mark.join(parts).rstrip(b"\r\n") + b"\n"
-        return b"".join(lines)
-    if kind == 6 and lines:
-        return b"".join(lines[:at] + lines[at : at + 1] * int(rng.integers(2, 50)) + lines[at:])
-    if kind == 7 and lines:
-        return b"".join(lines[:at] + lines[at + 1 :])
-    if kind == 8:
-        return content + value * int(rng.integers(1, 20_000))
-    if kind == 9:
-        return rng.bytes(int(rng.integers(2000)))
-    return b"\xef\xbb\xbf" + content.replace(b"\n", b"\r" if rng.random() < 0.5 else b"\r\n")
+@contextlib.contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Raise TooLong after so many seconds, where the system has such an alarm."""
+
+    def ring(*args: Any) -> None:
+        raise TooLong
+
+    try:
+        alarms = {signal.SIGALRM: (signal.ITIMER_REAL, 6 * seconds), signal.SIGPROF: (signal.ITIMER_PROF, seconds)}
+        before = {number: signal.signal(number, ring) for number in alarms}
+    except (AttributeError, ValueError):  # Windows; not the main thread
+        yield
+        return
+    for timer, after in alarms.values():
+        signal.setitimer(timer, after)
+    try:
+        yield
+    finally:
+        for number, (timer, _) in alarms.items():
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
 
 
-def fuzz(count: int, folder: str | Path, seed: int = 0, show: bool = False) -> Found:
-    """Read ``count`` pieces of nonsense, each from a folder of its own below ``folder``."""
-    rng = np.random.default_rng(seed)
+def fuzz(
+    count: int,
+    folder: str | Path,
+    seed: int = 0,
+    show: bool = False,
+    kinds: Sequence[str] = ("recording",),
+    first: int = 0,
+) -> Found:
+    """Try ``count`` pieces of nonsense of these kinds in turn, each below ``folder``; a case can be tried alone.
+
+    Case k is the same for a seed whatever ran before it.
+    """
     found = Found()
-    place = Path(folder) / "recording"
-    for case in range(count):
-        files = nonsense(rng)
-        shutil.rmtree(place, ignore_errors=True)
-        place.mkdir(parents=True)
-        for name, content in files.items():
-            (place / name).write_bytes(content)
-        begin = time.perf_counter()
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                read_recording(place)
-            found.read += 1
-        except InputError as error:
-            if "\n" in str(error):
-                found.failures.append((case, f"more than one line: {error}"))
-            found.refused += 1
-        except Exception as error:  # this is what is looked for
-            found.failures.append((case, f"{type(error).__name__}: {error}"))
-        found.tried += 1
-        found.slowest = max(found.slowest, time.perf_counter() - begin)
-        if show and found.tried % 1000 == 0:
-            what = f"{found.refused} refused, {found.read} read, {len(found.failures)} failures"
-            print(f"{found.tried}: {what}", flush=True)
+    place = Path(folder) / "case"
+    with up_to_the_plan():
+        for case in range(first, first + count):
+            kind = kinds[case % len(kinds)]
+            shutil.rmtree(place, ignore_errors=True)
+            place.mkdir(parents=True)
+            act = KINDS[kind](np.random.default_rng([seed, case]), place)
+            begin = time.process_time()
+            failure = _try(act)
+            spent = time.process_time() - begin
+            found.tried += 1
+            found.slowest = max(found.slowest, spent)
+            if failure is None:
+                found.read += 1
+            elif failure == "":
+                found.refused += 1
+            else:
+                found.failures.append((case, f"{kind}: {failure}"))
+                if show:
+                    print(f"case {case}, {kind}: {failure}", flush=True)
+            found.count(kind, "read" if failure is None else "failed" if failure else "refused")
+            if show and found.tried % 1000 == 0:
+                what = f"{found.refused} refused, {found.read} taken, {len(found.failures)} failures"
+                print(f"{found.tried}: {what}", flush=True)
+    shutil.rmtree(place, ignore_errors=True)
+    found.memory = _peak()
+    if found.memory > MOST_MEMORY:
+        found.failures.append((-1, f"the process had {found.memory / 1e9:.1f} GB"))
     return found
 
 
-if __name__ == "__main__":
+def _try(act: Any) -> str | None:
+    """None: taken; empty: refused in one line; otherwise what is wrong."""
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"), limited(LONGEST):
+            warnings.simplefilter("ignore")
+            act()
+    except Planned:
+        return None
+    except (InputError, SimulationError) as error:
+        return f"more than one line: {error}" if "\n" in str(error) else ""
+    except TooLong:
+        return f"longer than {LONGEST:g} s"
+    except MemoryError:
+        return "no memory left"
+    except Exception as error:  # this is what is looked for
+        return f"{type(error).__name__}: {' '.join(str(error).split())[:160]} ({_place(error)})"
+    return None
+
+
+def _place(error: Exception) -> str:
+    """File and line of the program that an error came through last."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if not {"site-packages", "lib"} & set(Path(f.filename).parts)] or frames
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}"
+
+
+def _peak() -> float:
+    """The most memory that this process has had [bytes]."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(most) * (1 if sys.platform == "darwin" else 1024)
+
+
+def whole(count: int, folder: str | Path, seed: int = 0, minutes: float = 0.1, show: bool = False) -> Found:
+    """Whole diagnoses of recordings with a few spoilt numbers, each a process of its own: exit code 0 or one line."""
+    found = Found()
+    place = Path(folder) / "whole"
+    readable = [s for s in seeds() if sum(map(len, s.values())) < 100_000]
+    for case in range(count):
+        rng = np.random.default_rng([seed, case, 1])
+        shutil.rmtree(place, ignore_errors=True)
+        write(spoil_some(readable[int(rng.integers(len(readable)))], rng), place / "recording")
+        argv = [sys.executable, "-m", "granswim_pymunk", "diagnose", str(place / "recording")]
+        argv += ["--out", str(place / "out"), f"--minutes={minutes}"]
+        begin = time.perf_counter()
+        failure = ""
+        try:
+            done = subprocess.run(argv, capture_output=True, text=True, timeout=60 * minutes + 120, errors="replace")
+            lines = [line for line in done.stderr.splitlines() if line.startswith("granswim diagnose: ")]
+            if "Traceback" in done.stderr:
+                failure = done.stderr.strip().splitlines()[-1]
+            elif done.returncode and len(lines) != 1:
+                failure = f"exit code {done.returncode}, {len(lines)} lines that say why"
+            elif not done.returncode and not (place / "out" / "verdict.json").exists():
+                failure = "exit code 0 without a verdict"
+            found.refused += bool(done.returncode)
+            found.read += not done.returncode
+        except subprocess.TimeoutExpired:
+            failure = f"longer than {60 * minutes + 120:g} s"
+        found.tried += 1
+        found.slowest = max(found.slowest, time.perf_counter() - begin)
+        if failure:
+            found.failures.append((case, failure))
+            if show:
+                print(f"diagnosis {case}: {failure}", flush=True)
+    shutil.rmtree(place, ignore_errors=True)
+    found.memory = float(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) * 1024
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="fuzz", description=__doc__)
+    parser.add_argument("count", type=int, nargs="?", default=10_000)
+    parser.add_argument("seed", type=int, nargs="?", default=0)
+    parser.add_argument("--kinds", nargs="+", choices=tuple(KINDS), default=tuple(KINDS))
+    parser.add_argument("--first", type=int, default=0, metavar="K", help="begin with case K (slices; one case alone)")
+    parser.add_argument("--whole", type=int, default=0, metavar="N", help="whole diagnoses, instead")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    args = parser.parse_args(argv)
     with tempfile.TemporaryDirectory() as own:
-        result = fuzz(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000, own, *map(int, sys.argv[2:3]), show=True)
-    print(f"slowest {result.slowest:.2f} s; failures: {result.failures[:5] or 'none'}")
-    sys.exit(bool(result.failures))
+        if args.whole:
+            result = whole(args.whole, own, args.seed, show=True)
+        else:
+            result = fuzz(args.count, own, args.seed, show=True, kinds=args.kinds, first=args.first)
+    for kind, counts in result.kinds.items():
+        print(f"{kind}: " + ", ".join(f"{value} {name}" for name, value in counts.items()))
+    print(f"{result.tried} tried, {result.read} taken, {result.refused} refused, slowest {result.slowest:.2f} s, "
+          f"{result.memory / 1e9:.2f} GB; failures: {len(result.failures)}")  # fmt: skip
+    if args.json:
+        args.json.write_text(json.dumps(asdict(result), indent=1) + "\n", encoding="utf-8")
+    return bool(result.failures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

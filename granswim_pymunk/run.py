@@ -43,6 +43,8 @@ from .trajectory import TrajectoryWriter, read_trajectory
 log = logging.getLogger("granswim")
 
 FRAMES = 60  # pictures of a run that does not say how many
+MOST_STEPS = 10**13  # years of work for a single disk
+MOST_STATES = 1_000_000  # of a run, stored or drawn
 VIDEO_FPS = 25.0
 CHECKPOINT_EVERY = 20.0  # seconds of the clock on the wall
 # steps times bodies between two looks at the keyboard: about a quarter of a second. A fixed number, not a
@@ -189,6 +191,9 @@ def run_scene(
             total = round(duration / sim.dt)
             if total < 1:
                 raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
+            if total > MOST_STEPS:
+                message = f"is {duration / sim.dt:.3g} steps of {sim.dt:g} s; more than {MOST_STEPS:.0e} are no run"
+                raise InputError(message, file=file, where="time.duration")
             painter = Painter(
                 scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
             )
@@ -248,6 +253,9 @@ class _Plan:
 
     @classmethod
     def make(cls, total: int, frames: int, times: Time, dt: float) -> _Plan:
+        states = max(frames, total * dt / times.output if times.output else 0)
+        if states > MOST_STATES:
+            raise InputError(f"would store {states:.3g} states or pictures; at most {MOST_STATES} are", where="frames")
         pictures = np.round(np.linspace(0, total, max(frames, 2))).astype(int).tolist()
         if times.output is None:
             stored = pictures if frames else np.round(np.linspace(0, total, 101)).astype(int).tolist()

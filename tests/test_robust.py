@@ -12,7 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_engine import bits, run, small_bed
 
-from granswim_pymunk.benchmarks.fuzz import fuzz, nonsense, seeds
+from granswim_pymunk.benchmarks import fuzz_inputs
+from granswim_pymunk.benchmarks.fuzz import fuzz, nonsense, seeds, whole
+from granswim_pymunk.benchmarks.fuzz_inputs import KINDS
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.recording import read_recording
@@ -80,19 +82,56 @@ def test_any_scene_runs_or_is_refused(scene, steps):
 
 class TestNonsense:
     def test_some_hundreds(self, tmp_path):
-        found = fuzz(300, tmp_path, seed=1)
+        """Of every kind: recordings, scenes, foreign tables, options, stored beds, checkpoints."""
+        found = fuzz(300, tmp_path, seed=1, kinds=tuple(KINDS))
         assert found.tried == 300 and found.refused > 50 and found.read > 10
         assert not found.failures, found.failures[:3]
-        assert found.slowest < 10.0
+        assert set(found.kinds) == set(KINDS) and all(counts["refused"] for counts in found.kinds.values())
 
     @pytest.mark.long
     def test_ten_thousand(self, tmp_path):
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        found = fuzz(10_000, tmp_path, seed=2)
+        found = fuzz(10_000, tmp_path, seed=2, kinds=tuple(KINDS))
         assert not found.failures, found.failures[:3]
-        assert found.slowest < 10.0
         # kilobytes on Linux
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1e6
+
+    @pytest.mark.long
+    def test_whole_diagnoses(self, tmp_path):
+        found = whole(200, tmp_path, seed=3)
+        assert found.tried == 200 and not found.failures, found.failures[:3]
+
+    @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "options"])
+    def test_what_is_spoilt_was_good(self, tmp_path, monkeypatch, kind):
+        """Unspoilt, each of these is taken: a refusal is one of what was spoilt."""
+        monkeypatch.setattr(fuzz_inputs, "spoil_some", lambda files, rng: dict(files))
+        monkeypatch.setattr(fuzz_inputs, "spoil", lambda content, rng: content)
+        monkeypatch.setattr(fuzz_inputs, "_spoil_tree", lambda tree, rng: tree)
+        monkeypatch.setattr(fuzz_inputs, "_word", lambda rng: "1")
+        monkeypatch.setattr(fuzz_inputs, "IMPORT_OPTIONS", ("--sampling",))
+        found = fuzz(6, tmp_path, kinds=(kind,))
+        assert found.read == 6 and not found.failures, found
+
+    def test_what_breaks_is_found(self, tmp_path, monkeypatch):
+        """Another error, several lines, and a case without an end."""
+
+        def wrong(rng, place):
+            def act():
+                number = int(rng.integers(3))
+                if number == 0:
+                    raise ZeroDivisionError("by zero")
+                if number == 1:
+                    raise InputError("x") from None
+                while True:
+                    pass
+
+            return act
+
+        monkeypatch.setitem(KINDS, "wrong", wrong)
+        monkeypatch.setattr("granswim_pymunk.benchmarks.fuzz.LONGEST", 0.05)
+        found = fuzz(12, tmp_path, kinds=("wrong",))
+        said = " ".join(text for _, text in found.failures)
+        assert found.refused and "wrong: ZeroDivisionError: by zero (test_robust.py:" in said and "longer than" in said
 
     def test_what_is_fuzzed_can_be_read(self, tmp_path):
         """The files that the nonsense is made from are good ones."""
@@ -105,6 +144,11 @@ class TestNonsense:
 
     def test_nonsense_is_repeatable(self):
         assert nonsense(np.random.default_rng(4)) == nonsense(np.random.default_rng(4))
+
+    def test_a_case_can_be_tried_alone(self, tmp_path):
+        together = fuzz(6, tmp_path, seed=5)
+        alone = [fuzz(1, tmp_path, seed=5, first=k) for k in range(6)]
+        assert sum(f.read for f in alone) == together.read and sum(f.refused for f in alone) == together.refused
 
 
 def test_threads_are_alone():

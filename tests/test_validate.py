@@ -219,7 +219,7 @@ class TestCrosscheck:
         assert "alone.toml: cannot read it" in capsys.readouterr().err
         (tmp_path / "text.npz").write_text("not an archive")
         assert main(["crosscheck", str(tmp_path / "text.npz")]) == 2
-        assert "text.npz: is not an npz" in capsys.readouterr().err
+        assert "text.npz: is not an NPZ" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("mode", ["verlet", "chipmunk", "python", "batch"])

@@ -7,7 +7,6 @@ dt, start and steps, laws). Bodies are called by their row, "0", "1" ..., unless
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 
 import granswim_pymunk
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.limits import read_arrays
 from granswim_pymunk.scene import ROLES, Scene, read_toml, scene_from_dict
 
 from .reference import Reference
@@ -55,18 +55,6 @@ def find_bed(name: str | Path) -> Path:
     return path
 
 
-def _arrays(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            if not hasattr(data, "files"):
-                raise InputError("is a single array, not an npz", file=path)
-            return {name: data[name] for name in data.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"is not an npz of plain arrays: {error}", file=path) from None
-
-
 def _numbers(data: Mapping[str, np.ndarray], key: str, shape: tuple[int, ...], path: Path) -> np.ndarray:
     array = data[key]
     if array.dtype.kind not in "fiu" or array.shape not in (
@@ -83,7 +71,7 @@ def read_bed(name: str | Path) -> StoredBed:
     """Read ``NAME.npz`` and ``NAME.toml``. Raises InputError naming file and key."""
     path = find_bed(name)
     beside = path.with_suffix(".toml")
-    data, table = _arrays(path), read_toml(beside)
+    data, table = read_arrays(path), read_toml(beside)
     for key in ("role", "radius", "mass", "start"):
         if key not in data:
             raise InputError(f"has no {key!r}; it needs role, radius, mass, start and after_N", file=path)

@@ -32,6 +32,9 @@ FIELDS = ("x", "y", "vx", "vy", "angle", "spin", "images", "fx", "fy", "torque",
           "laid_x", "laid_y")  # fmt: skip
 
 
+GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
+
+
 def _digest(about: str, arrays: dict[str, np.ndarray]) -> str:
     total = hashlib.sha256(about.encode())
     for name in sorted(arrays):
@@ -125,15 +128,25 @@ def resume(path: str | Path) -> tuple[Simulation, np.random.Generator | None, di
     from .units import Units
 
     about, arrays = load_checkpoint(path)
-    scene = scene_from_dict(tomllib.loads(about["scene"]))
-    units = Units(*(float.fromhex(u) for u in about["units"]))
-    simulation = Simulation(
-        scene, mode=about["mode"], dt=float.fromhex(about["dt"]), start=about["start"], units=units
-    )
-    simulation._thaw(arrays, int(about["step"]), bool(about["begun"]))
-    random = None
-    if about["random"] is not None:
-        kind = getattr(np.random, about["random"]["bit_generator"])()
-        kind.state = about["random"]
-        random = np.random.Generator(kind)
-    return simulation, random, about["note"]
+    try:
+        scene = scene_from_dict(tomllib.loads(about["scene"]))
+        units = Units(*(float.fromhex(u) for u in about["units"]))
+        simulation = Simulation(
+            scene, mode=about["mode"], dt=float.fromhex(about["dt"]), start=about["start"], units=units
+        )
+        simulation._thaw(arrays, int(about["step"]), bool(about["begun"]))
+        random, note = None, about["note"]
+        if about["random"] is not None:
+            name = about["random"]["bit_generator"]
+            if name not in GENERATORS:
+                raise ValueError(f"unknown random generator {name!r}")
+            kind = getattr(np.random, name)()
+            kind.state = about["random"]
+            random = np.random.Generator(kind)
+        if not isinstance(note, dict):
+            raise ValueError(f"its note is {note!r}")
+    except InputError as error:
+        raise InputError(f"the checkpoint is damaged: {error}", file=path) from None
+    except (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, RecursionError) as error:
+        raise InputError(f"the checkpoint is damaged: {type(error).__name__}: {error}", file=path) from None
+    return simulation, random, note

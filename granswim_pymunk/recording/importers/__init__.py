@@ -6,6 +6,7 @@ text, ``recognise`` and ``read`` (see ``base.py``); a shipped recording's own fo
 
 from __future__ import annotations
 
+import csv
 import inspect
 import warnings
 from collections.abc import Callable
@@ -119,12 +120,21 @@ def _import(source: str | Path, format: str, options: dict[str, Any]) -> tuple[l
         return ([found] if isinstance(found, Recording) else found), format, ()
     said = Options(**options)
     opened = Source(source, said)
-    name = find_format(opened) if format == "auto" else format
-    importer = FORMATS[name].importer
-    assert importer is not None
-    if not opened.head:
-        raise InputError("is a folder: give the file in it" if opened.path.is_dir() else "is empty", file=source)
-    built = build(importer.read(opened, said), said, Path(source))
+    name = format
+    try:
+        name = find_format(opened) if format == "auto" else format
+        importer = FORMATS[name].importer
+        assert importer is not None
+        if not opened.head:
+            raise InputError("is a folder: give the file in it" if opened.path.is_dir() else "is empty", file=source)
+        shown = importer.read(opened, said)
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, IndexError, ValueError, OverflowError, csv.Error) as error:
+        # what HDF5 and other libraries raise for a damaged file
+        told = FORMATS[name].help if name != "auto" else "file that is known"
+        raise InputError(f"is damaged, or no {told}: {' '.join(str(error).split())[:200]}", file=source) from None
+    built = build(shown, said, Path(source))
     return [built.recording], name, built.notes
 
 

@@ -197,7 +197,7 @@ def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:
             first = int(np.argmax(np.isfinite(xy[:, 0])))
             plane.add_patch(_disk(xy[first], recording.scene.body(name).radius, color))
             if len(recording.ids) <= 20:
-                plane.annotate(name, xy[first], fontsize=8, color=color)
+                plane.annotate(name, xy[first], fontsize=8, color=color, parse_math=False)
         course = courses[0]
         if placed:
             course.plot(unwrapped.t, xy[:, 0], color=color, lw=0.8, label="x" if k == 0 else None)
@@ -207,7 +207,8 @@ def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:
     if plane is not None:
         plane.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="paths, with the disk at its first place")
         plane.autoscale_view()
-    courses[0].set(xlabel="t [s]", ylabel="x, y [m]" if placed else "angle [rad]", title=recording.title[:60])
+    courses[0].set(xlabel="t [s]", ylabel="x, y [m]" if placed else "angle [rad]")
+    courses[0].set_title(recording.title[:60], parse_math=False)  # a title is no formula
     courses[0].legend(loc="upper right", fontsize=8)
     figure.savefig(path, dpi=110)
     return Path(path)

@@ -90,7 +90,10 @@ class Source:
             raise InputError(f"should be zero or more, got {skipped}", where="skip rows")
         if skipped:
             # empty lines in their place keep the row numbers of the file
-            text = "\n" * skipped + "\n".join(text.splitlines()[skipped:])
+            lines = text.splitlines()
+            if skipped >= len(lines):
+                raise InputError(f"has {len(lines)} lines, none after {skipped}", file=self.path, where="skip rows")
+            text = "\n" * skipped + "\n".join(lines[skipped:])
         return text
 
     @cached_property

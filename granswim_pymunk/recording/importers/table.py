@@ -153,7 +153,10 @@ def find_delimiter(lines: Sequence[str]) -> str:
 
 
 def _parts(line: str, delimiter: str) -> int:
-    return len(next(csv.reader([line], delimiter=delimiter), []))
+    try:
+        return len(next(csv.reader([line], delimiter=delimiter), []))
+    except csv.Error:  # a cell of a hundred thousand letters is none
+        return 1
 
 
 def numeric(cell: str, decimal: str = ".") -> bool:
