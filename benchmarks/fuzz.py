@@ -69,8 +69,9 @@ class TooLong(BaseException):
 def up_to_the_plan() -> Iterator[None]:
     """Commands stop where their work begins: the first step, the first diagnosis, the first case."""
     from granswim_pymunk import packing, run, sweep
-    from granswim_pymunk.commands import benchmark, crosscheck
+    from granswim_pymunk.benchmarks import speed
     from granswim_pymunk.limits import MOST_BODIES
+    from granswim_pymunk.validation import crosscheck
 
     # the package has functions of these names
     diagnose = importlib.import_module("granswim_pymunk.diagnosis.diagnose")
@@ -94,7 +95,7 @@ def up_to_the_plan() -> Iterator[None]:
         for owner, name, stub in (
             (run._Run, "go", begin), (sweep, "run_jobs", begin), (packing, "_make", little),
             (diagnose, "diagnose_together", begin), (prove, "prove_cases", begin), (crosscheck, "crosscheck", begin),
-            (benchmark, "benchmark", begin),
+            (speed, "benchmark", begin),
         ):  # fmt: skip
             stack.enter_context(mock.patch.object(owner, name, stub))
         stack.enter_context(mock.patch.dict(diagnose.METHODS, dict.fromkeys(diagnose.METHODS, begin)))

@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
     argv = list(sys.argv[1:] if argv is None else argv)
     empty = next((text for text in argv if text.startswith("--") and text.endswith("=--")), None)
     if empty is not None:  # argparse would make a list of it
-        print(f"granswim: {empty[:-3]}: needs a value, got '--'", file=sys.stderr)
+        print(f"granswim {argv[0]}: {empty[:-3]}: needs a value, got '--'", file=sys.stderr)
         return 2
     only = argv[0] if argv and argv[0] in COMMANDS else None
     parser = build_parser(only, options=only is not None)

@@ -43,8 +43,6 @@ from .trajectory import TrajectoryWriter, read_trajectory
 log = logging.getLogger("granswim")
 
 FRAMES = 60  # pictures of a run that does not say how many
-MOST_STEPS = 10**13  # years of work for a single disk
-MOST_STATES = 1_000_000  # of a run, stored or drawn
 VIDEO_FPS = 25.0
 CHECKPOINT_EVERY = 20.0  # seconds of the clock on the wall
 # steps times bodies between two looks at the keyboard: about a quarter of a second. A fixed number, not a
@@ -191,9 +189,6 @@ def run_scene(
             total = round(duration / sim.dt)
             if total < 1:
                 raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
-            if total > MOST_STEPS:
-                message = f"is {duration / sim.dt:.3g} steps of {sim.dt:g} s; more than {MOST_STEPS:.0e} are no run"
-                raise InputError(message, file=file, where="time.duration")
             painter = Painter(
                 scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
             )
@@ -261,10 +256,6 @@ class _Plan:
             stored = pictures if frames else np.round(np.linspace(0, total, 101)).astype(int).tolist()
         else:
             stride = max(round(times.output / dt), 1)
-            if total / stride > MOST_STATES:
-                raise InputError(
-                    f"would store {total / stride:.2g} states; at most {MOST_STATES:g} can be", where="time.output"
-                )
             stored = [*range(0, total, stride), total]
             # a picture shows a stored state, so that it can be drawn again from the trajectory
             places = np.clip(np.searchsorted(stored, pictures), 0, len(stored) - 1)

@@ -59,8 +59,8 @@ class TestRun:
         [
             (["--duration=1e300"], "steps of"),
             (["--duration=1", "--dt=1e-300"], "steps of"),
-            (["--duration=1e-3", "--frames=1000000000000"], "would store 1e+12 states"),
-            (["--duration=1", "--fps=1e15"], "would store 1e+15 states"),
+            (["--duration=1e-3", "--frames=1000000000000"], "1e+12 pictures"),
+            (["--duration=1", "--fps=1e15"], "1e+15 pictures"),
         ],
     )
     def test_more_than_can_be_run_or_stored(self, tmp_path, capsys, more, says):

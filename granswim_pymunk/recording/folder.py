@@ -468,6 +468,8 @@ def _write_files(recording: Recording, folder: Path, tracks: str | None) -> None
     data = scene.to_dict()
     for key in ("format", "title", "seed", "input"):
         data.pop(key, None)
+    if data.get("time") == {"start": 0.0, "scheme": "exact"}:
+        del data["time"]  # what a recording that says nothing means
     head: dict[str, Any] = {"format": FORMATS[_version(recording, data) - 1], "title": recording.title}
     head |= {key: value for key in RECORDING_KEYS if (value := getattr(recording, key)) is not None}
     if scene.seed:
@@ -523,7 +525,7 @@ def _version(recording: Recording, data: Mapping[str, Any]) -> int:
     new = (
         any(getattr(recording, key) is not None for key in NEW_KEYS)
         or "wall" in data
-        or "scheme" in data.get("time", {})
+        or data.get("time", {}).get("scheme") == "half_step"
         or any(item.name in NEW_LAWS for item in recording.scene.laws)
         or bool(np.any(missing[..., 0] != missing[..., 1]))
     )
