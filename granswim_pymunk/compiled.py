@@ -14,7 +14,9 @@ import linecache
 import logging
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ import numba
 from numba.core import config, sigutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.ccallback import CFunc
+from tqdm import tqdm
 
 from .files import written_whole
 from .storage import code_folder
@@ -35,6 +38,34 @@ _SUM = 32
 @functools.cache
 def _said(text: str) -> None:
     log.warning("%s", text)
+
+
+_WATCHES: list[Callable[[], None]] = []  # called whenever a function has been compiled
+
+
+@contextmanager
+def shown(total: int) -> Iterator[None]:
+    """A progress bar over about ``total`` functions, from the first one that is not in the cache.
+
+    Shown on a terminal only, and by the process that a person has started, not by its workers.
+    """
+    bar: Any = None
+
+    def watch() -> None:
+        nonlocal bar
+        if bar is None:
+            bar = tqdm(total=total, desc="compiling the laws, once", disable=None, leave=False, dynamic_ncols=True)
+        bar.update(1)
+
+    if parent_process() is None:
+        _WATCHES.append(watch)
+    try:
+        yield
+    finally:
+        if watch in _WATCHES:
+            _WATCHES.remove(watch)
+        if bar is not None:
+            bar.close()
 
 
 @functools.cache
@@ -106,6 +137,8 @@ class _Files:
         return code if head == self._head else None
 
     def save(self, key: Any, code: Any) -> None:
+        for watch in _WATCHES:
+            watch()
         body = numba.core.serialize.dumps((self._head, code))
         try:
             with written_whole(self.file(key), mode=0o600, sure=True) as stream:

@@ -26,6 +26,7 @@ from typing import Any
 
 import numba
 
+from ..compiled import shown
 from ..errors import InputError
 from ..files import written_whole
 from ..laws import Law, all_laws
@@ -975,7 +976,8 @@ def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
     linecache.cache[file] = (len(text), None, text.splitlines(True), file)
     sys.modules[name] = module
     try:
-        exec(compile(text, file, "exec"), module.__dict__)
+        with shown(text.count("\n@")):
+            exec(compile(text, file, "exec"), module.__dict__)
     except numba.core.errors.NumbaError as error:
         sys.modules.pop(name, None)
         raise _compile_error(given or {f"law_{law.name}": law for law in laws}, error) from None
