@@ -240,6 +240,8 @@ class Scene:
                     raise InputError(f"acts on body {name!r}, which the scene does not have", where=f"law {item.name}")
             if item.law.kind == "constraint" and item.name in ("pin", "drive") and item.bodies is None:
                 raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
+            if item.law.kind == "link":
+                self._check_link(item)
         if self.periodic_x is not None and not self.periodic_x > 0:
             raise InputError(f"should be above zero [m], got {self.periodic_x!r}", where="scene.periodic_x")
         for adjustable in self.adjustable:
@@ -249,6 +251,52 @@ class Scene:
             uses[0].law.parameter(adjustable.parameter)
             if not adjustable.low < adjustable.high:
                 raise InputError("low should be below high", where=f"adjustable {adjustable.name}")
+
+    def _check_link(self, item: LawUse) -> None:
+        """Raise InputError where a hinge or rod does not name what it joins."""
+        wanted = (1, 2) if item.name == "hinge" else (2,)
+        bodies = item.bodies or ()
+        where = f"law {item.name}"
+        if len(bodies) not in wanted or len(set(bodies)) != len(bodies):
+            count = "one or two bodies" if len(wanted) == 2 else "two bodies"
+            raise InputError(f"needs `bodies`, {count}, got {', '.join(bodies) or 'none'}", where=where)
+        joined = [self.body(name) for name in bodies]
+        if not any(body.mobile for body in joined):
+            raise InputError("needs a body that moves", where=where)
+        for body in joined:
+            if body.role in ("head", "tail"):
+                raise InputError(f"cannot hold body {body.id}, a swimmer's disk", where=where)
+        if self.periodic_x is not None:
+            raise InputError("cannot be simulated with periodic_x", where=where)
+
+    @property
+    def links(self) -> tuple[LawUse, ...]:
+        """The hinges and rods of the scene."""
+        return tuple(item for item in self.laws if item.law.kind == "link")
+
+    @property
+    def joints_of(self) -> dict[int, tuple[str, ...]]:
+        """Pins and hinges, by their place among ``laws``: the ids that a law of joints names to act in one of them."""
+        return {k: item.bodies or () for k, item in enumerate(self.laws) if item.name in ("pin", "hinge")}
+
+    def joints_under(self, item: LawUse) -> tuple[int, ...]:
+        """Places among ``laws`` of the pins and hinges that a law of kind joint acts in.
+
+        All where it names no bodies; else those of exactly these bodies ([a] for a pin or a hinge to the world).
+        Raises InputError where there is none.
+        """
+        joints = self.joints_of
+        if item.bodies is None:
+            return tuple(joints)
+        wanted = set(item.bodies)
+        found = [
+            k
+            for k, names in joints.items()
+            if set(names) == wanted or (self.laws[k].name == "pin" and wanted & set(names))
+        ]
+        if not found:
+            raise InputError(f"the scene has no pin or hinge of {', '.join(item.bodies)}", where=f"law {item.name}")
+        return tuple(found)
 
     def check_overlaps(self) -> None:
         """Raise InputError where two bodies that can touch overlap by more than half the smaller radius.
@@ -272,8 +320,11 @@ class Scene:
             return
         xy = np.array([b.initial[:2] for b in placed if b.initial is not None])
         radius = np.array([b.radius for b in placed])
+        joined = {frozenset(item.bodies or ()) for item in self.links}
         for i, j in overlapping(xy, radius):
             a, b = placed[i], placed[j]
+            if frozenset((a.id, b.id)) in joined:
+                continue
             if {a.role, b.role} <= {"head", "tail"} or {a.role, b.role} == {"wall"}:
                 continue
             overlap = a.radius + b.radius - math.dist(xy[i], xy[j])
@@ -324,6 +375,8 @@ class Scene:
     def rows(self, item: LawUse) -> np.ndarray:
         """Rows of the mobile bodies (for pair laws: all bodies) that a law acts on."""
         wanted = None if item.bodies is None else set(item.bodies)
+        if item.law.kind == "joint" and wanted is None:
+            wanted = {name for names in self.joints_of.values() for name in names}
         refined = self._refined(item)
         if wanted is None and refined and item.law.kind in ("body", "constraint"):
             everywhere = any(other.bodies is None for other in refined)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.laws import AUTOMATIC, all_laws, get_law
+from granswim_pymunk.laws import all_laws, get_law
 from granswim_pymunk.laws.actuator_delay import delayed
 from granswim_pymunk.laws.actuator_lag import lagging
 from granswim_pymunk.laws.actuator_saturation import clipped
@@ -73,6 +73,7 @@ CASES = [
     ("pair_lubrication", "bed", {"c": 3e3, "range": 2e-4}),
     ("nonlinear_spring", "carts", {"k_3": 40.0}),
     ("joint_friction", "pendulum", {"torque": 1.0}),
+    ("joint_drag", "pendulum", {"c": 0.05}),
     ("added_mass", "bed", {"beta": 0.4}),
     ("added_mass", "pendulum", {"beta": 0.4}),
     ("added_mass", "carts", {"beta": 0.4}),
@@ -293,9 +294,9 @@ def test_where_laws_can_act():
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring"}
-    assert admitted["pendulum"] == always | {"pin_friction"}
+    assert admitted["pendulum"] == always | {"pin_friction", "joint_drag"}
     assert admitted["driven"] == always | pairs | actuators
-    assert admitted["bed"] == MECHANISMS - {"nonlinear_spring", "pin_friction"}
+    assert admitted["bed"] == MECHANISMS - {"nonlinear_spring", "pin_friction", "joint_drag"}
 
 
 def test_friction_of_a_pin_by_its_name_in_files(tmp_path):
@@ -305,7 +306,6 @@ def test_friction_of_a_pin_by_its_name_in_files(tmp_path):
     write_scene(scene, tmp_path / "scene.toml")
     again = read_scene(tmp_path / "scene.toml")
     assert again.hash == scene.hash and again.laws[-1].values["joint"] == 4
-    assert again.laws[-2].values["anchor"] is AUTOMATIC
     data = scene.to_dict()
     data["law"] = [*data["law"][:-2], {"name": "joint_friction", "body": "bob", "torque": 0.3}]
     assert scene_from_dict(data).laws[-1].name == "pin_friction"

@@ -182,6 +182,8 @@ class Reference:
         for body in scene.bodies:
             if body.initial is None:
                 raise InputError("needs initial = [x, y, vx, vy]", where=f"body {body.id}")
+        if scene.links:
+            raise InputError("hinges and rods are integrated by validation.linked", where=f"law {scene.links[0].name}")
         self.scene = scene
         self.dt = float(chosen)
         self.step = 0

@@ -24,11 +24,13 @@ FIELDS = (
 # drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
 DAMPED = (
     "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "ambient_flow", "wall_drag",
-    "pin_friction", "joint_friction",
+    "pin_friction", "joint_friction", "joint_drag",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
+LINKS = ("hinge", "rod")
 KNOWN = (
-    *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *mechanisms.FIELDS, *mechanisms.PAIRS,
+    *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *LINKS, *mechanisms.FIELDS,
+    *mechanisms.JOINTS, *mechanisms.PAIRS,
     *mechanisms.CHAIN_LAWS, *mechanisms.INERTIA,
 )  # fmt: skip
 
@@ -148,6 +150,8 @@ class Forces:
                 force[rows] += self._field(item, values, xy[rows], v[rows], rows)
             elif item.name in mechanisms.FIELDS:
                 force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows])
+            elif item.name in mechanisms.JOINTS:
+                self._joints(force, item, values, xy, v)
             elif item.name in mechanisms.PAIRS:
                 self._pair(force, item, values, xy, v, float(self.radius[rows].mean()))
             elif item.name in mechanisms.CHAIN_LAWS:
@@ -157,6 +161,28 @@ class Forces:
             force += self.extra(t, xy, half_step if middle is None else middle)
         force[~self.mobile] = 0.0
         return force
+
+    def _joints(self, force: np.ndarray, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray) -> None:
+        """A friction in pins, as a force across the rod, and in hinges, as torques."""
+        row = {body.id: k for k, body in enumerate(self.scene.bodies)}
+        named = None if item.bodies is None else set(item.bodies)
+        for joint in self.scene.laws:
+            bodies = joint.bodies or ()
+            if joint.name == "pin":
+                for name in bodies:
+                    if named is None or name in named:
+                        i = row[name]
+                        r = xy[i] - np.array(joint.values["anchor"])
+                        across = np.array([-r[1], r[0]]) / (r @ r)
+                        force[i] += mechanisms.joint_torque(item.name, values, float(across @ v[i])) * across
+            elif joint.name == "hinge" and (named is None or named == set(bodies)):
+                rates = [self.spin[row[name]] for name in bodies]
+                if len(rates) == 1:
+                    self.torque[row[bodies[0]]] += mechanisms.joint_torque(item.name, values, rates[0])
+                    continue
+                torque = mechanisms.joint_torque(item.name, values, rates[1] - rates[0])
+                self.torque[row[bodies[1]]] += torque
+                self.torque[row[bodies[0]]] -= torque
 
     def _unfold(self, xy: np.ndarray) -> np.ndarray:
         """A chain's positions, each disk at its nearest image to the one before."""

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring", "pin_friction")
+FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring")
+JOINTS = ("pin_friction", "joint_drag")
 PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
 CHAIN_LAWS = (
     "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
@@ -42,12 +43,14 @@ def field(name: str, values: Values, xy: np.ndarray, v: np.ndarray, radius: np.n
         return np.where(near[:, None], -values["c"] * v, 0.0)
     r = xy - np.array(values["anchor"])
     distance = np.hypot(r[:, 0], r[:, 1])[:, None]
-    if name == "nonlinear_spring":
-        return -values["k_3"] * (distance - values["length"]) ** 3 * r / distance
-    # friction of a pin: a torque M about the anchor is a force M/L across the rod
-    across = np.stack([-r[:, 1], r[:, 0]], axis=1) / distance
-    rate = (across * v).sum(axis=1)[:, None] / distance
-    return -values["torque"] * smooth_sign(rate, values["w_0"]) / distance * across
+    return -values["k_3"] * (distance - values["length"]) ** 3 * r / distance
+
+
+def joint_torque(name: str, values: Values, rate: float) -> float:
+    """Torque [N m] on what turns at ``rate`` [rad/s] against the rest of a joint."""
+    if name == "joint_drag":
+        return float(-values["c"] * rate)
+    return float(-values["torque"] * smooth_sign(np.array(rate), values["w_0"]))
 
 
 def pair(

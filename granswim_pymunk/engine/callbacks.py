@@ -31,13 +31,13 @@ from ..errors import InputError
 from ..files import written_whole
 from ..laws import Law, all_laws
 from ..storage import code_folder
-from . import native, neighbours
+from . import links, native, neighbours
 from .motion import LIMIT, MOTION, columns
 from .native import ROW, Offsets
 
 log = logging.getLogger("granswim")
 
-KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "constraint": 3}
+KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "joint": 2, "constraint": 3}
 
 # columns of the integer table that says how a law is used
 USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "damping")
@@ -46,7 +46,8 @@ USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "damping")
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_blocks", "own_drift", "own_kick",
-    "from_list", "constrained", "fixed_skin", "pushed", "first_body",
+    "from_list", "constrained", "fixed_skin", "pushed", "first_body", "n_joints", "n_joint_of", "n_links", "n_linked",
+    "n_held", "n_apart",
     "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "run_starts", "blocks", "mask",
     "pair_i", "pair_j", "pair_shift", "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_starts",
@@ -55,6 +56,8 @@ INTS = (
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
     "order", "listing", "image_shift", "which", "work", "kick_mass", "inverse_moment", "kept",
+    "apart", "joints", "joint_at", "joint_of", "link_kind", "link_first", "link_second", "link_geometry", "linked",
+    "mobility", "link_gap", "link_arms", "link_here", "link_there", "link_matrix", "link_push", "link_q", "link_trial",
 )  # fmt: skip
 # ... and floats
 FLOATS = (
@@ -76,7 +79,8 @@ WORK = ("dx", "dy", "ux", "uy", "touch", "mass", "px", "py", "ri", "rj", "wi", "
 # numbers that laws may ask for
 # the last: 1 where a contact or a reach counts in its first and last step by the share of it that it lasts, else 0
 # and how dampings see the velocity (SCHEME)
-SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share", "scheme")
+# and the longest arm of a hinge
+SCALARS = ("length", "gx", "gy", "g", "mean_mass", "share", "scheme", "arm")
 # dampings see the last half-step velocity; or that of the positions' time: body after body, where each damping sees one
 # body; all bodies of a block together, where constraints join them; the first block together, where chains are damped
 HALF_STEP, ALONE, TOGETHER, CHAINS = 0, 1, 2, 3
@@ -339,6 +343,13 @@ def scatter(count, spin, flat, near_i, near_j, which, work):
 '''
 
 
+# what laws of joints, and the links, need besides
+LINKED = (
+    "link_kind, link_first, link_second, link_geometry, linked, mobility, link_gap, link_arms, link_here, link_there, "
+    "link_matrix, link_push, link_q, link_trial"
+)
+LINKS = f"joints, joint_at, joint_of, {LINKED}"
+
 _TWICE = '''
 
 @njit(**PLAIN)
@@ -372,6 +383,35 @@ def give_back(first, last, state, kept):
         state[i, VX] = kept[i, 3]
         state[i, VY] = kept[i, 4]
         state[i, SPIN] = kept[i, 5]
+
+
+@njit(**PLAIN)
+def hold_links(dt, state, mass, inverse_mass, inverse_moment, arm, ''' + LINKED + '''):
+    """Forces and torques of hinges and rods, all other forces being there: the coming drift leaves no gap."""
+    for k in range(linked.shape[0]):
+        i = linked[k]
+        link_q[k, 0] = state[i, X]
+        link_q[k, 1] = state[i, Y]
+        link_q[k, 2] = state[i, ANGLE]
+        link_trial[k, 0] = state[i, X] + dt * (state[i, VX] + dt * (inverse_mass[i] * state[i, FX]))
+        link_trial[k, 1] = state[i, Y] + dt * (state[i, VY] + dt * (inverse_mass[i] * state[i, FY]))
+        link_trial[k, 2] = state[i, ANGLE]
+        if mobility[k, 3] > 0.0:
+            link_trial[k, 2] += dt * (state[i, SPIN] + dt * (inverse_moment[i] * state[i, TORQUE]))
+        else:
+            state[i, TORQUE] = 0.0  # on a rail, or driven: it does not turn
+    if not close(link_kind, link_first, link_second, link_geometry, mobility, arm, link_q, link_trial, dt * dt, link_gap,
+                 link_arms, link_here, link_there, link_matrix, link_push):
+        state[linked[0], FX] = math.nan  # noticed as a position that is not finite
+        return
+    for k in range(linked.shape[0]):
+        i = linked[k]
+        x = link_push[k, 0]
+        y = link_push[k, 1]
+        state[i, FX] += mass[i] * (mobility[k, 0] * x + mobility[k, 1] * y)
+        state[i, FY] += mass[i] * (mobility[k, 1] * x + mobility[k, 2] * y)
+        if mobility[k, 3] > 0.0:
+            state[i, TORQUE] += link_push[k, 2]
 '''
 
 
@@ -432,6 +472,39 @@ def _chain_block(law: Law, code: int) -> list[str]:
     ]
 
 
+def _joint_block(law: Law, code: int) -> list[str]:
+    read, names = _parameter_locals(law)
+    call = _call(law, {"t": "t", "rate": "rate", "bend": "bend", **names})
+    return [
+        f"elif code == {code}:  # {law.name}",
+        *("    " + line for line in read),
+        "    for k in range(uses[u, 2], uses[u, 3] if b == 0 else uses[u, 2]):",
+        "        q = joint_of[k]",
+        "        i = joints[q, 1]",
+        "        j = joints[q, 2]",
+        "        if joints[q, 0] == 0:  # a pin: the rod turns, the body at its end is pushed across",
+        "            dx = state[j, X] - joint_at[q, 0]",
+        "            dy = state[j, Y] - joint_at[q, 1]",
+        "            square = dx * dx + dy * dy",
+        "            rate = (dx * state[j, VY] - dy * state[j, VX]) / square",
+        "            bend = math.atan2(dx, -dy)",
+        f"            torque = {call}",
+        "            state[j, FX] -= torque / square * dy",
+        "            state[j, FY] += torque / square * dx",
+        "        else:",
+        "            rate = state[j, SPIN] if j >= 0 else 0.0",
+        "            bend = state[j, ANGLE] if j >= 0 else 0.0",
+        "            if i >= 0:",
+        "                rate -= state[i, SPIN]",
+        "                bend -= state[i, ANGLE]",
+        f"            torque = {call}",
+        "            if j >= 0:",
+        "                state[j, TORQUE] += torque",
+        "            if i >= 0:",
+        "                state[i, TORQUE] -= torque",
+    ]
+
+
 def _context_arrays(used: set[str]) -> str:
     """Lines that turn the context behind a pointer into arrays, those that are used."""
     n = "n"
@@ -451,6 +524,13 @@ def _context_arrays(used: set[str]) -> str:
         "table_values": ("I[N_TABLE]", "i8"), "contact_i": ("I[ROOM]", "i8"), "contact_j": ("I[ROOM]", "i8"),
         "contact_fx": ("I[ROOM]", "f8"), "contact_fy": ("I[ROOM]", "f8"), "contact_ti": ("I[ROOM]", "f8"),
         "contact_tj": ("I[ROOM]", "f8"), "order": ("I[ROOM]", "i8"), "listing": ("n + 1", "i8"),
+        "apart": ("I[N_APART]", "i8"), "joints": ("(I[N_JOINTS], 3)", "i8"), "joint_at": ("(I[N_JOINTS], 2)", "f8"),
+        "joint_of": ("I[N_JOINT_OF]", "i8"), "link_kind": ("I[N_LINKS]", "i8"), "link_first": ("I[N_LINKS]", "i8"),
+        "link_second": ("I[N_LINKS]", "i8"), "link_geometry": ("(I[N_LINKS], 4)", "f8"), "linked": ("I[N_LINKED]", "i8"),
+        "mobility": ("(I[N_LINKED], 4)", "f8"), "link_gap": ("I[N_HELD]", "f8"), "link_arms": ("(I[N_LINKS], 4)", "f8"),
+        "link_here": ("(I[N_HELD], I[N_LINKED], 3)", "f8"), "link_there": ("(I[N_HELD], I[N_LINKED], 3)", "f8"),
+        "link_matrix": ("(I[N_HELD], I[N_HELD])", "f8"), "link_push": ("(I[N_LINKED], 3)", "f8"),
+        "link_q": ("(I[N_LINKED], 3)", "f8"), "link_trial": ("(I[N_LINKED], 3)", "f8"),
     }  # fmt: skip
     kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u8": "np.uint64", "u1": "np.uint8"}
     lines = []
@@ -473,7 +553,8 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
         "from granswim_pymunk.compiled import cfunc, njit\n",
         "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
-        "from granswim_pymunk.engine.neighbours import build_list, moved, prune\n\n",
+        "from granswim_pymunk.engine.links import close\n",
+        "from granswim_pymunk.engine.neighbours import build_list, moved, prune, together\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
         "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
         "INLINE = dict(cache=True, error_model='numpy', nogil=True, inline='never')\n",
@@ -526,7 +607,8 @@ def interpolate(t, times, values, first, last):
     arguments = (
         "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, run_starts, blocks, mask,\n"
         "    near_i, near_j, near_shift, near_touch, near_mass, near_starts, near_seam, scalars, chains, input_t,\n"
-        "    input_v, input_at, which, work, kick_mass, inverse_moment, kept"
+        "    input_v, input_at, which, work, kick_mass, inverse_moment, kept,\n"
+        f"    {LINKS}"
     )
     pair_sums = []
     for law in pairs:
@@ -536,6 +618,7 @@ def interpolate(t, times, values, first, last):
             f"        sum_{law.name}(u, t, scalars[5] * dt, near_starts[b], near_starts[b + 1], near_seam[b], flat, radius,",
             "            parameters, uses, mask, near_i, near_j, near_shift, near_touch, near_mass, which, work)",
         ]
+    joints = [line for law in laws if law.kind == "joint" for line in _joint_block(law, codes[law.name])]
     others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
     constraint_codes = [codes[law.name] for law in laws if law.kind == "constraint"]
@@ -591,9 +674,11 @@ def add_forces(from_list, constrained, {arguments}):
             twice = not together and (again != 0 or u == final)
             if False:
                 pass
-{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(others, 3)}
+{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(joints, 3)}{_indent(others, 3)}
         if swapped:
             give_back(blocks[b], blocks[b + 1], state, kept)
+        if b == 0 and constrained != 0 and linked.shape[0] > 0 and (again == 0 or damped < count):
+            hold_links(dt, state, mass, inverse_mass, inverse_moment, scalars[7], {LINKED})
 ''')
     pair_calls = []
     for law in pairs:
@@ -674,6 +759,7 @@ def gather(n_mobile, bodies, state, motion):
         state[i, VY] = load_float(at + {o.velocity + 8}) * motion[M_VELOCITY_UNIT]
         state[i, FX] = 0.0
         state[i, FY] = 0.0
+        state[i, ANGLE] = load_float(at + {o.angle})
         state[i, SPIN] = load_float(at + {o.spin}) * motion[M_SPIN_UNIT]
         state[i, TORQUE] = 0.0
 
@@ -785,7 +871,7 @@ def verlet_step(constraint, space):
                     elif F[F_STEP] - F[F_BUILT] > {LONG_BUILD}:
                         F[F_SKIN] = max(0.9 * F[F_SKIN], F[F_LEAST_SKIN])
                 F[F_BUILT] = F[F_STEP]
-                count = build_list(place_x, place_y, radius, mobile, group, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
+                count = build_list(place_x, place_y, radius, mobile, group, apart, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
                                    pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
                                    starts)
                 if count < 0:
@@ -833,7 +919,7 @@ def contact_presolve(arbiter, space, data):
     j = b if b >= 0 else -b - 2
     if i > j:
         i, j = j, i
-    if not (mobile[i] or mobile[j]) or (group[i] != 0 and group[i] == group[j]):
+    if not (mobile[i] or mobile[j]) or together(i, j, group, apart):
         return
     t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
     px, py, ti, tj = pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, scalars)
@@ -956,7 +1042,7 @@ class Kernel:
 def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
     text, given, codes = generate(laws, offsets)
     # numba looks at the kernel's own file only: what is compiled into it from elsewhere is in the name
-    parts = "".join(inspect.getsource(module) for module in (native, neighbours))
+    parts = "".join(inspect.getsource(module) for module in (native, neighbours, links))
     digest = hashlib.sha256(f"{text}{parts}{numba.__version__}{sys.version}".encode()).hexdigest()[:20]
     name = f"granswim_kernel_{digest}"
     if given:

@@ -11,6 +11,7 @@ import math
 
 from ..compiled import njit
 from .native import call_step, load_float, store_float
+from .neighbours import together
 
 # of a step: how short the one across an impact is; the normal of the impact is off by half of it
 SHORTEST = 0.001
@@ -20,7 +21,7 @@ NEAR = 0.03
 
 
 @njit(cache=True, nogil=True)
-def _time_to_contact(addresses, radius, group, touching, mobile, position, velocity, most):
+def _time_to_contact(addresses, radius, group, apart, touching, mobile, position, velocity, most):
     """Shortest time [engine units] below ``most`` until two approaching disks touch, moving straight."""
     n = addresses.shape[0]
     soonest = most
@@ -28,7 +29,7 @@ def _time_to_contact(addresses, radius, group, touching, mobile, position, veloc
         if not touching[i]:
             continue
         for j in range(i + 1, n):
-            if not touching[j] or not (mobile[i] or mobile[j]) or (group[i] != 0 and group[i] == group[j]):
+            if not touching[j] or not (mobile[i] or mobile[j]) or together(i, j, group, apart):
                 continue
             dx = load_float(addresses[j] + position) - load_float(addresses[i] + position)
             dy = load_float(addresses[j] + position + 8) - load_float(addresses[i] + position + 8)
@@ -54,8 +55,8 @@ def _time_to_contact(addresses, radius, group, touching, mobile, position, veloc
 @njit(cache=True, nogil=True)
 def advance_to(
     step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
-    slot_lasts, addresses, radius, group, touching, mobile, position, velocity, length_unit, velocity_unit, last, fx,
-    fy, inverse_mass, chosen, out,
+    slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
+    last, fx, fy, inverse_mass, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
@@ -66,7 +67,9 @@ def advance_to(
     for s in range(ends.shape[0]):
         while ends[s] - t > 1e-12 * dt + 1e-15 * abs(t):
             step = min(dt, ends[s] - t)
-            until = _time_to_contact(addresses, radius, group, touching, mobile, position, velocity, step / time_unit)
+            until = _time_to_contact(
+                addresses, radius, group, apart, touching, mobile, position, velocity, step / time_unit
+            )
             until *= time_unit
             hair = SHORTEST * dt
             if until < step:

@@ -48,13 +48,13 @@ _NOTHING = ir.Constant(_PAIR, [0.0, 0.0])
 def columns(o: Offsets | None) -> dict[str, int]:
     """Columns of a row as the laws see it: x, y, vx, vy, fx, fy, spin, torque, and where a list was made."""
     if o is None:  # nothing native: any will do
-        names = ("near_x", "near_y", "x", "y", "vx", "vy", "fx", "fy", "spin", "torque")
+        names = ("near_x", "near_y", "x", "y", "vx", "vy", "fx", "fy", "spin", "torque", "angle")
         return {name: 8 + k for k, name in enumerate(names)}
     result: dict[str, int] = {}
     for name, offset in (("x", o.position), ("vx", o.velocity), ("fx", o.force)):
         result[name] = column(offset)
         result[name.replace("x", "y")] = column(offset) + 1
-    result["spin"], result["torque"] = column(o.spin), column(o.torque)
+    result["spin"], result["torque"], result["angle"] = column(o.spin), column(o.torque), column(o.angle)
     # in rows apart from the bodies only, so any that are free; if they can, beside x
     taken = set(result.values())
     free = [k for k in range(2, 16) if k not in taken]
@@ -158,7 +158,9 @@ def _drift_apart(module: ir.Module, o: Offsets) -> None:
     spin = w.load(w.body, o.spin)
     w.store(position, w.body, o.position)
     w.store(position, w.body, o.transform)  # its rotation stays: a disk needs no sine and cosine
-    w.store(b.fadd(w.load(w.body, o.angle), b.fmul(spin, dt)), w.body, o.angle)
+    angle = b.fadd(w.load(w.body, o.angle), b.fmul(spin, dt))
+    w.store(angle, w.body, o.angle)
+    w.store(angle, row, at["angle"])
     seen = b.fmul(position, w.both(w.motion("length_unit")))
     way = b.fsub(seen, w.load(row, at["near_x"], _PAIR))
     w.store(seen, row, at["x"])

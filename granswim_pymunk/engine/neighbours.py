@@ -13,16 +13,33 @@ NOT_FINITE = -2
 ESCAPED = -3
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+def together(i, j, group, apart):
+    """Whether two bodies never touch: disks of a swimmer (groups above zero), or joined by a hinge or rod (below).
+
+    ``apart`` (k,): the joined pairs i < j as i n + j.
+    """
+    if group[i] == 0 or group[i] != group[j]:
+        return False
+    if group[i] > 0:
+        return True
+    code = min(i, j) * group.shape[0] + max(i, j)
+    for k in range(apart.shape[0]):
+        if apart[k] == code:
+            return True
+    return False
+
+
 @njit(cache=True, error_model="numpy")
 def build_list(
-    x, y, reach, mobile, group, extra, length, pair_i, pair_j, pair_shift, cells, order, sorted_x, sorted_y,
+    x, y, reach, mobile, group, apart, extra, length, pair_i, pair_j, pair_shift, cells, order, sorted_x, sorted_y,
     sorted_reach, found_i, found_j, starts,
 ):  # fmt: skip
     """Fill ``pair_i < pair_j`` with all pairs closer than reach_i + reach_j + extra [m], sorted.
 
     ``pair_shift`` [m] is what brings x_j - x_i to the nearest image while the list lasts. ``length`` is
-    the period along x, 0 for none; ``reach`` (n,) the radii. Pairs of two immobile bodies, or of one
-    non-zero ``group``, are left out. The rest are work arrays: ``order``, ``sorted_...`` (n,), ``starts``
+    the period along x, 0 for none; ``reach`` (n,) the radii. Pairs of two immobile bodies, and
+    those that are ``together``, are left out. The rest are work arrays: ``order``, ``sorted_...`` (n,), ``starts``
     (n + 1,), ``found_...`` as long as the list; the number of cells is bounded by the size of ``cells``.
     Returns the number of pairs, OVERFLOW, NOT_FINITE, or ESCAPED where a body is so far away that floats
     cannot resolve a contact there.
@@ -120,7 +137,7 @@ def build_list(
                         cutoff = sorted_reach[k] + sorted_reach[q] - extra
                         if dx * dx + dy * dy < cutoff * cutoff:
                             j = order[q]
-                            if (mobile[i] or mobile[j]) and (group[i] == 0 or group[i] != group[j]):
+                            if (mobile[i] or mobile[j]) and not together(i, j, group, apart):
                                 if count == room:
                                     return OVERFLOW
                                 found_i[count] = min(i, j)

@@ -15,6 +15,7 @@ import pymunk
 from ..errors import SimulationError
 from ..scene import LawUse
 from .callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS
+from .neighbours import together
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -60,7 +61,7 @@ class PythonCallbacks:
         arrays = self.simulation._a
         if not (arrays["mobile"][i] or arrays["mobile"][j]):
             return  # a wall and the ghost of another
-        if arrays["group"][i] != 0 and arrays["group"][i] == arrays["group"][j]:
+        if together(i, j, arrays["group"], arrays["apart"]):
             return  # a swimmer across the seam
         self._pairs[i, j] = self.pair_force(i, j, self._time())
 
@@ -163,7 +164,7 @@ class PythonCallbacks:
         if self._far:
             for i in range(s._n):
                 for j in range(i + 1, s._n):
-                    if (a["mobile"][i] or a["mobile"][j]) and (a["group"][i] == 0 or a["group"][i] != a["group"][j]):
+                    if (a["mobile"][i] or a["mobile"][j]) and not together(i, j, a["group"], a["apart"]):
                         self._pairs[i, j] = self.pair_force(i, j, t)
         for i, j in sorted(self._pairs):  # Chipmunk's order differs between processes
             px, py, ti, tj = self._pairs[i, j]
@@ -174,10 +175,11 @@ class PythonCallbacks:
             torque[i] += ti
             torque[j] += tj
         self._pairs.clear()
-        state = np.array([self._vector(k) for k in range(s._n)])
+        state = np.array([(*self._row_state(k), s._bodies[k].angle) for k in range(s._n)])
         exact = in_step and s._scheme != HALF_STEP
         if not exact:
             self._add(range(len(s._uses)), t, state, constrained)
+            self._hold(state, constrained)
             return
         # dampings twice, as the compiled modes do: those of all rows that are joined together, else one after the other
         damped = np.flatnonzero(a["uses"][:, USE_COLUMNS.index("damping")]).tolist()
@@ -189,12 +191,14 @@ class PythonCallbacks:
             result = state.copy()
             result[:, 2] += half * fx
             result[:, 3] += half * fy
+            result[:, 4] += 0.5 * s.dt * s._inverse_moment * torque
             return result
 
         everything = range(damped[0], len(s._uses))
         self._add(range(damped[0]), t, state, constrained)
-        before = fx.copy(), fy.copy()
+        before = fx.copy(), fy.copy(), torque.copy()
         self._add(everything, t, state, constrained)
+        self._hold(state, constrained)
         after = middle()
         single = fx.copy(), fy.copy()
         if not joined.all():
@@ -205,13 +209,17 @@ class PythonCallbacks:
                 self._add([u], t, state, constrained)
                 fx[:], fy[:] = 2 * with_new[0] - fx, 2 * with_new[1] - fy
             single = fx.copy(), fy.copy()
-        fx[:], fy[:] = before
+        fx[:], fy[:], torque[:] = before
         for u in everything:
             self._add([u], t, after if u in damped else state, constrained)
+        self._hold(state, constrained)
         fx[:], fy[:] = np.where(joined, fx, single[0]), np.where(joined, fy, single[1])
 
     def _add(self, uses: Iterable[int], t: float, state: np.ndarray, constrained: bool) -> None:
-        """Add the forces of these uses but those of pairs; ``state`` (n, 4) x, y [m], vx, vy [m/s]."""
+        """Add the forces of these uses but those of pairs.
+
+        ``state`` (n, 6) x, y [m], vx, vy [m/s], spin [rad/s], angle [rad].
+        """
         s, a, fx, fy = self.simulation, self.simulation._a, self._fx, self._fy
         for u in uses:
             item = s._uses[u]
@@ -226,11 +234,53 @@ class PythonCallbacks:
                         "vy": state[m, 3].copy(), "mass": a["mass"][m], "fx": fx[m], "fy": fy[m],
                     }  # fmt: skip
                     self._call(item, u, arrays)
+            elif kind == "joint":
+                for q in a["joint_of"][a["uses"][u, 2] : a["uses"][u, 3]]:
+                    self._add_torque(item, u, t, state, q)
             elif kind == "body" or (kind == "constraint" and constrained):
                 for k in a["rows"][a["uses"][u, 2] : a["uses"][u, 3]]:
                     ax, ay = self._call(item, u, self._body_state(k, t, state, item))
                     fx[k] += ax
                     fy[k] += ay
+
+    def _add_torque(self, item: LawUse, u: int, t: float, state: np.ndarray, q: int) -> None:
+        """A law of joints in joint q: a pin pushes the body at the end of its rod across, a hinge turns its bodies."""
+        a = self.simulation._a
+        kind, i, j = a["joints"][q]
+        if kind == 0:
+            (dx, dy), (vx, vy) = state[j, :2] - a["joint_at"][q], state[j, 2:4]
+            square = dx * dx + dy * dy
+            rate, bend = (dx * vy - dy * vx) / square, math.atan2(dx, -dy)
+            push = self._call(item, u, {"t": t, "rate": rate, "bend": bend}) / square
+            self._fx[j] -= push * dy
+            self._fy[j] += push * dx
+            return
+        at_j, at_i = (state[k, 4:] if k >= 0 else np.zeros(2) for k in (j, i))
+        torque = self._call(item, u, {"t": t, "rate": at_j[0] - at_i[0], "bend": at_j[1] - at_i[1]})
+        for k, sign in ((j, 1.0), (i, -1.0)):
+            if k >= 0:
+                self._torque[k] += sign * torque
+
+    def _hold(self, state: np.ndarray, constrained: bool) -> None:
+        """Add the forces of hinges and rods."""
+        s = self.simulation
+        links = s._links
+        rows = links.rows
+        if not len(rows) or not constrained:
+            return
+        a = s._a
+        fixed = links.mobility[:, 3] == 0.0
+        self._torque[rows[fixed]] = 0.0
+        force = np.column_stack([self._fx[rows], self._fy[rows], self._torque[rows]])
+        inverse = np.column_stack([a["inverse_mass"][rows]] * 2 + [s._inverse_moment[rows]])
+        push = links.hold(s.dt, state[rows][:, [0, 1, 5]].copy(), state[rows][:, 2:5], force, inverse)
+        if push is None:
+            self._fx[rows] = math.nan
+            return
+        xx, xy, yy, _ = links.mobility.T
+        self._fx[rows] += a["mass"][rows] * (xx * push[:, 0] + xy * push[:, 1])
+        self._fy[rows] += a["mass"][rows] * (xy * push[:, 0] + yy * push[:, 1])
+        self._torque[rows] += np.where(fixed, 0.0, push[:, 2])
 
     def _time(self) -> float:
         """Time of the positions [s], which the drift has led one step on."""
@@ -242,7 +292,7 @@ class PythonCallbacks:
     def _body_state(self, k: int, t: float, state: np.ndarray, item: LawUse) -> dict[str, Any]:
         s = self.simulation
         a = s._a
-        x, y, vx, vy = (float(v) for v in state[k])
+        x, y, vx, vy = (float(v) for v in state[k, :4])
         command = 0.0
         if "command" in item.law.arguments:
             first, last = a["input_at"][k]
@@ -260,31 +310,31 @@ class PythonCallbacks:
         """The first kick, as in the compiled modes: half of one; where a constraint holds a body, a whole one."""
         s = self.simulation
         n, half, unit = s._n_mobile, 0.5 * s.dt, s.units.velocity
-        weight = s._a["inverse_mass"][:n, None]
+        weight = np.column_stack([s._a["inverse_mass"], s._a["inverse_mass"], s._inverse_moment])[:n]
         touching = self._touching()
-        start = np.array([body.velocity for body in s._bodies[:n]]).reshape(n, 2) * unit
+        start = np.array([(*body.velocity, body.angular_velocity) for body in s._bodies[:n]]).reshape(n, 3)
+        start *= [unit, unit, 1 / s.units.time]
         held = s._held_rows()[:n, None]
 
+        def set_state(v: np.ndarray) -> None:
+            for body, (vx, vy, w) in zip(s._bodies, v / [unit, unit, 1 / s.units.time], strict=False):
+                body.velocity, body.angular_velocity = (vx, vy), w
+
         def accelerations(v: np.ndarray, constrained: bool, in_step: bool = False) -> np.ndarray:
-            for body, (vx, vy) in zip(s._bodies, v / unit, strict=False):
-                body.velocity = (vx, vy)
+            set_state(v)
             self._pairs = {(i, j): self.pair_force(i, j, s.t) for i, j in touching}
             self._summed_step = -1
             self._sum(constrained, in_step)
-            return weight * np.column_stack([self._fx, self._fy])[:n]
+            return weight * np.column_stack([self._fx, self._fy, self._torque])[:n]
 
-        a = accelerations(start, True)
-        torque = self._torque.copy()
-        v = start + half * a
+        v = start + half * accelerations(start, True)
         if held.any():
             a = accelerations(start, False)
             for _ in range(2):
                 behind = np.where(held, start - half * a, start)
                 a = accelerations(behind, True, in_step=True)
             v = np.where(held, behind + s.dt * a, v)
-        for k, body in enumerate(s._bodies[:n]):
-            body.velocity = (v[k, 0] / unit, v[k, 1] / unit)
-            body.angular_velocity = half * torque[k] * s._inverse_moment[k] * s.units.time
+        set_state(v)
         self._summed_step = -1
 
     def resume(self) -> None:

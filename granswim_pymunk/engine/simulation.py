@@ -17,6 +17,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 
 from ..choices import MODES
 from ..errors import InputError, SimulationError
+from ..joints import angles_of
 from ..laws import Law
 from ..scene import Body, LawUse, Scene
 from . import events, neighbours, stepping
@@ -31,6 +32,7 @@ from .callbacks import (
     INTS,
     KEPT,
     KIND_ORDER,
+    LINKS,
     SCALARS,
     TOGETHER,
     USE_COLUMNS,
@@ -39,6 +41,7 @@ from .callbacks import (
     compile_laws,
     spins,
 )  # fmt: skip
+from .links import linked_rows, links_of, no_links
 from .motion import MOTION, NUMBERS, OWN_ROW, Motion, columns, motion_functions, motion_numbers
 from .native import (
     LEAD,
@@ -236,6 +239,16 @@ class Simulation:
         chains = tuple(chain for chain in scene.chains if present[chain[0]])
         in_chain = {i for chain in chains for i in chain}
         order = [i for chain in chains for i in chain]
+        # joined bodies follow, in the first block of bodies: their forces are found together
+        joined = [i for i in linked_rows(scene) if present[i]]
+        if 0 < len(joined) < len(linked_rows(scene)):
+            raise InputError("bodies in hinges and rods should be simulated all together or not at all")
+        first = [*joined]
+        if any(item.law.kind == "joint" for item in scene.laws):
+            hung = {int(row) for item in scene.laws_named("pin") for row in scene.rows(item)}
+            first += sorted(row for row in hung - {*joined, *in_chain} if present[row])
+        order += first
+        in_chain |= set(first)
         rest = [i for i, b in enumerate(scene.bodies) if b.mobile and present[i] and i not in in_chain]
         order += _in_columns(scene, [i for i in rest if i not in carried])
         order += _in_columns(scene, [i for i in rest if i in carried])
@@ -248,6 +261,8 @@ class Simulation:
         n = self._n = len(bodies)
 
         initial = np.array([b.initial for b in bodies], dtype=float).reshape(n, 4)
+        places = np.array([b.initial for b in scene.bodies], dtype=float).reshape(len(scene.bodies), 4)
+        self._turned = np.stack(angles_of(scene, places[:, :2], places[:, 2:]), axis=1)[order]  # angle, spin
         a: dict[str, np.ndarray] = {}
         self._initial = initial
         self._columns = columns(self._offsets)
@@ -262,6 +277,7 @@ class Simulation:
         else:
             for k, name in enumerate(("x", "y", "vx", "vy")):
                 a[name][:] = initial[:, k]
+            a["angle"][:], a["spin"][:] = self._turned.T
         a["push"] = np.zeros((n, 3))
         a["which"] = np.zeros(BLOCK + 1, dtype=np.uint64)
         a["work"] = np.zeros(BLOCK * len(WORK) + 8)
@@ -282,6 +298,8 @@ class Simulation:
             a["group"][at : at + len(chain)] = k + 1
             spans.append((at, at + len(chain)))
             at += len(chain)
+        self._set_links(a, joined, at)
+        at += len(first)
         a["chains"] = np.array(spans, dtype=np.int64).reshape(-1, 2)
         a["blocks"] = blocks = np.array([0, *range(at, n, BODIES), n], dtype=np.int64)
 
@@ -290,15 +308,16 @@ class Simulation:
         if self.mode != "python":
             self._kernel = compile_laws([item.law for item in scene.laws], self._offsets)
             codes = self._kernel.codes
-        uses = [item for item in scene.acting if item.law.kind in KIND_ORDER]
+        uses = [item for item in scene.acting if item.law.kind in KIND_ORDER and not self._is_link(item)]
         exact = scene.time.scheme == "exact"
         # a constant drag is a heavier body to the kick, which costs nothing; constraints and impacts want the true mass
         eased = exact and not self.impulse and not any(_holds(item.law) for item in uses)
+        eased = eased and not joined
         damped = [item for item in uses if exact and item.law.damping and not (eased and item.law.linear)]
         late = {id(item) for item in damped}
         uses.sort(key=lambda item: (_place(item, id(item) in late), _constraint_order(item.name)))
         self._uses = uses
-        self._scheme = _scheme(uses, damped)
+        self._scheme = TOGETHER if damped and joined else _scheme(uses, damped)
         rate = np.zeros(n)  # kg/s, sum of the constant drags
         share = np.ones(n)  # of the force that accelerates, where something is carried along
         parameters: list[float] = []
@@ -307,6 +326,7 @@ class Simulation:
         run_starts = np.zeros((len(uses), len(blocks)), dtype=np.int64)
         n_runs = 0
         table = []
+        joint_of: list[int] = []
         mask = np.zeros((len(uses), n), dtype=np.uint8)
         reach = 0.0
         for u, item in enumerate(uses):
@@ -325,6 +345,10 @@ class Simulation:
                 [codes.get(item.name, 0), len(parameters), len(rows), len(rows) + len(chosen), item.bodies is not None,
                  id(item) in late]
             )  # fmt: skip
+            if item.law.kind == "joint":
+                acts = self._joints_under(item)
+                table[-1][2:4] = [len(joint_of), len(joint_of) + len(acts)]
+                joint_of += acts
             values = scene.resolved(item)
             parameters += item.law.encode(values)
             if eased and item.law.linear:
@@ -350,6 +374,7 @@ class Simulation:
         a["near_starts"] = np.zeros(len(blocks), dtype=np.int64)
         a["near_seam"] = np.zeros(len(blocks) - 1, dtype=np.uint8)
         a["mask"] = mask
+        a["joint_of"] = np.array(joint_of, dtype=np.int64)
 
         commands = scene.commands
         times: list[float] = []
@@ -387,7 +412,7 @@ class Simulation:
         mean_mass = [b.mass for b in scene.bodies if b.role == "grain"] or [b.mass for b in bodies if b.mobile] or [1.0]
         a["scalars"] = np.array(
             [scene.periodic_x or 0.0, *scene.gravity, scene.gravity_size, float(np.mean(mean_mass)),
-             float(self.averaged and self.mode == "verlet"), float(self._scheme)]
+             float(self.averaged and self.mode == "verlet"), float(self._scheme), self._links.size]
         )  # fmt: skip
         assert len(a["scalars"]) == len(SCALARS)
         a["bodies"] = np.zeros(n, dtype=np.int64)
@@ -413,10 +438,78 @@ class Simulation:
             "force_scale": 1.0 / own.force, "torque_scale": 1.0 / own.torque,
         }  # fmt: skip
         self._fixed_skin = skin is not None
-        self._turning = any(spins(item.law) for item in uses)
+        self._turning = any(spins(item.law) for item in uses) or bool(len(self._links.rows))
         a["motion"] = motion_numbers({**units, "margin": math.inf})
         self._forget_lists()
         self._images = np.zeros(n)  # whole periods taken off the x of a body in the Space
+
+    def _set_links(self, a: dict[str, np.ndarray], joined: list[int], at: int) -> None:
+        """Hinges, rods and the joints that laws act in; the joined bodies begin at inner row ``at``."""
+        scene, n = self.scene, self._n
+        links = self._links = links_of(scene, self._inner) if joined else no_links()
+        self._linked_scene = set(joined)
+        a["group"][at : at + len(joined)] = -1
+        pairs = set()
+        for item in scene.links:
+            rows = sorted(int(self._inner[scene.ids.index(name)]) for name in item.bodies or ())
+            if len(rows) == 2 and rows[0] >= 0:
+                pairs.add((rows[0], rows[1]))
+                a["group"][rows] = -1
+        self._apart = sorted(pairs)
+        a["apart"] = np.array([i * n + j for i, j in self._apart], dtype=np.int64)
+        a["link_kind"], a["link_first"], a["link_second"] = links.kind, links.first, links.second
+        a["link_geometry"], a["linked"], a["mobility"] = links.geometry, links.rows, links.mobility
+        self._close_links()
+        names = ("link_gap", "link_arms", "link_here", "link_there", "link_matrix", "link_push", "link_q", "link_trial")
+        a |= dict(zip(names, links.work, strict=True))
+        joints: list[tuple[int, int, int]] = []
+        places: list[tuple[float, float]] = []
+        self._joint_places: dict[int, list[int]] = {}
+        for k, names_of in scene.joints_of.items():
+            item = scene.laws[k]
+            rows = [int(self._inner[scene.ids.index(name)]) if scene.body(name).mobile else -1 for name in names_of]
+            self._joint_places[k] = []
+            if item.name == "pin":
+                for row in rows:
+                    self._joint_places[k].append(len(joints))
+                    joints.append((0, -1, row))
+                    places.append(item.values["anchor"])
+            else:
+                self._joint_places[k].append(len(joints))
+                joints.append((1, -1, rows[0]) if len(rows) == 1 else (1, rows[0], rows[1]))
+                places.append((0.0, 0.0))
+        a["joints"] = self._a_joints = np.array(joints, dtype=np.int64).reshape(-1, 3)
+        a["joint_at"] = np.array(places, dtype=float).reshape(-1, 2)
+
+    def _close_links(self) -> None:
+        """Close what rounding leaves open at the start. Raises InputError where it is more than that."""
+        links = self._links
+        if not len(links.rows):
+            return
+        q = np.column_stack([self._initial[links.rows, :2], self._turned[links.rows, 0]])
+        closed, worst = links.closed(q)
+        if not worst <= 1e-3 * links.size or not np.isfinite(closed).all():
+            names = ", ".join(sorted({name for item in self.scene.links for name in item.bodies or ()}))
+            raise InputError(
+                f"the bodies ({names}) do not start where hinges and rods hold them: a gap of {worst:.3g} m",
+                where="initial",
+            )
+        self._initial[links.rows, :2] = closed[:, :2]
+        self._turned[links.rows, 0] = closed[:, 2]
+
+    def _is_link(self, item: LawUse) -> bool:
+        """Whether a pin is held together with the hinges and rods of its body."""
+        return item.name == "pin" and any(self.scene.ids.index(b) in self._linked_scene for b in item.bodies or ())
+
+    def _joints_under(self, item: LawUse) -> list[int]:
+        found = [j for k in self.scene.joints_under(item) for j in self._joint_places[k]]
+        wanted = None if item.bodies is None else {int(self._inner[self.scene.ids.index(b)]) for b in item.bodies}
+        return [
+            j
+            for j in found
+            if (self._a_joints[j, 0] == 1 or wanted is None or self._a_joints[j, 2] in wanted)
+            and self._a_joints[j, 2] >= (0 if self._a_joints[j, 1] < 0 else -1)
+        ]
 
     def _linear_answer(self, item: LawUse, values: dict[str, Any], mean_radius: float, body: Body) -> float:
         """What a linear law does, from the law itself: c [kg/s] of a force -c (v - u), or what is added to 1 N."""
@@ -469,6 +562,7 @@ class Simulation:
                 heavy = IMMOVABLE if int(self._rows_of[k]) in self._carried else 1.0
                 own = pymunk.Body(heavy * body.mass / u.mass, heavy * body.moment / u.moment)
                 own.velocity = (vx / u.velocity, vy / u.velocity)
+                own.angle, own.angular_velocity = float(self._turned[k, 0]), float(self._turned[k, 1] * u.time)
             else:
                 own = pymunk.Body(body_type=pymunk.Body.STATIC)
             own.position = (x / u.length, y / u.length)
@@ -481,9 +575,9 @@ class Simulation:
             circle = pymunk.Circle(own, body.radius / u.length)
             circle.elasticity = restitution[body.id]
             circle.friction = 0.0
-            group = int(a["group"][k])
+            group = max(int(a["group"][k]), 0)
             if body.id in touching:
-                circle.filter = pymunk.ShapeFilter(group=group)
+                circle.filter = self._shape_filter(k, group)
             else:
                 circle.filter = pymunk.ShapeFilter(group=group, categories=0, mask=0)
             self._circles.append(circle)
@@ -499,6 +593,17 @@ class Simulation:
         self._ghosts: list[tuple[pymunk.Body, pymunk.Circle]] = []
         if self.impulse or self.mode in ("chipmunk", "python"):
             self._add_shapes()
+
+    def _shape_filter(self, k: int, group: int) -> pymunk.ShapeFilter:
+        """Chipmunk's filter of inner row k: joined bodies have a bit each, which their partners do not see."""
+        members = sorted({row for pair in self._apart for row in pair})
+        if k not in members:
+            return pymunk.ShapeFilter(group=group)
+        if len(members) > 31:
+            raise InputError(f"at most 31 bodies may be joined where Chipmunk finds contacts, got {len(members)}")
+        bit = {row: 1 << m for m, row in enumerate(members)}
+        hidden = sum(bit[other] for pair in self._apart if k in pair for other in pair if other != k)
+        return pymunk.ShapeFilter(categories=bit[k], mask=pymunk.ShapeFilter.ALL_MASKS() & ~hidden)
 
     def _add_shapes(self) -> None:
         if not self._shapes_in:
@@ -520,6 +625,8 @@ class Simulation:
             "from_list": int(self.mode != "chipmunk"), "constrained": 1, "fixed_skin": int(self._fixed_skin),
             "n_uses": len(a["uses"]), "n_parameters": len(a["parameters"]), "n_input": len(a["input_t"]),
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
+            "n_joints": len(a["joints"]), "n_joint_of": len(a["joint_of"]), "n_links": len(a["link_kind"]),
+            "n_linked": len(a["linked"]), "n_held": len(a["link_gap"]), "n_apart": len(a["apart"]),
         }  # fmt: skip
         for name, value in counts.items():
             ints[_SLOT[name]] = value
@@ -700,7 +807,7 @@ class Simulation:
             a["parameters"], a["uses"], a["runs"], a["run_starts"], a["blocks"], a["mask"], a["near_i"], a["near_j"],
             a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], plain,
             a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"], a["kick_mass"],
-            a["inverse_moment"], a["kept"],
+            a["inverse_moment"], a["kept"], *(a[name.strip()] for name in LINKS.split(",")),
         )  # fmt: skip
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
 
@@ -716,8 +823,8 @@ class Simulation:
         a = self._a
         while True:
             count = neighbours.build_list(
-                x, y, a["radius"], a["mobile"], a["group"], extra, self.scene.periodic_x or 0.0, a["pair_i"],
-                a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"], a["sorted_reach"],
+                x, y, a["radius"], a["mobile"], a["group"], a["apart"], extra, self.scene.periodic_x or 0.0,
+                a["pair_i"], a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"], a["sorted_reach"],
                 a["near_i"], a["near_j"], a["starts"],
             )  # fmt: skip
             if count in (neighbours.NOT_FINITE, neighbours.ESCAPED):
@@ -755,21 +862,25 @@ class Simulation:
         weight = self._a["inverse_mass"]
         state = self._rows_of_now()
         c = self._columns
-        start_x, start_y = state[:, c["vx"]].copy(), state[:, c["vy"]].copy()
+        start_x, start_y, start_spin = (state[:, c[name]].copy() for name in ("vx", "vy", "spin"))
+        turning = self._inverse_moment
         held = self._held_rows()
         fx, fy, torque = (f.copy() for f in self._array_forces(True, self.t, state))
         # bodies that no constraint holds: half a kick
         vx, vy = start_x + half * (fx * weight), start_y + half * (fy * weight)
+        spin = start_spin + half * torque * turning
         if held.any():
             # a constraint sees the velocity half a step behind, here as in every later step: that velocity
             # is what the force of the constraint itself leads to, found in two rounds
-            fx, fy, _ = self._array_forces(False, self.t, state)
+            fx, fy, moment = self._array_forces(False, self.t, state)
             for _ in range(2):
                 state[:, c["vx"]] = np.where(held, start_x - half * fx * weight, start_x)
                 state[:, c["vy"]] = np.where(held, start_y - half * fy * weight, start_y)
-                fx, fy, _ = self._array_forces(True, self.t, state, in_step=True)
+                state[:, c["spin"]] = np.where(held, start_spin - half * moment * turning, start_spin)
+                fx, fy, moment = self._array_forces(True, self.t, state, in_step=True)
             vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
             vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
+            spin = np.where(held, state[:, c["spin"]] + self.dt * moment * turning, spin)
         u, o = self.units, self._offsets
         if o is not None:
             mobile = slice(0, self._n_mobile)
@@ -780,14 +891,14 @@ class Simulation:
         else:
             for k in range(self._n_mobile):
                 self._bodies[k].velocity = (vx[k] / u.velocity, vy[k] / u.velocity)
-        for turning in np.flatnonzero(torque[: self._n_mobile]):
-            spin = half * torque[turning] * self._inverse_moment[turning] * u.time
-            self._bodies[int(turning)].angular_velocity = spin
+        for row in np.flatnonzero(spin[: self._n_mobile]):
+            self._bodies[int(row)].angular_velocity = float(spin[row] * u.time)
         self._a["fx"][:], self._a["fy"][:] = fx, fy
 
     def _held_rows(self) -> np.ndarray:
         """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
         held = np.zeros(self._n, dtype=bool)
+        held[self._links.rows] = True
         for u, item in enumerate(self._uses):
             if item.law.kind == "constraint" and {"vx", "vy"} & set(item.law.arguments):
                 held |= self._a["mask"][u].astype(bool)
@@ -797,7 +908,8 @@ class Simulation:
         """Begin again from other positions (n, 2) [m] and velocities (n, 2) [m/s] of the scene's bodies at t [s].
 
         Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin,
-        velocities at the time of the positions. Walls go where ``xy`` says. Verlet mode only.
+        velocities at the time of the positions; those in
+        hinges turn as their places and velocities say. Walls go where ``xy`` says. Verlet mode only.
         """
         if self.mode != "verlet":
             raise InputError("only a simulation in mode verlet can begin again")
@@ -805,11 +917,13 @@ class Simulation:
         rows = self._rows_of
         self._initial = np.column_stack([xy, v])[rows]
         self._initial[self._n_mobile :, 2:] = 0.0
-        zeros = np.zeros(self._n)
+        self._turned = np.stack(angles_of(self.scene, xy, v), axis=1)[rows]
+        self._close_links()
         self._images[:] = 0.0
         place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
         self._remove_shapes()  # and with them Chipmunk's contacts and their impulses
-        self._set_bodies(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], zeros, zeros)
+        self._set_bodies(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], self._turned[:, 0],
+                         self._turned[:, 1] * u.time)  # fmt: skip
         if not self._in_place:
             for k, name in enumerate(("x", "y")):
                 self._a[name][:] = self._initial[:, k]  # walls are not read again
@@ -875,8 +989,8 @@ class Simulation:
         reached, last = events.advance_to(
             step_address(), address(self._space._space), last_step_offset(), self.t, ends, self.dt, self.units.time,
             self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
-            _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], touching, a["mobile"], self._offsets.position,
-            self._offsets.velocity, self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"],
+            _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], a["apart"], touching, a["mobile"],
+            self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"],
             a["inverse_mass"], a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
@@ -1137,7 +1251,7 @@ class Simulation:
                 raw["spin"][m] -= half * a["torque"][m] * self._inverse_moment[m]
             else:
                 raw["vx"], raw["vy"] = self._initial[:, 2:].T.copy()
-                raw["spin"][:] = 0.0
+                raw["spin"][:] = self._turned[:, 1]
         return raw
 
     def state(self) -> State:

@@ -15,6 +15,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    nests=("linear_drag",),
     linear=True,
 )
 def ambient_flow(vx, vy, c, u_x, u_y):

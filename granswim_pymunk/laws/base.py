@@ -24,6 +24,11 @@ Kinds
     asks for ``spin_i`` or ``spin_j`` returns ``(fn, ft, mi, mj)``, with a torque on each besides [N m].
 ``chain``
     sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``; ``damping=True`` where it is a friction.
+``joint``
+    sees the rate of turning and the bend of a pin or hinge and returns the torque [N m] on the second body; the first
+    gets the opposite. A friction: ``damping`` is set.
+``link``
+    what a hinge or rod holds at zero between two bodies; the engine solves for the forces of all links together.
 ``constraint``
     sees the sum of all other forces on one body and returns what must be added to it.
 ``impulse``
@@ -83,6 +88,19 @@ STATE: dict[str, dict[str, str]] = {
         "mass": "(n,) masses [kg]",
         "fx": "(n,) force, to be added to [N]",
         "fy": "(n,) force, to be added to [N]",
+    },
+    "joint": {
+        "t": "time [s]",
+        "rate": "angular velocity of b less that of a; in a pin that of the rod [rad/s]",
+        "bend": "angle of b less that of a [rad]",
+    },
+    "link": {
+        "x_i": "place of the first body [m]",
+        "y_i": "place of the first body [m]",
+        "angle_i": "its angle [rad]",
+        "x_j": "place of the second body [m]",
+        "y_j": "place of the second body [m]",
+        "angle_j": "its angle [rad]",
     },
     "constraint": {
         "t": "time [s]",
@@ -180,6 +198,12 @@ class Law:
     series: Callable[..., Any] | None = None
     # the mechanism that it is a form of; its own name where empty
     form_of: str = ""
+    # laws of an apparatus in which this law goes before its equals (joint_drag in a pin); there it stands for others,
+    # whose effect can hardly be told from its own and which are then rivals, not names
+    preferred_where: tuple[str, ...] = ()
+    stands_for: tuple[str, ...] = ()
+    # laws that are this one with some of its numbers at their neutral values (a flow at rest is a drag)
+    nests: tuple[str, ...] = ()
     # a drag or a friction: where the scheme is exact it sees the velocity of the time of the positions, not that of
     # half a step before. All laws of kind body that look at a velocity are; others say so
     damping: bool = False
@@ -312,6 +336,9 @@ def law(
     refines: Iterable[str] = (),
     series: Callable[..., Any] | None = None,
     form_of: str = "",
+    preferred_where: Iterable[str] = (),
+    stands_for: Iterable[str] = (),
+    nests: Iterable[str] = (),
     damping: bool = False,
     linear: bool = False,
     name: str | None = None,
@@ -340,7 +367,10 @@ def law(
             refines=tuple(refines),
             series=series,
             form_of=form_of,
-            damping=damping,
+            preferred_where=tuple(preferred_where),
+            stands_for=tuple(stands_for),
+            nests=tuple(nests),
+            damping=damping or kind == "joint",
             linear=linear,
         )
         if kind == "body" and {"vx", "vy"} & set(declared.arguments):
