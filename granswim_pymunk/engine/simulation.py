@@ -243,12 +243,12 @@ class Simulation:
         joined = [i for i in linked_rows(scene) if present[i]]
         if 0 < len(joined) < len(linked_rows(scene)):
             raise InputError("bodies in hinges and rods should be simulated all together or not at all")
-        first = [*joined]
+        in_first = [*joined]
         if any(item.law.kind == "joint" for item in scene.laws):
             hung = {int(row) for item in scene.laws_named("pin") for row in scene.rows(item)}
-            first += sorted(row for row in hung - {*joined, *in_chain} if present[row])
-        order += first
-        in_chain |= set(first)
+            in_first += sorted(row for row in hung - {*joined, *in_chain} if present[row])
+        order += in_first
+        in_chain |= set(in_first)
         rest = [i for i, b in enumerate(scene.bodies) if b.mobile and present[i] and i not in in_chain]
         order += _in_columns(scene, [i for i in rest if i not in carried])
         order += _in_columns(scene, [i for i in rest if i in carried])
@@ -299,7 +299,7 @@ class Simulation:
             spans.append((at, at + len(chain)))
             at += len(chain)
         self._set_links(a, joined, at)
-        at += len(first)
+        at += len(in_first)
         a["chains"] = np.array(spans, dtype=np.int64).reshape(-1, 2)
         a["blocks"] = blocks = np.array([0, *range(at, n, BODIES), n], dtype=np.int64)
 
@@ -824,7 +824,8 @@ class Simulation:
         while True:
             count = neighbours.build_list(
                 x, y, a["radius"], a["mobile"], a["group"], a["apart"], extra, self.scene.periodic_x or 0.0,
-                a["pair_i"], a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"], a["sorted_reach"],
+                a["pair_i"], a["pair_j"], a["pair_shift"], a["heads"], a["nexts"], a["sorted_x"], a["sorted_y"],
+                a["sorted_reach"],
                 a["near_i"], a["near_j"], a["starts"],
             )  # fmt: skip
             if count in (neighbours.NOT_FINITE, neighbours.ESCAPED):
@@ -907,9 +908,8 @@ class Simulation:
     def restart(self, xy: np.ndarray, v: np.ndarray, t: float) -> None:
         """Begin again from other positions (n, 2) [m] and velocities (n, 2) [m/s] of the scene's bodies at t [s].
 
-        Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin,
-        velocities at the time of the positions; those in
-        hinges turn as their places and velocities say. Walls go where ``xy`` says. Verlet mode only.
+        Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin (those in
+        hinges turn as their places and velocities say), velocities at the time of the positions. Walls go where ``xy`` says. Verlet mode only.
         """
         if self.mode != "verlet":
             raise InputError("only a simulation in mode verlet can begin again")
@@ -990,7 +990,8 @@ class Simulation:
             step_address(), address(self._space._space), last_step_offset(), self.t, ends, self.dt, self.units.time,
             self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
             _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], a["apart"], touching, a["mobile"],
-            self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step, a["fx"], a["fy"],
+            self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step,
+            a["fx"], a["fy"],
             a["inverse_mass"], a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
