@@ -77,6 +77,17 @@ def angles_of(scene: Scene, xy: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, 
         known.add(body)
 
 
+def hanging(scene: Scene) -> dict[str, float]:
+    """Bodies that hang from the world by hinges, each with the distance [m] of its centre from the one it hangs by."""
+    found: dict[str, float] = {}
+    ends = _ends(scene)
+    while True:
+        ready = [(body, own) for body, own, other, _ in ends if body not in found and (other is None or other in found)]
+        if not ready:
+            return found
+        found[ready[0][0]] = float(math.hypot(*ready[0][1]))
+
+
 State = tuple[float, float, float, float]
 
 

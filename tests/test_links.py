@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.start import describe_starts, first_numbers, numbers_at, states, turning_angle
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.joints import angles_of, place
+from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, Time, scene_from_dict, use
 from granswim_pymunk.validation.linked import double_pendulum, linked_motion
 
@@ -211,3 +214,45 @@ class TestScene:
         moved = scene.with_initial({"b": (0.0, 0.0, 0.0, 0.0)})
         with pytest.raises(InputError, match="do not start where hinges"):
             Simulation(moved)
+
+
+class TestStarts:
+    @pytest.mark.parametrize("positions", [False, True])
+    def test_double_pendulum(self, positions):
+        """Angles and rates at the start come back from tracked angles, and from positions; so do the angles later."""
+        scene = bars(dt=2e-4)
+        recording = film(
+            scene, np.arange(0.0, 0.3, 0.002), positions=positions, noise=1e-6 if positions else 0.0, angle_noise=1e-5,
+            rng=np.random.default_rng(1),
+        )  # fmt: skip
+        if positions:
+            recording = replace(recording, angle=None, angle_noise=None)
+        case = prepare(recording, held_out=False, split=False)
+        assert {c.kind for c in case.channels} == ({"x", "y"} if positions else {"angle"})
+        starts = describe_starts(case, np.ones(len(case.t), dtype=bool), scene)
+        assert [s.form for s in starts] == ["hinge", "hinge"]
+        np.testing.assert_allclose([s.first[0] for s in starts], (2.0, 1.5), atol=2e-4)
+        np.testing.assert_allclose([s.first[1] for s in starts], (3.0, -5.0), atol=0.05)
+        exact = np.array([2.0, 3.0, 1.5, -5.0])
+        placed = states(starts, exact, scene, 0.0)
+        for body in scene.bodies:
+            np.testing.assert_allclose(placed[body.id], body.initial, atol=1e-14)
+        initial = np.array([body.initial for body in scene.bodies])
+        np.testing.assert_allclose(numbers_at(starts, scene, initial[:, :2], initial[:, 2:]), exact, atol=1e-12)
+        path = Simulation(scene).sample(case.t)
+        if not positions:
+            for k, name in enumerate("ab"):
+                np.testing.assert_allclose(turning_angle(path, [0, 1], scene, name), case.values[:, k], atol=1e-4)
+
+    def test_rod(self):
+        scene = TestRods().chain(dt=2e-4)
+        recording = film(scene, np.arange(0.0, 0.1, 0.002), noise=1e-6, rng=np.random.default_rng(2))
+        case = prepare(replace(recording, angle=None), held_out=False, split=False)
+        starts = describe_starts(case, np.ones(len(case.t), dtype=bool), scene)
+        assert [s.form for s in starts] == ["pin", "rod"]
+        initial = np.array([body.initial for body in scene.bodies])
+        back = numbers_at(starts, scene, initial[:, :2], initial[:, 2:])
+        for name, state in states(starts, back, scene, 0.0).items():
+            np.testing.assert_allclose(state, scene.body(name).initial, atol=1e-12)
+        for name, state in states(starts, first_numbers(starts), scene, 0.0).items():
+            np.testing.assert_allclose(state[:2], scene.body(name).initial[:2], atol=2e-5)

@@ -273,7 +273,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
-        if law.candidate == "named" and law.kind in ("body", "pair", "constraint") and applies(law, cases):
+        if law.candidate == "named" and law.kind in ("body", "pair", "joint", "constraint") and applies(law, cases):
             terms += law_terms(law, cases, each=False)
             if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)

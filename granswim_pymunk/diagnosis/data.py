@@ -13,6 +13,7 @@ from scipy import stats
 from ..errors import InputError
 from ..inference.criteria import DEFAULT
 from ..inference.noise import outliers
+from ..joints import hinged
 from ..recording import Recording
 
 TRAINING_SHARE = 0.6  # of the time, where single recordings are split
@@ -101,6 +102,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     known = True
     sigmas: list[float] = []
     pinned = {name for item in recording.scene.laws_named("pin") for name in item.bodies or ()}
+    pinned |= set(hinged(recording.scene))
     t = recording.t
     xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
     for k, body in enumerate(recording.ids):

@@ -14,10 +14,11 @@ import numpy as np
 
 from ..engine import Simulation
 from ..errors import InputError, SimulationError
+from ..joints import hinged
 from ..recording.camera import see
 from ..scene import Scene
 from .data import Case
-from .start import StartBody, numbers_at, pendulum_angle, states
+from .start import StartBody, numbers_at, states, turning_angle
 
 NO_CAMERA: dict[str, Any] = {"scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0)}
 
@@ -187,7 +188,8 @@ class Predictor:
         offset = float(camera["time_offset"])
         placed = states(starts, numbers, scene, t0 + offset)
         self.runs += 1
-        rows = [scene.ids.index(b) for b in case.bodies]
+        # angles of hinged bodies follow from the places of those that they hang from
+        rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]
         times = np.maximum(t + offset, t0 + offset)
         end = None
         try:
@@ -211,7 +213,7 @@ class Predictor:
         for c, channel in enumerate(case.channels):
             k = at[channel.body]
             if channel.kind == "angle":
-                angle = pendulum_angle(xy[:, k], scene, channel.body) + camera["tilt"]
+                angle = turning_angle(xy, rows, scene, channel.body) + camera["tilt"]
                 # the same turn as the start that was asked for
                 first = next(s for s in starts if s.body == channel.body)
                 asked = numbers[_offset(starts, channel.body)] if first.free[0] else first.first[0]

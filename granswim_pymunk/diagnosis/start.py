@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..joints import angles_of, hanging
+from ..joints import place as placed
 from ..scene import Scene
 from .data import Case
 
@@ -18,8 +20,9 @@ Camera = Mapping[str, float]
 class StartBody:
     """How the start of one body is described.
 
-    ``form``: "free" x, y, vx, vy; "pin" angle, angular velocity; "rail" x, y, speed along it;
-    "drive" x, y (its velocity is commanded). ``known`` numbers are kept, the others are free.
+    ``form``: "free" x, y, vx, vy; "pin" angle, angular velocity; "hinge" the same of a body that hangs from the world
+    by hinges; "rod" those of a rod to the body before; "rail" x, y, speed along it; "drive" x, y (its velocity is
+    commanded). ``known`` numbers are kept, the others are free.
     """
 
     body: str
@@ -70,7 +73,8 @@ def describe_starts(case: Case, frames: np.ndarray, scene: Scene | None = None) 
     scene = scene or case.recording.scene
     t0 = float(case.t[frames][0])
     t = case.t[frames]
-    result = []
+    result: list[StartBody] = []
+    hung, rods = hanging(scene), rods_of(scene)
     for body in scene.bodies:
         if not body.mobile:
             continue
@@ -98,7 +102,11 @@ def describe_starts(case: Case, frames: np.ndarray, scene: Scene | None = None) 
         pin = pin_of(scene, body.id)
         rail = _direction_of(scene, body.id, "rail")
         drive = _direction_of(scene, body.id, "drive")
-        if pin is not None:
+        if body.id in hung:
+            result.append(_start_of_hinged(body.id, case, frames, scene, estimates))
+        elif body.id in rods:
+            result.append(_start_of_rod(body.id, rods[body.id], scene, estimates, x, y, case, frames))
+        elif pin is not None:
             result.append(_start_of_pinned(body.id, pin, scene, estimates, x, y, given))
         elif drive is not None and body.id in scene.inputs:
             result.append(
@@ -136,11 +144,76 @@ def _start_of_pinned(body, pin, scene, estimates, x, y, given) -> StartBody:
     return StartBody(body, "pin", np.array([angle, spin]), np.array(sigma), np.array([seen, seen]))
 
 
+def rods_of(scene: Scene) -> dict[str, tuple[str, float]]:
+    """Of each body that a rod joins to one described before it: that body, and the length [m]."""
+    found: dict[str, tuple[str, float]] = {}
+    order = {body.id: k for k, body in enumerate(scene.bodies)}
+    for item in scene.laws_named("rod"):
+        first, second = sorted(item.bodies or (), key=lambda name: order[name])
+        free = pin_of(scene, second) is None and not any(
+            _direction_of(scene, second, law) is not None for law in ("rail", "drive")
+        )
+        if second not in found and free and scene.body(second).mobile:
+            found[second] = (first, float(item.values["length"]))
+    return found
+
+
+def _start_of_hinged(body, case, frames, scene, estimates) -> StartBody:
+    """Angle and rate from the tracked angle, else from the places of the bodies it hangs from."""
+    if "angle" in estimates:
+        angle = estimates["angle"]
+        return StartBody(body, "hinge", np.array(angle[:2]), np.array(angle[2:]), np.array([True, True]))
+    t = case.t[frames]
+    given = np.array([b.initial or (0.0, 0.0, 0.0, 0.0) for b in scene.bodies], dtype=float)
+    xy = np.repeat(given[None, :, :2], len(t), axis=0)
+    for k, other in enumerate(scene.bodies):
+        if other.id in case.recording.ids:
+            seen = case.recording.xy[frames][:, case.recording.ids.index(other.id)]
+            xy[:, k] = seen if np.isfinite(seen).any() else xy[:, k]
+    row = scene.ids.index(body)
+    angle = angles_of(scene, xy, np.zeros_like(xy))[0][:, row]
+    finite = np.isfinite(angle)
+    angle[finite] = np.unwrap(angle[finite])
+    sigma = [case.sigma[k] for k, c in enumerate(case.channels) if c.body == body and c.kind != "angle"]
+    arm = max(hanging(scene)[body], 1e-12)
+    value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), max(sigma, default=1e-6) / arm)
+    seen_it = bool(sigma)
+    return StartBody(
+        body, "hinge", np.array([value, rate]), np.array([spread, rate_spread]), np.array([seen_it, seen_it])
+    )
+
+
+def _start_of_rod(body, rod, scene, estimates, x, y, case, frames) -> StartBody:
+    """Angle and rate of the rod to the body before, from where both are seen."""
+    other, length = rod
+    down, across = _hanging(scene)
+    t = case.t[frames]
+    places = []
+    for name in (other, body):
+        given = scene.body(name).initial or (0.0, 0.0, 0.0, 0.0)
+        seen = np.full((len(t), 2), given[:2])
+        if name in case.recording.ids:
+            tracked = case.recording.xy[frames][:, case.recording.ids.index(name)]
+            seen = tracked if np.isfinite(tracked).any() else seen
+        places.append(seen)
+    arm = places[1] - places[0]
+    angle = np.arctan2(arm @ across, arm @ down)
+    finite = np.isfinite(angle)
+    angle[finite] = np.unwrap(angle[finite])
+    value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), max(x[2], y[2]) / length)
+    seen_it = bool(estimates)
+    return StartBody(
+        body, "rod", np.array([value, rate]), np.array([spread, rate_spread]), np.array([seen_it, seen_it])
+    )
+
+
 def states(
     bodies: tuple[StartBody, ...], numbers: np.ndarray, scene: Scene, t0: float
 ) -> dict[str, tuple[float, float, float, float]]:
     """x, y, vx, vy of every body from the free ``numbers`` (in the order of the bodies)."""
-    result = {}
+    result: dict[str, tuple[float, float, float, float]] = {}
+    angles: dict[str, float] = {}
+    spins: dict[str, float] = {}
     at = 0
     for start in bodies:
         values = start.first.copy()
@@ -149,6 +222,15 @@ def states(
         at += count
         if start.form == "free":
             result[start.body] = tuple(values)
+        elif start.form == "hinge":
+            angles[start.body], spins[start.body] = float(values[0]), float(values[1])
+        elif start.form == "rod":
+            other, length = rods_of(scene)[start.body]
+            down, across = _hanging(scene)
+            arm = length * (math.cos(values[0]) * down + math.sin(values[0]) * across)
+            turn = length * values[1] * (math.cos(values[0]) * across - math.sin(values[0]) * down)
+            before = result[other] if other in result else scene.body(other).initial
+            result[start.body] = tuple(np.array(before, dtype=float) + np.concatenate([arm, turn]))
         elif start.form == "pin":
             pin = pin_of(scene, start.body)
             down, across = _hanging(scene)
@@ -168,7 +250,7 @@ def states(
             gain = next(scene.resolved(i)["gain"] for i in scene.laws_named("drive") if start.body in (i.bodies or ()))
             speed = gain * float(np.interp(t0, t, command))
             result[start.body] = (values[0], values[1], speed * direction[0], speed * direction[1])
-    return result
+    return result | placed(scene, angles, spins) if angles else result
 
 
 def numbers_at(bodies: tuple[StartBody, ...], scene: Scene, xy: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -195,6 +277,17 @@ def numbers_at(bodies: tuple[StartBody, ...], scene: Scene, xy: np.ndarray, v: n
             direction = _direction_of(scene, start.body, "rail")
             assert direction is not None
             values = np.array([x, y, vx * direction[0] + vy * direction[1]])
+        elif start.form == "hinge":
+            turned, rate = (of[row[start.body]] for of in angles_of(scene, xy, v))
+            values = np.array([turned + 2 * math.pi * round((start.first[0] - turned) / (2 * math.pi)), rate])
+        elif start.form == "rod":
+            other, length = rods_of(scene)[start.body]
+            down, across = _hanging(scene)
+            arm, turn = xy[row[start.body]] - xy[row[other]], v[row[start.body]] - v[row[other]]
+            turned = math.atan2(float(arm @ across), float(arm @ down))
+            turned += 2 * math.pi * round((start.first[0] - turned) / (2 * math.pi))
+            tangent = math.cos(turned) * across - math.sin(turned) * down
+            values = np.array([turned, float(turn @ tangent) / length])
         else:
             values = np.array([x, y])
         found.append(values[start.free])
@@ -215,3 +308,16 @@ def pendulum_angle(xy: np.ndarray, scene: Scene, body: str) -> np.ndarray:
     down, across = _hanging(scene)
     arm = xy - np.array(pin["anchor"])
     return np.unwrap(np.arctan2(arm @ across, arm @ down))
+
+
+def turning_angle(xy: np.ndarray, rows: Sequence[int], scene: Scene, body: str) -> np.ndarray:
+    """Angle (T,) [rad], unwrapped, of a pinned rod or of a body in a hinge, from positions (T, k, 2) of ``rows``.
+
+    For a hinged body ``rows`` of ``scene.bodies`` hold all bodies that it hangs from.
+    """
+    if pin_of(scene, body) is not None:
+        return pendulum_angle(xy[:, list(rows).index(scene.ids.index(body))], scene, body)
+    whole = np.zeros((len(xy), len(scene.bodies), 2))
+    for k, other in enumerate(scene.bodies):
+        whole[:, k] = xy[:, list(rows).index(k)] if k in rows else (other.initial or (0.0, 0.0))[:2]
+    return np.unwrap(angles_of(scene, whole, np.zeros_like(whole))[0][:, scene.ids.index(body)])

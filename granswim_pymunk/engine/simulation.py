@@ -909,7 +909,8 @@ class Simulation:
         """Begin again from other positions (n, 2) [m] and velocities (n, 2) [m/s] of the scene's bodies at t [s].
 
         Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin (those in
-        hinges turn as their places and velocities say), velocities at the time of the positions. Walls go where ``xy`` says. Verlet mode only.
+        hinges turn as their places and velocities say), velocities at the time of the positions. Walls go where ``xy``
+        says. Verlet mode only.
         """
         if self.mode != "verlet":
             raise InputError("only a simulation in mode verlet can begin again")

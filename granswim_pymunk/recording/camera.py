@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..joints import angles_of, hinged
 from ..scene import Scene
 from .recording import Recording
 
@@ -79,7 +80,10 @@ def film(
     if rng is None and (noise > 0 or angle_noise > 0 or (np.ndim(drop) == 0 and drop > 0)):
         raise InputError("noise and random drops need a generator (rng)", where=f"recording {name}")
 
-    true = simulation.sample(times + time_offset, rows.tolist())
+    turning = [scene.ids.index(name) for name in hinged(scene)]
+    asked = list(dict.fromkeys((*rows.tolist(), *turning)))
+    sampled = simulation.sample(times + time_offset, asked)
+    true = sampled[:, : len(rows)]
     xy = see(true, scale=scale, tilt=tilt, bias=bias)
     angle = np.full(shape, np.nan)
     at = {scene.bodies[row].id: column for column, row in enumerate(rows)}
@@ -88,6 +92,14 @@ def film(
             if body in at:
                 rod = rod_angle(true[:, at[body]], pin.values["anchor"], scene.gravity)
                 angle[:, at[body]] = np.unwrap(rod) + tilt
+    if turning:
+        whole = np.array([body.initial for body in scene.bodies], dtype=float)[:, :2]
+        whole = np.repeat(whole[None], len(times), axis=0)
+        whole[:, asked] = sampled
+        turned = np.unwrap(angles_of(scene, whole, np.zeros_like(whole))[0], axis=0)
+        for row in turning:
+            if scene.ids[row] in at:
+                angle[:, at[scene.ids[row]]] = turned[:, row] + tilt
     if rng is not None:
         if noise > 0:
             xy = xy + rng.normal(0.0, noise, xy.shape)
