@@ -388,6 +388,13 @@ class Reference:
                 best = candidate
         return best[0], best[2]
 
+    def _friction_between(self, i: int, j: int) -> float:
+        """mu of an instantaneous collision, 0 where nothing rubs."""
+        for item, values, rows in self.laws.uses:
+            if item.name == "contact_friction" and i in rows and j in rows:
+                return float(values["mu"])
+        return 0.0
+
     def _collide(self, i: int, j: int, restitution: float, late: float) -> None:
         """v_n' = -e v_n by an impulse along n, each body giving way as far as its constraint lets it.
 
@@ -404,6 +411,19 @@ class Reference:
         if half - (1 + restitution) * min(speed, 0.0) <= 0:
             speed = half  # slower than one step's gravity: a body at rest on another
         impulse = -(1 + restitution) * min(speed, 0.0) / give * n
+        rub = self._friction_between(i, j)
+        if rub > 0:
+            # across the normal: what stops the slip of the surfaces, but no more than mu times the impulse along it
+            t = np.array([-n[1], n[0]])
+            r_i, r_j = self.laws.radius[i], self.laws.radius[j]
+            turn = self._constraints.inverse_moment
+            slip = float((self._v[j] - self._v[i]) @ t) - r_j * self._spin[j] - r_i * self._spin[i]
+            ease = float(t @ (mobility[i] + mobility[j]) @ t) + r_i**2 * turn[i] + r_j**2 * turn[j]
+            most = rub * float(np.hypot(*impulse))
+            across = float(np.clip(-slip / ease, -most, most))
+            self._spin[i] -= r_i * across * turn[i]
+            self._spin[j] -= r_j * across * turn[j]
+            impulse = impulse + across * t
         self._v[j] += mobility[j] @ impulse
         self._v[i] -= mobility[i] @ impulse
         for pin in self._constraints.pins:

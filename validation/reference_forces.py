@@ -152,6 +152,8 @@ class Forces:
                 force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows])
             elif item.name in mechanisms.JOINTS:
                 self._joints(force, item, values, xy, v)
+            elif item.name == "contact_friction" and self.scene.laws_named("contact_elastic"):
+                continue  # an impulse, of the collision
             elif item.name in mechanisms.PAIRS:
                 self._pair(force, item, values, xy, v, float(self.radius[rows].mean()))
             elif item.name in mechanisms.CHAIN_LAWS:

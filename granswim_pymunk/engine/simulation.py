@@ -309,6 +309,9 @@ class Simulation:
             self._kernel = compile_laws([item.law for item in scene.laws], self._offsets)
             codes = self._kernel.codes
         uses = [item for item in scene.acting if item.law.kind in KIND_ORDER and not self._is_link(item)]
+        if self.impulse:
+            # beside impulses it is one, too: Chipmunk's own friction of the shapes
+            uses = [item for item in uses if item.name != "contact_friction"]
         exact = scene.time.scheme == "exact"
         # a constant drag is a heavier body to the kick, which costs nothing; constraints and impacts want the true mass
         eased = exact and not self.impulse and not any(_holds(item.law) for item in uses)
@@ -550,6 +553,10 @@ class Simulation:
         for item in self.impulse:
             for name in item.bodies or self.scene.ids:
                 restitution[name] = math.sqrt(item.values["restitution"])
+        friction = dict.fromkeys(self.scene.ids, 0.0)
+        for item in self.scene.laws_named("contact_friction") if self.impulse else ():
+            for name in item.bodies or self.scene.ids:
+                friction[name] = math.sqrt(item.values["mu"])  # Chipmunk takes the product of two
         touching = set(self.scene.ids) if not self.impulse else set()
         for item in self.impulse:
             touching |= set(item.bodies or self.scene.ids)
@@ -574,7 +581,7 @@ class Simulation:
             body = self.scene.bodies[self._rows_of[k]]
             circle = pymunk.Circle(own, body.radius / u.length)
             circle.elasticity = restitution[body.id]
-            circle.friction = 0.0
+            circle.friction = friction[body.id]
             group = max(int(a["group"][k]), 0)
             if body.id in touching:
                 circle.filter = self._shape_filter(k, group)
