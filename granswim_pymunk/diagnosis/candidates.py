@@ -100,6 +100,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 bodies=tuple(bodies),
                 expression=law.expression,
                 choices=dict(choice),
+                suited=suited(law, cases),
                 fixed={name: (value, law.parameter(name).unit) for name, value in given.items()},
                 groups=tuple(groups),
             )
@@ -268,12 +269,37 @@ def _is_push(law: Law) -> bool:
     return law.kind == "body" and set(law.arguments) <= {"mass"} | own
 
 
+def suited(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law is declared for an apparatus that a recording has: joint drag for a pin."""
+    return any(c.recording.scene.laws_named(name) for c in cases for name in law.preferred_where)
+
+
+def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law makes no sense for the apparatus: a richer form of one that another law stands for there.
+
+    Where every body hangs from a pin or hinge, what a stream in still air would be is the drag of the joint.
+    """
+    held: set[str] = set()
+    for other in all_laws().values():
+        if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):
+            held |= set(other.stands_for)
+    return bool(held & set(law.nests))
+
+
+def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
+    """Whether every mobile body is in one of the laws of these names."""
+    bodies = {b for name in names for item in scene.laws_named(name) for b in item.bodies or scene.ids}
+    return all(b.id in bodies for b in scene.bodies if b.mobile)
+
+
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     several = len(distinct_bodies(cases)) > 1
     for law in all_laws().values():
         if law.candidate == "named" and law.kind in ("body", "pair", "joint", "constraint") and applies(law, cases):
+            if out_of_place(law, cases):
+                continue
             terms += law_terms(law, cases, each=False)
             if several and each and _is_simple(law):
                 terms += law_terms(law, cases, each=True)

@@ -13,7 +13,7 @@ from .candidates import camera_terms, for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Hypothesis, Predictor
-from .name import SPECIAL_CASES, InnerSplit, Trial, is_apparatus, is_part, spread_of
+from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
@@ -92,16 +92,22 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
         best = min(near, key=lambda t: t.inner)
         same = [t for t in near if t.inner < 1.02 * best.inner]
     # a law whose further numbers are compatible with none gives way to what it is then (a stream at rest is a drag)
-    plain = SPECIAL_CASES.get(best.mechanism)
+    plain = special_cases(best.mechanism)
     same += [
         t for t in trials
-        if t.mechanism == plain and t.used < best.used
+        if t.mechanism in plain and t.used < best.used
         and (best.gain - t.gain) / max(spread, 1.0) < stats.chi2.isf(0.05, best.used - t.used)
     ]  # fmt: skip
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
     forms = [t.term for t in same]
-    return min(same, key=lambda t: (t.used, not is_apparatus(t), is_part(t.term, forms), -t.gain))
+    suited = {t.mechanism for t in trials if t.term.suited}
+    return min(
+        same,
+        key=lambda t: (
+            t.used, not is_apparatus(t), t.mechanism not in suited, is_part(t.term, forms), -t.gain
+        ),
+    )  # fmt: skip
 
 
 def prune(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..laws import all_laws
 from .candidates import APPARATUS
 from .data import Case
 from .fit import Fit, Fitter
@@ -15,7 +16,6 @@ from .hypothesis import Predictor, Term
 from .innovations import inflation
 from .signatures import FAR, Bank, Signature
 
-SPECIAL_CASES = {"ambient_flow": "linear_drag"}  # law: the law it becomes when all but its first number are zero
 LED = 0.5  # of the best gain: laws of a bent valley that come as near are searched to its end
 SHORT = 10  # evaluations of a refit where recordings are followed in segments
 NEAR = 0.1  # of the best first-order gain: where segments are short, laws below it are not refitted,
@@ -261,10 +261,10 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
 
     Drag in still air is a flow of no speed.
     """
-    names = SPECIAL_CASES.get(trial.mechanism)
-    if names is None or trial.fit is None:
+    names = special_cases(trial.mechanism)
+    if not names or trial.fit is None:
         return trial
-    special = [t for t in trials if t.mechanism == names and t.numbers == 1 and t.fit is not None]
+    special = [t for t in trials if t.mechanism in names and t.numbers == 1 and t.fit is not None]
     best = max(special, key=lambda t: t.gain, default=None)
     if best is None or best.fit is None or best.gain <= trial.gain:
         return trial
@@ -304,6 +304,12 @@ def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
             both = a.gain + float(np.sum((u.T @ rest) ** 2))
             result.append((both - max(a.gain, b.gain), i, j))
     return sorted(result, reverse=True)
+
+
+def special_cases(mechanism: str) -> tuple[str, ...]:
+    """Laws that one is when all its numbers but the first are where they add nothing, as its declaration says."""
+    law = all_laws().get(mechanism)
+    return law.nests if law is not None else ()
 
 
 def label_of(*trials: Trial) -> str:
