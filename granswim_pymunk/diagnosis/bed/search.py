@@ -11,7 +11,7 @@ import numpy as np
 from ..choose import SAME
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
-from ..name import SPECIAL_CASES
+from ..name import special_cases
 from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings
 from .chance import chance
@@ -398,7 +398,7 @@ def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
     if not trials or trials[0].gain is None:
         return trials
     first = trials[0].mechanism
-    names = {t.mechanism for t in trials} - {first} if first == "unknown" else {SPECIAL_CASES.get(first)}
+    names = {t.mechanism for t in trials} - {first} if first == "unknown" else set(special_cases(first))
     plain = next((t for t in trials if t.mechanism in names and t.gain is not None), None)
     if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
         return trials
