@@ -100,6 +100,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 bodies=tuple(bodies),
                 expression=law.expression,
                 choices=dict(choice),
+                law=law.name,
                 suited=suited(law, cases),
                 fixed={name: (value, law.parameter(name).unit) for name, value in given.items()},
                 groups=tuple(groups),

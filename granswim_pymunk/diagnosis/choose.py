@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from ..laws import all_laws
 from .candidates import camera_terms, for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
@@ -101,13 +102,19 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
     forms = [t.term for t in same]
-    suited = {t.mechanism for t in trials if t.term.suited}
-    return min(
-        same,
-        key=lambda t: (
-            t.used, not is_apparatus(t), t.mechanism not in suited, is_part(t.term, forms), -t.gain
-        ),
-    )  # fmt: skip
+    chosen = min(same, key=lambda t: (t.used, not is_apparatus(t), is_part(t.term, forms), -t.gain))
+    return of_the_apparatus(chosen, trials, spread)
+
+
+def of_the_apparatus(chosen: Trial, trials: Sequence[Trial], spread: float) -> Trial:
+    """The law that by its declaration stands for the chosen one in such an apparatus and does as well, else itself."""
+    laws = all_laws()
+    equals = [
+        t for t in trials
+        if t.term.suited and chosen.mechanism in laws[t.term.law].stands_for
+        and worth(chosen, spread) - worth(t, spread) < SAME
+    ]  # fmt: skip
+    return max(equals, key=lambda t: t.gain, default=chosen)
 
 
 def prune(

@@ -51,6 +51,7 @@ class Term:
     expression: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
     groups: tuple[tuple[str, tuple[int, ...]], ...] = ()  # verdict parameter -> numbers that make it up
+    law: str = ""  # name of the law that it is made of
     suited: bool = False  # its law is declared for an apparatus that the recordings have: it goes before its equals
     fixed: Mapping[str, tuple[Any, str]] = field(default_factory=dict)  # value and unit of what the recording gives
 
