@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from ..laws import all_laws
 from .choose import ALARM, SAME, choose, worth
 from .data import Case
 from .fit import Fit, Fitter
@@ -23,7 +24,6 @@ FIRSTS = 8  # laws beside which a second one is looked for,
 VARIANTS = 2  # so many of one name
 PUSHES = ("uniform_force", "ambient_flow")
 ROUNDS = 2  # in which one of two laws may be exchanged
-SINGLE = ("linear_drag", "quadratic_drag", "coulomb_substrate")  # laws of one strength, alike over a short time
 
 
 def second_law(
@@ -188,6 +188,12 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     return len(pushes) == 2 or any(is_part(t, terms) for t in pushes)
 
 
+def _is_damping(term: Term) -> bool:
+    """Whether a term is a drag or friction of one strength: over a short time they are alike."""
+    law = all_laws().get(term.law)
+    return len(term.free) == 1 and law is not None and law.damping
+
+
 def _partners(
     pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     inner_scores: dict[str, float], training: Sequence[Case],
@@ -203,11 +209,11 @@ def _partners(
     for which in (0, 1):
         term, keep = pair[which].term, pair[1 - which]
         at = offset + (len(pair[0].term.free) if which else 0)
-        if len(term.free) != 1 or term.mechanism not in SINGLE:
+        if not _is_damping(term):
             continue
         rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
         moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
-        others = [t for t in terms if t.mechanism in SINGLE and len(t.free) == 1 and t.label != term.label]
+        others = [t for t in terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
         for other in make_bank(fitter, fit, others).signatures:
             alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
