@@ -100,10 +100,14 @@ def _places(verdict: Mapping[str, Any]) -> str:
 
 
 def _rivals(verdict: Mapping[str, Any]) -> str:
-    rows = [
-        [escaped(r["name"]), number(r["gain_heldout"]), "cannot be told apart" if r["indistinguishable"] else "worse"]
-        for r in verdict["rivals"]
-    ]
+    def said(rival: Mapping[str, Any]) -> str:
+        if rival.get("withdrawn"):
+            return "withdrawn: held-out data are predicted worse with it"
+        if rival.get("share") is not None:
+            return f"not accepted: explains {100 * max(rival['share'], 0.0):.0f} %"
+        return "cannot be told apart" if rival["indistinguishable"] else "worse"
+
+    rows = [[escaped(r["name"]), number(r["gain_heldout"]), said(r)] for r in verdict["rivals"]]
     return "<h2>Rivals</h2>" + table(["law", "gain", "on these data"], rows, numeric=(1,)) if rows else ""
 
 

@@ -9,19 +9,23 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
 from ...errors import InputError
+from ...inference.judge import Judgement, Remains
 from ...recording import Recording
 from ..choose import ALARM
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
+from ..name import SPECIAL_CASES
+from ..nulls import Null
+from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
-from .candidates import PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
+from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import ONE_WINDOW, REPLICATES, Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
 from .experiment import Proposal, propose
@@ -41,6 +45,19 @@ from .search import (
 )
 from .signatures import SEVERAL, BedSignature, make_signature, off, recombined
 from .trial import CLEARLY, SURE, BedTrial, beyond_nothing, first_order, moved_to
+from .weigh import (
+    NOTHING,
+    RIVALS,
+    Weighed,
+    closest_of,
+    explained_by_scale,
+    held_verdict,
+    like_twins,
+    looks_like,
+    remains_in,
+    rival_gains,
+    weighed,
+)
 from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
 
 CLEAR_GAIN = 400.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
@@ -82,10 +99,23 @@ class BedDiagnosis:
     seed: int = 0
     strayed: Strayed | None = None
     level: float = 0.0  # how far a law is ahead by chance in few searches, see ``BedTrial.ahead``
+    judged: Judgement | None = None
+    complete: bool = True
+    remains: Remains | None = None
+    heldout: str | None = None
+    closest: list[tuple[BedTrial, float]] = field(default_factory=list)  # names not accepted, with their share
+    withdrawn: list[BedTrial] = field(default_factory=list)  # names that held-out windows turned down
+    withdrawn_gain: float | None = None
+    rival_gains: Mapping[str, float] = field(default_factory=dict)  # by label, see ``weigh.rival_gains``
 
     @property
     def beds(self) -> list[BedCase]:
         return self.bench.beds
+
+    @property
+    def window(self) -> float:
+        """Length of a window [s]."""
+        return float(np.median([bed.span for bed in self.beds]))
 
     @property
     def laws(self) -> list[BedTrial]:
@@ -141,6 +171,9 @@ class Seen:
     train: dict[str, Errors]
     held: dict[str, Errors]
     gain: float | None  # half the fall in chi2 of the held-out windows that the laws bring
+    heldout: str | None = None  # holds, fails or undecided
+    withdrawn: list[BedTrial] = field(default_factory=list)
+    withdrawn_gain: float | None = None
 
     @classmethod
     def of(cls, bench: Bench, predicted: dict[str, Prediction], gain: float | None = None) -> Seen:
@@ -176,8 +209,6 @@ def diagnose_windows(
     notes: list[str] = []
     progress("cutting windows", 0.01)
     start = begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, notes)
-    bench, clock = start.bench, start.clock
-
     search, naive_base, noise = recalibrated(start, rng, progress)
     signatures = signatures_in_time(search, start.terms, notes)
     trials, by_chance = screened(search, signatures, rng, notes)
@@ -186,32 +217,70 @@ def diagnose_windows(
 
     progress("refining what was found", 0.78)
     plain = _without_law(search, noise)
-    answer = _refined(search, plain, leading, signatures, noise, start.wrong is None, rng, notes)
+    answer = _refined(search, plain, leading, trials, signatures, noise, start.wrong is None, rng, notes)
+    arm = None
     if answer.unexplained > UNEXPLAINED and null.p <= ALARM:
-        arm = _beyond_names(search, answer, trials, notes)
-        if arm is not None:
+        arm, ahead = _beyond_names(search, answer, trials, notes)
+        if arm is not None and ahead:
             trials = [arm, *trials]
             answer = _by_arm(search, arm, answer.unexplained)
+    progress("what explains", 0.87)
+    judging = np.random.default_rng((seed, 1))  # of its own: what is found does not hang on how it is judged
+    told, form = weighed(search, answer, arm, trials, judging, notes)
+    if told.unmodelled and (form is None or form is not answer.found):
+        answer = plain if form is None else _by_arm(search, form, answer.unexplained)
+    found = Found(search, start, plain, answer, told, trials, null, by_chance.level, noise, naive_base, judging, notes)
+    return _concluded(found, seed, progress)
 
+
+@dataclass
+class Found:
+    """What training windows say, before held-out ones are looked at."""
+
+    search: Search
+    start: Beginning
+    plain: Answer
+    answer: Answer
+    told: Weighed
+    trials: list[BedTrial]
+    null: Null
+    level: float
+    noise: NoiseChi2
+    naive_base: Prediction
+    rng: np.random.Generator
+    notes: list[str]
+
+
+def _concluded(f: Found, seed: int, progress: Progress) -> BedDiagnosis:
+    """Held-out windows, the verdict, what is left, places and the next experiment."""
+    search, start, told, trials, null, notes = f.search, f.start, f.told, f.trials, f.null, f.notes
+    bench, clock = search.bench, search.clock
     # held-out windows are looked at only now
     progress("held-out windows", 0.88)
-    answer, seen = _held_out(search, start, plain, answer, notes)
+    answer, seen = _held_out(search, start, f.plain, f.answer, f.rng, notes)
     floor = (noise_floor(bench, search.used), noise_floor(bench, bench.held))
     partner = answer.partner
     rivals = [r for r in rivals_of(answer.found, trials) if partner is None or r[0].mechanism != partner.mechanism]
+    if answer.found is None:
+        told.named = None
+    leading = list({t.term.label: t for t, _ in (*told.closest, *rivals)}.values())[:RIVALS]
+    gains = {} if clock.late(0.95) else rival_gains(search, seen.predicted.get("recalibrated"), leading)
     found = answer.found
     if start.wrong is not None:
-        scale, seen = _without_scale(search, start, seen, notes)
+        scale, seen = _without_scale(search, start, seen, f.rng, notes)
         # what was told beside a wrong scale is the second law; without the scale nothing is right
         answer = replace(answer, found=scale, partner=answer.found)
         trials = [scale, *trials]
         null = replace(null, case=max(null.case, float(scale.gain or 0.0)))
+        told.named = explained_by_scale(search, answer.judge, seen.predicted, f.rng)
 
     laws = answer.laws
     verdict = verdict_among(
-        laws, answer.unexplained, bench, naive_base, search.base, search.values, start.naive_values,
+        laws, answer.unexplained, bench, f.naive_base, search.base, search.values, start.naive_values,
         answer.covariance, search.used,
     )  # fmt: skip
+    if not laws and (told.unmodelled or seen.withdrawn):
+        verdict = "unmodelled"
     strayed = astray(bench, seen.predicted.get("recalibrated")) if not laws else None
     p = null.p
     if verdict == "no_mismatch" and p <= ALARM:
@@ -219,17 +288,15 @@ def diagnose_windows(
     if strayed is not None:
         verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
         notes.append(strayed.text)
-    shown = "naive" if verdict == "recalibrate" else "recalibrated"
-    places: list[Place] = []
-    if verdict != "no_mismatch" and shown in seen.predicted:
-        places = _showing(search, answer) if verdict != "measurement" else []
-        places += locate(bench, seen.predicted[shown], bench.every)
-        if strayed is not None:
-            places.insert(0, strayed.place)
+    if verdict == "unmodelled" and not told.closest and not seen.withdrawn and not clock.late(0.95):
+        told.closest = closest_of(search, trials, told.before, f.rng)
+    places = _places(search, answer, seen, verdict, strayed)
     proposal = None
     if found is not None and rivals and start.wrong is None and not clock.late(0.93):
         progress("the next experiment", 0.93)
         proposal = propose(bench, search.hypothesis, search.values, found, rivals[0][0], search.used)
+    excess = _excess(search, start, answer, seen, f.noise)
+    complete, remains = _left(search, answer, seen, verdict, excess, strayed, trials, f.level)
     progress("done", 1.0)
     start.store.forget()
     adjusted = len(search.values)
@@ -237,8 +304,9 @@ def diagnose_windows(
         bench, verdict, start.naive.terms, start.naive_values, search.values, answer.values[:adjusted],
         answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null.gains,
         null.case, p, seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
-        _excess(search, start, answer, seen, noise), notes, clock.spent, bench.runs, seed, strayed,
-        by_chance.level,
+        excess, notes, clock.spent, bench.runs, seed, strayed, f.level,
+        judged=told.judgement(verdict), complete=complete, remains=remains, heldout=seen.heldout,
+        closest=told.closest, withdrawn=seen.withdrawn, withdrawn_gain=seen.withdrawn_gain, rival_gains=gains,
     )  # fmt: skip
 
 
@@ -431,12 +499,13 @@ def _without_law(search: Search, noise: NoiseChi2) -> Answer:
 
 
 def _refined(
-    search: Search, plain: Answer, leading: Sequence[BedTrial], signatures: Sequence[BedSignature], noise: NoiseChi2,
-    alone: bool, rng: np.random.Generator, notes: list[str],
+    search: Search, plain: Answer, leading: Sequence[BedTrial], trials: Sequence[BedTrial],
+    signatures: Sequence[BedSignature], noise: NoiseChi2, alone: bool, rng: np.random.Generator, notes: list[str],
 ) -> Answer:  # fmt: skip
     """Adjustables and law together, with the noise of twins that have the law, and a second law where it is needed.
 
-    ``plain``: the answer without a law.  ``leading``: laws to be fitted, the first that stands is the answer.
+    ``plain``: the answer without a law.  ``leading``: laws to be fitted, the first that stands is the answer;
+    ``trials``: all that were tried, among them simpler laws that one may turn out to be.
     ``alone``: False where the camera's scale is already one of two.
     """
     bench, clock, used = search.bench, search.clock, search.used
@@ -463,6 +532,12 @@ def _refined(
         named = first.found
         assert named is not None
         if beyond_nothing(named):
+            plainer = plainer_of(named, trials)
+            if plainer is not None:
+                other = polished(plain, values, plainer, 0.85)
+                if other.found is not None and beyond_nothing(other.found):
+                    notes.append(f"{found.term.label} is {plainer.term.label}: its other numbers are none")
+                    first, found, named = other, plainer, other.found
             break
         notes.append(f"{found.term.label}: in the last fit its numbers are within {CLEARLY:g} standard errors of none")
     else:
@@ -485,13 +560,35 @@ def _refined(
     return left(replace(both, found=moved, partner=both.found, alone=first))
 
 
+def plainer_of(found: BedTrial, trials: Sequence[BedTrial]) -> BedTrial | None:
+    """The law that a richer one becomes where all its numbers but the strength are none within their intervals.
+
+    A flow of no speed is drag in still air. None where they are not, or where there is no such law.
+    """
+    name = SPECIAL_CASES.get(found.mechanism)
+    apply = found.term.apply
+    if name is None or not isinstance(apply, LawAdder) or not np.isfinite(found.covariance).all():
+        return None
+    flow = apply.flow(found.values, found.covariance)
+    if flow is None or flow[1] is None:
+        return None
+    if np.any(np.abs(flow[0][1:]) > INTERVAL * np.sqrt(np.maximum(np.diag(flow[1])[1:], 0.0))):
+        return None
+    alike = [t for t in trials if t.mechanism == name and t.term.bodies == found.term.bodies]
+    if not alike:
+        return None
+    plain = max(alike, key=lambda t: (t.gain is not None, t.worth))
+    moved = moved_to(plain, found.values[:1], found.covariance[:1, :1])
+    return replace(moved, gain=found.gain if plain.gain is None else plain.gain)
+
+
 def _beyond_names(
     search: Search, answer: Answer, trials: Sequence[BedTrial], notes: list[str]
-) -> BedTrial | None:
-    """The arm without a name that explains what no law with a name does, or None."""
+) -> tuple[BedTrial | None, bool]:
+    """The best arm without a name, None where none was tried, and whether it explains what no law with a name does."""
     if search.clock.late(0.86):
         notes.append("flexible arms were not tried: the time was up")
-        return None
+        return None, False
     search.progress("flexible arms", 0.84)
     swimmer = search.bench.beds[0].scene.swimmer_ids
     arm = flexible_arm(search, answer.found is not None and answer.found.term.bodies == swimmer)
@@ -506,8 +603,8 @@ def _beyond_names(
         notes.append(
             f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
         )
-        return None
-    return arm
+        return arm, False
+    return arm, True
 
 
 def _by_arm(search: Search, arm: BedTrial, unexplained: float) -> Answer:
@@ -518,8 +615,9 @@ def _by_arm(search: Search, arm: BedTrial, unexplained: float) -> Answer:
 
 
 def _held_out(
-    search: Search, start: Beginning, plain: Answer, answer: Answer, notes: list[str]
-) -> tuple[Answer, Seen]:
+    search: Search, start: Beginning, plain: Answer, answer: Answer, rng: np.random.Generator,
+    notes: list[str],
+) -> tuple[Answer, Seen]:  # fmt: skip
     """All windows under each scene; what does not predict the held-out ones better is not named."""
     bench = search.bench
     any_held = any(len(w) for w in bench.held)
@@ -542,9 +640,14 @@ def _held_out(
     named = zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True)
     seen = Seen.of(bench, {label: rows for label, rows in named if rows is not None})
     if answer.found is not None and {"recalibrated", "revised"} <= set(seen.predicted) and any_held:
-        seen.gain = held_gain(bench, seen.predicted["recalibrated"], seen.predicted["revised"])
+        before, after = (bench.white(seen.predicted[k], bench.held) for k in ("recalibrated", "revised"))
         if (answer.found.gain or 0.0) < CLEAR_GAIN:
-            seen.gain = _foreseen(bench, search, answer, seen.predicted["recalibrated"], seen.gain)
+            moved = _foreseen(bench, search, answer)
+            after = after if moved is None else before - moved
+        seen.gain = 0.5 * float(before @ before - after @ after)
+        seen.heldout = held_verdict(bench, before, after, rng)
+        if seen.heldout == "fails":
+            return plain, _withdrawn(bench, answer, seen, notes)
         if seen.gain <= LEAST_HELD:
             notes.append(f"{answer.found.mechanism} does not predict the held-out windows better: it is not named")
             answer = plain
@@ -552,8 +655,17 @@ def _held_out(
     return answer, seen
 
 
-def _foreseen(bench: Bench, search: Search, answer: Answer, base: Prediction, simulated: float) -> float:
-    """Half the fall in chi2 of the held-out windows to first order; as ``simulated`` where that cannot be run.
+def _withdrawn(bench: Bench, answer: Answer, seen: Seen, notes: list[str]) -> Seen:
+    """Without the laws that held-out windows turned down."""
+    names = " and ".join(t.term.label for t in answer.laws)
+    notes.append(f"held-out windows are predicted worse with {names} than without: it is withdrawn")
+    again = Seen.of(bench, {**seen.predicted, "revised": seen.predicted["recalibrated"]})
+    named = [t for t in answer.laws if t.mechanism != "unknown"]
+    return replace(again, heldout=seen.heldout, withdrawn=named, withdrawn_gain=seen.gain)
+
+
+def _foreseen(bench: Bench, search: Search, answer: Answer) -> np.ndarray | None:
+    """(n,) what the laws change in held-out windows, whitened, to first order; None where that cannot be run.
 
     The chaos of two predictions differs in thousands of numbers and hides what a weak law does. Columns from amounts
     that stand above it, made by members of their own, let through one number for each of the answer's.
@@ -571,9 +683,43 @@ def _foreseen(bench: Bench, search: Search, answer: Answer, base: Prediction, si
     try:
         shown = bench.predict_surely([(answer.hypothesis, end) for end in ends], bench.held, None, bench.members)
     except Failed:
-        return simulated
-    moved = bench.columns(shown, spans, bench.held) @ change
-    return float(bench.white(base, bench.held) @ moved - 0.5 * moved @ moved)
+        return None
+    moved: np.ndarray = bench.columns(shown, spans, bench.held) @ change
+    return moved
+
+
+def _places(
+    search: Search, answer: Answer, seen: Seen, verdict: str, strayed: Strayed | None
+) -> list[Place]:
+    """Where the laws show, and where the mismatch does."""
+    shown = "naive" if verdict == "recalibrate" else "recalibrated"
+    places: list[Place] = []
+    if verdict != "no_mismatch" and shown in seen.predicted:
+        places = _showing(search, answer) if verdict != "measurement" else []
+        places += locate(search.bench, seen.predicted[shown], search.bench.every)
+        if strayed is not None:
+            places.insert(0, strayed.place)
+    return places
+
+
+def _left(
+    search: Search, answer: Answer, seen: Seen, verdict: str, excess: Mapping[str, float], strayed: Strayed | None,
+    trials: Sequence[BedTrial], level: float,
+) -> tuple[bool, Remains | None]:  # fmt: skip
+    """Whether what the revised scene leaves of training windows passes for what it leaves of twins, and what it is."""
+    rows = seen.predicted.get("revised")
+    if rows is None:
+        return False, None
+    judge = answer.judge if answer.found is not None else search.bench
+    if strayed is None and like_twins(search.bench, judge, rows, search.used, excess["revised"]):
+        return True, None
+    if verdict in ("no_mismatch", "recalibrate"):
+        return False, None
+    looks = looks_like(search, answer, rows, trials, level) if strayed is None else NOTHING
+    remains = remains_in(search.bench, judge, rows, search.used, looks)
+    if remains is not None and strayed is not None and strayed.place.bodies:
+        remains = replace(remains, bodies=strayed.place.bodies)
+    return False, remains
 
 
 def _showing(search: Search, answer: Answer) -> list[Place]:
@@ -590,21 +736,26 @@ def _showing(search: Search, answer: Answer) -> list[Place]:
     return locate_law(search.bench.beds, search.used, change, rest + change, acting)
 
 
-def _without_scale(search: Search, start: Beginning, seen: Seen, notes: list[str]) -> tuple[BedTrial, Seen]:
+def _without_scale(
+    search: Search, start: Beginning, seen: Seen, rng: np.random.Generator, notes: list[str]
+) -> tuple[BedTrial, Seen]:
     """The wrong scale of the picture as what was found, beside the scene with the picture as it is."""
     bench, predicted = search.bench, dict(seen.predicted)
     assert start.wrong is not None
     predicted.setdefault("revised", predicted["recalibrated"])
     plain = bench.predict([(start.naive, search.values)], bench.every)[0]
-    gain = seen.gain
+    gain, heldout = seen.gain, seen.heldout
     if plain is None:
         predicted.pop("recalibrated")
         notes.append("with the picture as it is the scene cannot be run")
     else:
         predicted["recalibrated"] = plain
         gain = held_gain(bench, plain, predicted["revised"]) if any(len(w) for w in bench.held) else None
+        before, after = (bench.white(rows, bench.held) for rows in (plain, predicted["revised"]))
+        heldout = held_verdict(bench, before, after, rng)
     scale = _scale_trial(bench, start.wrong, search.nuisance, plain, search.base, search.used)
-    return scale, Seen.of(bench, predicted, gain)
+    again = Seen.of(bench, predicted, gain)
+    return scale, replace(again, heldout=heldout, withdrawn=seen.withdrawn, withdrawn_gain=seen.withdrawn_gain)
 
 
 def _excess(search: Search, start: Beginning, answer: Answer, seen: Seen, noise: NoiseChi2) -> dict[str, float]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...inference.judge import explained_dict
 from ...recording import Recording
 from ...report.bed_figures import bed_figures, map_on_frame
 from ...report.words import bodies, listed, plainly
@@ -82,11 +83,6 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
                     trial.signature.surviving, d.gain_held,
                 )
             )  # fmt: skip
-    elif d.verdict == "unmodelled":
-        what = "the windows" if d.strayed is None else d.strayed.what
-        verdict["mechanisms"] = [
-            mechanism_entry("unknown", f"no law that was tried explains {what}", [], {}, None, None)
-        ]
     verdict["mismatch"] = [
         mismatch_entry(
             q.bodies, q.z, q.p, region=q.region, phase=q.phase, t=q.t, speed=q.speed,
@@ -95,10 +91,12 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
         for q in d.places
     ]  # fmt: skip
     verdict["mismatch"] = _where_it_acts(d) + verdict["mismatch"]
-    verdict["rivals"] = [
-        {"name": t.mechanism, "gain_heldout": 0.5 * t.gain if t.gain is not None else None, "indistinguishable": same}
-        for t, same in d.rivals
-    ]
+    verdict["rivals"] = _rivals(d)
+    verdict["heldout"] = d.heldout
+    verdict["explained"] = None if d.judged is None else explained_dict(d.judged)
+    verdict["complete"] = d.complete
+    verdict["remains"] = None if d.remains is None else d.remains.as_dict()
+    verdict["fit"]["window"] = d.window
     for part, source, floor in (("train", d.train, d.floor[0]), ("heldout", d.held, d.floor[1])):
         verdict["fit"][part] = {k: v.rms for k, v in source.items()} | {"noise_floor": floor}
         for model in ("naive", "recalibrated", "revised"):
@@ -122,6 +120,25 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
             }  # fmt: skip
             at += 1
     return verdict
+
+
+def _rivals(d: BedDiagnosis) -> list[dict[str, Any]]:
+    """What was withdrawn or not accepted comes first, then what does worse or as well."""
+    withdrawn = [
+        {"name": t.mechanism, "gain_heldout": d.withdrawn_gain, "indistinguishable": False, "withdrawn": True}
+        for t in d.withdrawn
+    ]
+    near = [
+        {"name": t.mechanism, "gain_heldout": d.rival_gains.get(t.term.label), "indistinguishable": False,
+         "share": share}
+        for t, share in d.closest
+    ]  # fmt: skip
+    first = {r["name"] for r in (*withdrawn, *near)}
+    others = [
+        {"name": t.mechanism, "gain_heldout": d.rival_gains.get(t.term.label), "indistinguishable": same}
+        for t, same in d.rivals if t.mechanism not in first
+    ]  # fmt: skip
+    return [*withdrawn, *near, *others]
 
 
 def _frequencies(d: BedDiagnosis) -> tuple[float, float] | None:
@@ -216,12 +233,50 @@ def _headline(d: BedDiagnosis) -> str:
         return "Nothing is missing that these windows could show"
     if d.verdict == "recalibrate":
         return "The physics is right; " + " and ".join(_moved(d)) + " was off"
+    if d.withdrawn:
+        names = " and ".join(map(_law_in_words, d.withdrawn))
+        return f"Withdrawn: held-out windows are predicted worse with {names} than without"
     if d.verdict == "unmodelled" or d.found is None:
-        return "Something is missing that no law with a name explains"
+        text = "Something is missing that no law with a name explains"
+        if d.closest:
+            nearest, share = d.closest[0]
+            text += f"; what comes closest, {_law_in_words(nearest)}, explains {_percent(share)} of it"
+        return text
     what = " and ".join(map(_law_in_words, d.laws))
-    if d.verdict == "measurement":
-        return f"The apparatus was off: {what}"
-    return f"The scene lacks {what}"
+    text = f"the apparatus was off: {what}" if d.verdict == "measurement" else f"the scene lacks {what}"
+    return text[0].upper() + text[1:] if d.complete else f"The best approximation so far: {text}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * max(share, 0.0):.0f} %"
+
+
+def _standing(d: BedDiagnosis) -> list[tuple[str, str]]:
+    """How much is explained, whether anything is left, and what held-out windows say."""
+    answers: list[tuple[str, str]] = []
+    told = None if d.judged is None else explained_dict(d.judged)
+    if told is not None:
+        text = (
+            f"{_percent(told['share'])} ({_percent(told['low'])} to {_percent(told['high'])}) of what the scene "
+            "misses in windows, each predicted without what it told itself"
+        )
+        if told["best_free_form"] is not None and d.verdict != "unmodelled":
+            text += f"; the best force without a name {_percent(told['best_free_form'])}"
+        answers.append(("How much is explained?", text + "."))
+    left = d.remains
+    if left is not None:
+        text = (
+            f"More than in twins: the swimmer's disks end {1e6 * left.rms:.0f} µm rms from where they are predicted, "
+            f"and all that is compared is {left.times_floor:.2g} times as far off as in twins, "
+            f"most at {html.unescape(listed(bodies(left.bodies), 3))}"
+        )
+        like = "" if left.looks_like.startswith("nothing") else f"; it looks like {left.looks_like}"
+        answers.append(("What is left?", text + like + "."))
+    elif d.laws and d.complete:
+        answers.append(("What is left?", "No more than twins of the revised scene leave."))
+    if d.heldout == "undecided" and d.laws:
+        answers.append(("Does it hold?", "Held-out windows do not decide whether it predicts better."))
+    return answers
 
 
 def _law_in_words(trial: BedTrial) -> str:
@@ -256,15 +311,19 @@ def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
     elif d.verdict == "unmodelled":
         nearest = next((t for t in d.trials if t.gain is not None and t.mechanism != "unknown"), None)
         text = "The windows differ from what any law in the list gives."
+        if d.withdrawn:
+            asked = html.unescape(listed([plainly(t.mechanism) for t in d.withdrawn]))
+            text = f"Training windows ask for {asked}, but held-out windows are predicted worse with it."
         if d.found is not None:
             text += f" What fits best has no name: {d.found.term.label}."
-        if nearest is not None:
+        if nearest is not None and not d.withdrawn:
             text += f" The nearest with a name is {plainly(nearest.mechanism)}."
         answers.append(("What is wrong?", text))
     else:
         answers.append(("What is wrong?", "Nothing that shows: the windows look like repeats of the simulation."))
     if d.verdict != "no_mismatch":
         answers.append(("Where?", _where(d)))
+    answers += _standing(d)
     kinds = {"recalibrate": "naive"}
     before = d.held.get(kinds.get(d.verdict, "recalibrated"))
     after = d.held.get("revised")

@@ -67,7 +67,7 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
             found.append(Strayed(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
         if rows is None:
             continue
-        error, *others = (_rms([_disks(r, bed)]) or 0.0 for r in (rows, *bench.noises[b].residuals))
+        error, *others = (_rms([disks_of(r, bed)]) or 0.0 for r in (rows, *bench.noises[b].residuals))
         those = np.array(others)
         away, p = _beside_twins(error, those)
         text = (
@@ -93,7 +93,7 @@ def _beside_twins(seen: float, twins: np.ndarray) -> tuple[float, float]:
     return away, 2.0 * float(stats.t.sf(abs(away), number - 1))
 
 
-def _disks(rows: np.ndarray, bed: BedCase) -> np.ndarray:
+def disks_of(rows: np.ndarray, bed: BedCase) -> np.ndarray:
     """(..., L - 1, n) of numbers (..., D): the swimmer's disks after the start."""
     return rows[..., : bed.swimmer_size].reshape(*rows.shape[:-1], len(bed.looks), 2 * len(bed.rows))[..., 1:, :]
 
@@ -108,7 +108,7 @@ def _rms(parts: Sequence[np.ndarray]) -> float | None:
 def errors(bench: Bench, predicted: Prediction, windows: Windows) -> Errors:
     """Of the swimmer's disks after the start, in the chosen windows."""
     innovations = zip(bench.beds, bench.innovations(predicted), windows, strict=True)
-    rms = _rms([_disks(rows[chosen], bed) for bed, rows, chosen in innovations])
+    rms = _rms([disks_of(rows[chosen], bed) for bed, rows, chosen in innovations])
     if rms is None:
         return Errors(None, None)
     return Errors(rms, float(np.mean(bench.white(predicted, windows) ** 2)))
@@ -122,7 +122,7 @@ def held_gain(bench: Bench, before: Prediction, after: Prediction) -> float:
 def noise_floor(bench: Bench, windows: Windows) -> float:
     """What perfect knowledge of the physics would leave [m rms]: the twins' own errors, of the disks."""
     twins = zip(bench.beds, bench.noises, windows, strict=True)
-    rms = _rms([_disks(noise.residuals[:, chosen], bed) for bed, noise, chosen in twins])
+    rms = _rms([disks_of(noise.residuals[:, chosen], bed) for bed, noise, chosen in twins])
     return math.nan if rms is None else rms
 
 

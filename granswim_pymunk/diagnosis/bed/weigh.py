@@ -1,0 +1,342 @@
+"""What laws explain of the mismatch in windows, whether the rest is like that of twins, and what it looks like."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from ...inference.blocks import Explained, Scores, explained
+from ...inference.criteria import DEFAULT
+from ...inference.judge import Judgement, Remains, accepted, paired
+from ...report.words import plainly
+from ..hypothesis import Hypothesis
+from .bench import Bench, Prediction, Windows
+from .judge import UNEXPLAINED, disks_of, errors, noise_floor
+from .places import maps
+from .search import Search
+from .signatures import make_signature, off, whole_films
+from .trial import BedTrial, first_order
+
+if TYPE_CHECKING:
+    from .driver import Answer
+
+FORMS = 2  # forces without a name that are held against names, besides the flexible arm
+RIVALS = 3  # of which held-out windows are predicted
+NOTHING = "nothing that was tried"
+
+
+def twins_of(bench: Bench, judge: Bench, windows: Windows) -> np.ndarray:
+    """(n, N) innovations of the twins of ``judge``, whitened as those of the film are in ``bench``.
+
+    The bench's own twins are each whitened by the others: their own covariance would flatter them.
+    """
+    if judge is bench:
+        return whole_films(bench.noises, windows)
+    number = min(len(noise.residuals) for noise in judge.noises)
+    parts = [
+        np.stack([metric.whiten(film, chosen).ravel() for film in noise.residuals[:number]])
+        for metric, noise, chosen in zip(bench.noises, judge.noises, windows, strict=True)
+    ]
+    return np.concatenate(parts, axis=1).T
+
+
+def scores_of(
+    bench: Bench, judge: Bench, rows: Prediction, windows: Windows, further: np.ndarray | None = None
+) -> Scores:
+    """Squared whitened innovations of each window, with the estimator's bias in the twins of ``judge``; its floor.
+
+    One covariance, that of ``bench``, whatever the scene: otherwise S of two scenes could not be compared.
+    further : (windows,) what is added to the sums, see ``by_others``
+    """
+    sums: dict[tuple[int, str], float] = {}
+    counts: dict[tuple[int, str], int] = {}
+    residuals: dict[int, np.ndarray] = {}
+    floor: list[np.ndarray] = []
+    twins = twins_of(bench, judge, windows)
+    at, unit = 0, 0
+    for bed, metric, innovations, chosen in zip(
+        bench.beds, bench.noises, judge.innovations(rows), windows, strict=True
+    ):
+        white = metric.whiten(innovations, chosen)
+        for w, own in zip(chosen, white, strict=True):
+            key = unit, bed.name
+            sums[key] = float(own @ own) + (0.0 if further is None else float(further[unit]))
+            counts[key] = int(np.isfinite(innovations[w]).sum())
+            residuals[unit] = disks_of(innovations[w], bed)
+            floor.append(np.sum(twins[at : at + bed.size] ** 2, axis=0))
+            at += bed.size
+            unit += 1
+    return Scores(sums, counts, residuals, np.array(floor).T.reshape(twins.shape[1], unit))
+
+
+def by_others(columns: np.ndarray, white: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
+    """(windows,) how much larger the squares of each window are where its numbers come from all other windows.
+
+    To first order: |r_w - C_w (d_w - d)|^2 - |r_w|^2, d the step of least squares from all of r, d_w from all but r_w.
+    columns : (n, p) C;  white : (n,) r;  sizes : how many of the n rows each window has
+    """
+    if len(sizes) < 2 or not columns.shape[1]:
+        return np.zeros(len(sizes))
+    parts = np.split(np.arange(len(white)), np.cumsum(sizes)[:-1])
+    square, product = columns.T @ columns, columns.T @ white
+    whole = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+    further = []
+    for part in parts:
+        c, r = columns[part], white[part]
+        rest = np.linalg.pinv(square - c.T @ c, rcond=1e-12, hermitian=True) @ (product - c.T @ r)
+        away = c @ (rest - whole)
+        further.append(float(away @ away - 2 * r @ away))
+    return np.array(further)
+
+
+def sizes_of(bench: Bench, windows: Windows) -> list[int]:
+    """How many numbers each window has, in the order of ``Bench.white``."""
+    return [bed.size for bed, chosen in zip(bench.beds, windows, strict=True) for _ in chosen]
+
+
+def share_of(after: Scores, before: Scores, rng: np.random.Generator) -> Explained:
+    """See ``explained``; few twins know their spread badly: Student's t in place of the normal, and of their mean."""
+    number = max(len(before.floor), 2)
+    student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
+    return explained(after, before, rng, beyond=DEFAULT.verdict.beyond * student)
+
+
+@dataclass
+class Weighed:
+    """What laws, or a force without a name, explain of the training windows.
+
+    before : S of the recalibrated scene;  named : what is explained, None where nothing was found
+    free_form : the largest share of a force without a name, None where none was tried
+    closest : names that were not accepted, with their share
+    unmodelled : a mismatch was found that no name explains
+    """
+
+    before: Scores
+    named: Explained | None = None
+    free_form: float | None = None
+    closest: list[tuple[BedTrial, float]] = field(default_factory=list)
+    unmodelled: bool = False
+
+    def judgement(self, verdict: str) -> Judgement:
+        return Judgement(verdict, self.named, self.free_form)
+
+
+def before_of(search: Search) -> Scores:
+    """S of the recalibrated scene."""
+    further = by_others(search.nuisance, search.white, sizes_of(search.bench, search.used))
+    return scores_of(search.bench, search.bench, search.base, search.used, further)
+
+
+def explained_by(search: Search, answer: Answer, before: Scores, rng: np.random.Generator) -> Explained | None:
+    """What the laws of an answer explain on training windows; None where these were not simulated with them."""
+    bench, judge, rows = search.bench, answer.judge, answer.rows
+    if rows is None:
+        rows = judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
+    if rows is None:
+        return None
+    further = None
+    if answer.columns is not None:
+        further = by_others(answer.columns, judge.white(rows, search.used), sizes_of(bench, search.used))
+    return share_of(scores_of(bench, judge, rows, search.used, further), before, rng)
+
+
+def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.random.Generator) -> Explained | None:
+    """What a trial explains in place of the answer.
+
+    Where its columns are those of fewer windows, very much was left, beside which what its few numbers owe to the
+    window itself is nothing.
+    """
+    bench, used = search.bench, search.used
+    rows = bench.predict([beside(search, trial)], used)[0]
+    if rows is None:
+        return None
+    further = None
+    if len(trial.signature.columns) == len(search.nuisance):
+        columns = np.hstack([search.nuisance, trial.signature.columns])
+        further = by_others(columns, bench.white(rows, used), sizes_of(bench, used))
+    return share_of(scores_of(bench, bench, rows, used, further), before, rng)
+
+
+def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:
+    """The recalibrated scene with a trial, the adjustables moved, to first order, to where they then belong."""
+    values = search.values
+    columns = trial.signature.columns
+    known = {len(search.few_nuisance): search.at, len(search.nuisance): np.arange(len(search.nuisance))}
+    if len(values) and len(columns) in known:
+        rows = known[len(columns)]
+        left = search.white[rows] - columns @ trial.amounts
+        low, high = search.hypothesis.bounds
+        change = np.linalg.lstsq(search.nuisance[rows], left, rcond=1e-10)[0]
+        reach = 0.15 * (high - low)
+        values = np.clip(values + np.clip(change, -reach, reach), low, high)
+    return search.hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
+
+
+def weighed(
+    search: Search, answer: Answer, arm: BedTrial | None, trials: Sequence[BedTrial], rng: np.random.Generator,
+    notes: list[str],
+) -> tuple[Weighed, BedTrial | None]:  # fmt: skip
+    """What the answer explains, and the force without a name that is told in its place where it is not accepted.
+
+    arm : the flexible arm that was tried;  trials : all that was, among them forces without a name
+    """
+    before = before_of(search)
+    told = Weighed(before)
+    if answer.found is None:
+        return told, None
+    told.named = explained_by(search, answer, before, rng)
+    nameless = [t for t in trials if t.mechanism == "unknown" and t.gain is not None and t is not arm][:FORMS]
+    forms: list[tuple[BedTrial, Explained]] = []
+    for t in ([] if arm is None else [arm]) + nameless:
+        mine = t.term.label == answer.found.term.label
+        share = told.named if mine else explained_by_trial(search, t, before, rng)
+        if share is not None and not (forms and search.clock.late(0.92)):
+            forms.append((t, share))
+    if forms:
+        told.free_form = max(0.0, *(e.share for _, e in forms))
+    if told.named is None:
+        return told, None
+    if answer.found.mechanism == "unknown":
+        told.unmodelled = True
+        if told.named.sure and told.named.low <= 0:
+            notes.append(f"{answer.found.term.label} predicts windows that it did not see no better")
+            told.named = None
+            return told, None
+        return told, answer.found
+    # in every search forces without a name are among the candidates: where none was simulated, they led nowhere
+    left = told.named.left_before
+    against = [e for _, e in forms] or [Explained(0.0, 0.0, 0.0, left, left, told.named.sure)]
+    good, why = accepted(told.named, against, 0.0)
+    if good:
+        return told, None
+    notes.append(f"{' and '.join(t.term.label for t in answer.laws)} is not named: {why}")
+    told.closest = [(t, told.named.share) for t in answer.laws]
+    told.unmodelled, told.named = True, None
+    helps = [(t, e) for t, e in forms if e.sure and e.low > 0]
+    if not helps:
+        return told, None
+    form, told.named = min(helps, key=lambda f: f[1].left)
+    return told, form
+
+
+def closest_of(
+    search: Search, trials: Sequence[BedTrial], before: Scores, rng: np.random.Generator
+) -> list[tuple[BedTrial, float]]:
+    """The law with a name that gained most where it was refitted, and its share; empty where none was."""
+    named = [t for t in trials if t.gain is not None and t.mechanism != "unknown" and t.worth > 0]
+    best = max(named, key=lambda t: t.worth, default=None)
+    share = None if best is None else explained_by_trial(search, best, before, rng)
+    return [] if best is None or share is None else [(best, share.share)]
+
+
+def explained_by_scale(
+    search: Search, judge: Bench, predicted: Mapping[str, Prediction], rng: np.random.Generator
+) -> Explained | None:
+    """What is explained where the picture's scale is among what was found."""
+    if "recalibrated" not in predicted or "revised" not in predicted:
+        return None
+    bench, used = search.bench, search.used
+    before = scores_of(bench, bench, predicted["recalibrated"], used)
+    return share_of(scores_of(bench, judge, predicted["revised"], used), before, rng)
+
+
+# ---- what is left ----------------------------------------------------------------------------
+
+
+def like_twins(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, excess: float) -> bool:
+    """Whether what a scene leaves passes for what it leaves of its twins, or is less than matters.
+
+    excess : standard deviations of the nulls' chi2, see ``NoiseChi2``
+    """
+    scores = scores_of(bench, judge, rows, windows)
+    if excess <= UNEXPLAINED or scores.mean <= float(scores.floors.max()):
+        return True
+    matters = [bed.recording.tolerance for bed in bench.beds if bed.training.any()]
+    rms, floor = errors(judge, rows, windows).rms, noise_floor(judge, windows)
+    if rms is None or not matters or any(m is None for m in matters):
+        return False
+    return math.sqrt(max(rms**2 - floor**2, 0.0)) <= min(m for m in matters if m is not None)
+
+
+def looks_like(search: Search, answer: Answer, rows: Prediction, trials: Sequence[BedTrial], level: float) -> str:
+    """The law, or force without a name, that gains most in what is left, to first order; in plain words.
+
+    level : how far one is ahead by chance
+    """
+    columns = search.nuisance if answer.columns is None else answer.columns
+    nuisance = columns[search.at]
+    left = off(nuisance, answer.judge.white(rows, search.used)[search.at])
+    taken = {t.mechanism for t in answer.laws} - {"unknown"} | {t.term.label for t in answer.laws}
+    best: BedTrial | None = None
+    for t in trials:
+        s = t.signature
+        if t.mechanism in taken or t.term.label in taken or len(s.columns) != len(left):
+            continue
+        mine = make_signature(s.term, s.tried, s.columns, nuisance, s.other, s.windows)
+        rest = first_order(mine, left, t.spread)
+        if best is None or rest.ahead > best.ahead:
+            best = rest
+    if best is None or best.ahead <= level:
+        return NOTHING
+    return best.term.label if best.mechanism == "unknown" else plainly(best.mechanism)
+
+
+def remains_in(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, looks: str) -> Remains | None:
+    """What is left of training windows: rms of the disks [m], sqrt(S/S_floor), which disks, the window with most."""
+    rms = errors(judge, rows, windows).rms
+    scores = scores_of(bench, judge, rows, windows)
+    if rms is None:
+        return None
+    size: dict[str, float] = {}
+    for found, chosen in zip(maps(judge, rows), windows, strict=True):
+        if len(chosen):
+            more = found.disks[chosen].mean(axis=0) - found.twin_disks[:, chosen].mean(axis=(0, 1))
+            for row, excess in zip(found.bed.rows, more, strict=True):
+                body = found.bed.scene.bodies[int(row)].id
+                size[body] = max(size.get(body, -math.inf), float(excess))
+    worst = max(size.values())
+    bodies = tuple(b for b, excess in size.items() if excess > 0.5 * worst) or tuple(size)
+    floor = scores.floor.mean(axis=0)
+    most = int(np.argmax(np.array(list(scores.sums.values())) / np.maximum(floor, 1e-12)))
+    places = [(bed, int(w)) for bed, chosen in zip(bench.beds, windows, strict=True) for w in chosen]
+    bed, window = places[most]
+    t = bed.film.t[int(bed.starts[window]) + bed.looks[[0, -1]]]
+    times = math.sqrt(scores.mean / max(float(floor.sum()) / max(sum(scores.counts.values()), 1), 1e-12))
+    return Remains(rms, times, bodies, (float(t[0]), float(t[1])), None, looks)
+
+
+# ---- held-out windows ------------------------------------------------------------------------
+
+
+def by_window(bench: Bench, white: np.ndarray, windows: Windows) -> list[np.ndarray]:
+    """Squares of whitened numbers (n,), cut into windows."""
+    return np.split(white**2, np.cumsum(sizes_of(bench, windows))[:-1])
+
+
+def held_verdict(bench: Bench, before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> str | None:
+    """Whether held-out windows are predicted better, see ``paired``; None where there are none.
+
+    before, after : (n,) whitened innovations of the held-out windows
+    """
+    if not len(before):
+        return None
+    return paired(by_window(bench, before, bench.held), by_window(bench, after, bench.held), rng)
+
+
+def rival_gains(search: Search, base: Prediction | None, rivals: Sequence[BedTrial]) -> Mapping[str, float]:
+    """By label, half the fall of chi2 of held-out windows, recalibrated less rival; of those that could be run."""
+    bench = search.bench
+    if base is None or not rivals or not any(len(w) for w in bench.held):
+        return {}
+    shown = bench.predict([beside(search, t) for t in rivals], bench.held)
+    before = float(np.sum(bench.white(base, bench.held) ** 2))
+    return {
+        t.term.label: 0.5 * (before - float(np.sum(bench.white(rows, bench.held) ** 2)))
+        for t, rows in zip(rivals, shown, strict=True)
+        if rows is not None
+    }
