@@ -16,20 +16,29 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from granswim_pymunk.commands.diagnose import standing
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import diagnose_windows
-from granswim_pymunk.diagnosis.bed.hand_over import outcome_of, parameters_of, revised_scene, verdict_of
-from granswim_pymunk.diagnosis.bed.judge import astray
+from granswim_pymunk.diagnosis.bed.driver import BedDiagnosis, diagnose_windows, plainer_of
+from granswim_pymunk.diagnosis.bed.hand_over import (
+    answers_of,
+    headline_of,
+    outcome_of,
+    parameters_of,
+    revised_scene,
+    verdict_of,
+)
+from granswim_pymunk.diagnosis.bed.judge import Errors, astray
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Plan, make_plan
 from granswim_pymunk.diagnosis.bed.search import no_narrower, plainer_first, signature_of
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.diagnosis.bed.trial import BedTrial, first_order
+from granswim_pymunk.diagnosis.bed.weigh import by_others, held_verdict, like_twins, scores_of, share_of
 from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
 from granswim_pymunk.diagnosis.choose import ALARM
 from granswim_pymunk.diagnosis.data import prepare
@@ -38,6 +47,8 @@ from granswim_pymunk.diagnosis.kept import load_array, store_array
 from granswim_pymunk.diagnosis.outcome import check_verdict
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.blocks import Explained
+from granswim_pymunk.inference.judge import Judgement, Remains
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
@@ -510,6 +521,9 @@ def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
     assert mechanism["gain_heldout"] > 5 and verdict["null"]["p_false_alarm"] <= 0.01
     held = verdict["fit"]["heldout"]
     assert held["revised"] < held["recalibrated"]
+    assert verdict["heldout"] == "holds" and verdict["complete"] and verdict["remains"] is None
+    assert verdict["explained"]["share"] > 0.6 and 0.0 < verdict["explained"]["low"]
+    assert verdict["fit"]["window"] == pytest.approx(0.016)
     assert verdict["mismatch"][0]["where"]["region"] == "joint 4"
     assert any("labels put back" in note for note in found.notes)
     scene, camera = revised_scene(found, 0)
@@ -658,3 +672,146 @@ def test_a_damaged_file_of_an_interrupted_diagnosis_is_computed_again(tmp_path):
     assert load_array(file, (3, 2)) is None and load_array(tmp_path / "b.npy") is None
     file.write_bytes(file.read_bytes()[:90])
     assert load_array(file, (2, 3)) is None
+
+
+# ---- what explains, and what is left ---------------------------------------------------------
+
+
+class BenchOfWindows:
+    """One bed of windows of a few numbers each, all of them of disks; a prediction is what is shown."""
+
+    def __init__(self, rng: np.random.Generator, windows: int = 12, twins: int = 8) -> None:
+        shape = (windows, 2, 2, 2)  # looks, disks, coordinates
+        size = 8
+        self.beds = [
+            SimpleNamespace(
+                name="film", size=size, swimmer_size=size, looks=np.array([0, 4]), rows=np.arange(2),
+                starts=4 * np.arange(windows), training=np.arange(windows) < windows - 4,
+                film=SimpleNamespace(t=2e-3 * np.arange(4 * windows + 5)), recording=SimpleNamespace(tolerance=None),
+            )
+        ]  # fmt: skip
+        self.noises = [twin_noise(1e-5 * rng.normal(size=(twins, windows, size)))]
+        self.seen = [1e-5 * rng.normal(size=shape).reshape(windows, size)]
+        self.used, self.held = [np.arange(windows - 4)], [np.arange(windows - 4, windows)]
+
+    def innovations(self, rows, members=None):
+        return [self.seen[0] - rows[0].mean(axis=1) - self.noises[0].bias]
+
+    def white(self, rows, windows):
+        return self.noises[0].whiten(self.innovations(rows)[0], windows[0]).ravel()
+
+
+def test_the_share_of_windows_is_beyond_what_twins_leave():
+    rng = np.random.default_rng(21)
+    bench = BenchOfWindows(rng)
+    wrong = 1e-4 * rng.normal(size=(12, 1, 8))
+    before, half, right = (scores_of(bench, bench, [a * wrong], bench.used) for a in (1.0, 0.5, 0.0))
+    assert before.floor.shape == (8, 8) and len(before.sums) == 8
+    assert share_of(half, before, rng).share == pytest.approx(0.75, abs=0.05)
+    whole = share_of(right, before, rng)
+    assert whole.sure and whole.share > 0.95 and whole.low > 0.9
+    assert not share_of(right, right, rng).sure
+    assert like_twins(bench, bench, [0.0 * wrong], bench.used, 9.0)
+    assert not like_twins(bench, bench, [0.5 * wrong], bench.used, 9.0)
+    # what does not matter to the experimenter is no reason to go on
+    bench.beds[0].recording.tolerance = 1e-3
+    assert like_twins(bench, bench, [0.5 * wrong], bench.used, 9.0)
+
+
+def test_a_window_is_predicted_with_numbers_from_the_others():
+    rng = np.random.default_rng(22)
+    sizes = [5] * 6
+    columns, white = rng.normal(size=(30, 2)), rng.normal(size=30)
+    rest = white - columns @ np.linalg.lstsq(columns, white, rcond=None)[0]
+    expected = []
+    for k in range(6):
+        out = np.arange(5 * k, 5 * k + 5)
+        others = np.delete(np.arange(30), out)
+        numbers = np.linalg.lstsq(columns[others], white[others], rcond=None)[0]
+        expected.append(np.sum((white[out] - columns[out] @ numbers) ** 2) - np.sum(rest[out] ** 2))
+    assert by_others(columns, rest, sizes) == pytest.approx(expected)
+    assert min(expected) > 0
+
+
+def test_held_out_windows_withdraw_what_predicts_them_worse():
+    rng = np.random.default_rng(23)
+    bench = BenchOfWindows(rng, windows=24)
+    bench.held = [np.arange(8, 24)]
+    wrong = 5e-5 * rng.normal(size=(24, 1, 8))
+    fine, poor = bench.white([0.0 * wrong], bench.held), bench.white([wrong], bench.held)
+    assert held_verdict(bench, poor, fine, rng) == "holds"
+    assert held_verdict(bench, fine, poor, rng) == "fails"
+    assert held_verdict(bench, fine, fine, rng) == "undecided"
+    assert held_verdict(bench, fine[:0], fine[:0], rng) is None
+
+
+def test_a_flow_of_no_speed_is_drag(packed):
+    (flow,) = law_terms(all_laws()["ambient_flow"], packed)
+    drag = law_terms(all_laws()["linear_drag"], packed)[0]
+
+    def trial(term: Term, values: list[float], errors: list[float]) -> BedTrial:
+        k = len(values)
+        signature = make_signature(term, np.ones(k), np.eye(4)[:, :k], np.zeros((4, 0)))
+        return BedTrial(signature, np.ones(k), np.array(values), np.diag(errors) ** 2, 50.0, 60.0)
+
+    plain = trial(drag, [3e-5], [1e-6])
+    still = trial(flow, [2e-5, 1e-8, -2e-8], [1e-6, 1e-8, 2e-8])
+    moving = trial(flow, [2e-5, 8e-8, -2e-8], [1e-6, 1e-8, 2e-8])
+    found = plainer_of(still, [still, plain])
+    assert found is not None and found.mechanism == "linear_drag" and found.values == pytest.approx([2e-5])
+    assert plainer_of(moving, [moving, plain]) is None and plainer_of(still, [still]) is None
+    assert plainer_of(plain, [still, plain]) is None
+
+
+def drag_trial(scene: Scene, gain: float = 40.0) -> BedTrial:
+    term = law_terms(all_laws()["linear_drag"], scene)[0]
+    signature = make_signature(term, np.ones(1), np.eye(4)[:, :1], np.zeros((4, 0)))
+    return BedTrial(signature, np.ones(1), np.array([2e-5]), np.array([[1e-12]]), gain, gain)
+
+
+def finished(packed: Scene, verdict: str, **more) -> BedDiagnosis:
+    """A diagnosis as it is handed over, without its windows."""
+    bed = SimpleNamespace(scene=packed, span=0.016, frequency=lambda: 9.0, name="film")
+    nothing = {k: Errors(1e-4, 1.0) for k in ("naive", "recalibrated", "revised")}
+    fields = dict(
+        bench=SimpleNamespace(beds=[bed]), verdict=verdict, adjustables=(), naive_values=np.zeros(0),
+        recalibrated_values=np.zeros(0), values=np.zeros(0), value_covariance=np.zeros((0, 0)), found=None,
+        partner=None, rivals=[], trials=[], null=np.zeros(499), score=40.0, p=0.002, train=nothing, held=nothing,
+        floor=(5e-5, 5e-5), gain_held=None, places=[], proposal=None, predicted={}, excess={},
+    )  # fmt: skip
+    return BedDiagnosis(**{**fields, **more})
+
+
+def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first(packed):
+    trial = drag_trial(packed)
+    found = finished(packed, "unmodelled", withdrawn=[trial], withdrawn_gain=-12.0, heldout="fails", complete=False)
+    verdict = verdict_of(found)
+    check_verdict(verdict)
+    assert verdict["mechanisms"] == [] and verdict["heldout"] == "fails" and verdict["explained"] is None
+    assert verdict["rivals"][0] == {
+        "name": "linear_drag", "gain_heldout": -12.0, "indistinguishable": False, "withdrawn": True,
+    }  # fmt: skip
+    assert verdict["fit"]["window"] == 0.016
+    assert headline_of(found).startswith("Withdrawn")
+    assert standing(verdict)[0].startswith("withdrawn")
+
+
+def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far(packed):
+    trial = drag_trial(packed)
+    share = Explained(0.7, 0.6, 0.8, 1.0, 3.0, True, 0.1)
+    remains = Remains(8e-5, 1.6, ("3",), (0.1, 0.2), None, "nothing that was tried")
+    found = finished(
+        packed, "missing_physics", found=trial, judged=Judgement("missing_physics", share, 0.5), complete=False,
+        remains=remains, heldout="undecided", rivals=[(drag_trial(packed), True)],
+    )  # fmt: skip
+    verdict = verdict_of(found)
+    check_verdict(verdict)
+    assert verdict["explained"] == {"share": 0.7, "low": 0.6, "high": 0.8, "best_free_form": 0.5}
+    assert not verdict["complete"] and verdict["remains"]["times_floor"] == 1.6
+    assert verdict["rivals"][0]["gain_heldout"] is None  # its held-out windows were not simulated
+    assert headline_of(found).startswith("The best approximation so far: the scene lacks")
+    told = dict(answers_of(found))
+    assert "70 % (60 % to 80 %)" in told["How much is explained?"] and "1.6 times" in told["What is left?"]
+    assert "do not decide" in told["Does it hold?"]
+    near = finished(packed, "unmodelled", closest=[(trial, 0.3)], complete=False)
+    assert verdict_of(near)["rivals"][0]["share"] == 0.3 and "explains 30 % of it" in headline_of(near)

@@ -228,7 +228,7 @@ def _values_in_words(trial: BedTrial) -> str:
     return "; ".join(parts)
 
 
-def _headline(d: BedDiagnosis) -> str:
+def headline_of(d: BedDiagnosis) -> str:
     if d.verdict == "no_mismatch":
         return "Nothing is missing that these windows could show"
     if d.verdict == "recalibrate":
@@ -293,7 +293,7 @@ def _moved(d: BedDiagnosis) -> list[str]:
     return far or names
 
 
-def _answers(d: BedDiagnosis) -> list[tuple[str, str]]:
+def answers_of(d: BedDiagnosis) -> list[tuple[str, str]]:
     answers: list[tuple[str, str]] = []
     names = [f.name for t in d.adjustables for f in t.free]
     if d.found is not None and d.verdict != "unmodelled":
@@ -457,8 +457,8 @@ def outcome_of(d: BedDiagnosis) -> Outcome:
     return Outcome(
         verdict=verdict_of(d),
         revised={bed.name: revised_scene(d, k) for k, bed in enumerate(d.beds)},
-        headline=_headline(d),
-        answers=_answers(d),
+        headline=headline_of(d),
+        answers=answers_of(d),
         figures=figures,
         tables=[table] if rows else [],
         notes=list(d.notes),
