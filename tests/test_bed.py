@@ -745,9 +745,10 @@ def test_held_out_windows_withdraw_what_predicts_them_worse():
     assert held_verdict(bench, fine[:0], fine[:0], rng) is None
 
 
-def test_a_flow_of_no_speed_is_drag(packed):
-    (flow,) = law_terms(all_laws()["ambient_flow"], packed)
-    drag = law_terms(all_laws()["linear_drag"], packed)[0]
+def test_a_flow_of_no_speed_is_drag():
+    scene = small("small_nothing").scene
+    (flow,) = law_terms(all_laws()["ambient_flow"], scene)
+    drag = law_terms(all_laws()["linear_drag"], scene)[0]
 
     def trial(term: Term, values: list[float], errors: list[float]) -> BedTrial:
         k = len(values)
@@ -763,15 +764,16 @@ def test_a_flow_of_no_speed_is_drag(packed):
     assert plainer_of(plain, [still, plain]) is None
 
 
-def drag_trial(scene: Scene, gain: float = 40.0) -> BedTrial:
+def drag_trial(gain: float = 40.0) -> BedTrial:
+    scene = small("small_nothing").scene
     term = law_terms(all_laws()["linear_drag"], scene)[0]
     signature = make_signature(term, np.ones(1), np.eye(4)[:, :1], np.zeros((4, 0)))
     return BedTrial(signature, np.ones(1), np.array([2e-5]), np.array([[1e-12]]), gain, gain)
 
 
-def finished(packed: Scene, verdict: str, **more) -> BedDiagnosis:
+def finished(verdict: str, **more) -> BedDiagnosis:
     """A diagnosis as it is handed over, without its windows."""
-    bed = SimpleNamespace(scene=packed, span=0.016, frequency=lambda: 9.0, name="film")
+    bed = SimpleNamespace(scene=small("small_nothing").scene, span=0.016, frequency=lambda: 9.0, name="film")
     nothing = {k: Errors(1e-4, 1.0) for k in ("naive", "recalibrated", "revised")}
     fields = dict(
         bench=SimpleNamespace(beds=[bed]), verdict=verdict, adjustables=(), naive_values=np.zeros(0),
@@ -782,9 +784,9 @@ def finished(packed: Scene, verdict: str, **more) -> BedDiagnosis:
     return BedDiagnosis(**{**fields, **more})
 
 
-def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first(packed):
-    trial = drag_trial(packed)
-    found = finished(packed, "unmodelled", withdrawn=[trial], withdrawn_gain=-12.0, heldout="fails", complete=False)
+def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first():
+    trial = drag_trial()
+    found = finished("unmodelled", withdrawn=[trial], withdrawn_gain=-12.0, heldout="fails", complete=False)
     verdict = verdict_of(found)
     check_verdict(verdict)
     assert verdict["mechanisms"] == [] and verdict["heldout"] == "fails" and verdict["explained"] is None
@@ -796,13 +798,13 @@ def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first(pac
     assert standing(verdict)[0].startswith("withdrawn")
 
 
-def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far(packed):
-    trial = drag_trial(packed)
+def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far():
+    trial = drag_trial()
     share = Explained(0.7, 0.6, 0.8, 1.0, 3.0, True, 0.1)
     remains = Remains(8e-5, 1.6, ("3",), (0.1, 0.2), None, "nothing that was tried")
     found = finished(
-        packed, "missing_physics", found=trial, judged=Judgement("missing_physics", share, 0.5), complete=False,
-        remains=remains, heldout="undecided", rivals=[(drag_trial(packed), True)],
+        "missing_physics", found=trial, judged=Judgement("missing_physics", share, 0.5), complete=False,
+        remains=remains, heldout="undecided", rivals=[(drag_trial(), True)],
     )  # fmt: skip
     verdict = verdict_of(found)
     check_verdict(verdict)
@@ -813,5 +815,5 @@ def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far(pac
     told = dict(answers_of(found))
     assert "70 % (60 % to 80 %)" in told["How much is explained?"] and "1.6 times" in told["What is left?"]
     assert "do not decide" in told["Does it hold?"]
-    near = finished(packed, "unmodelled", closest=[(trial, 0.3)], complete=False)
+    near = finished("unmodelled", closest=[(trial, 0.3)], complete=False)
     assert verdict_of(near)["rivals"][0]["share"] == 0.3 and "explains 30 % of it" in headline_of(near)
