@@ -21,7 +21,7 @@ from ..choose import ALARM
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
-from ..name import SPECIAL_CASES
+from ..name import special_cases
 from ..nulls import Null
 from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
@@ -565,16 +565,16 @@ def plainer_of(found: BedTrial, trials: Sequence[BedTrial]) -> BedTrial | None:
 
     A flow of no speed is drag in still air. None where they are not, or where there is no such law.
     """
-    name = SPECIAL_CASES.get(found.mechanism)
+    names = special_cases(found.mechanism)
     apply = found.term.apply
-    if name is None or not isinstance(apply, LawAdder) or not np.isfinite(found.covariance).all():
+    if not names or not isinstance(apply, LawAdder) or not np.isfinite(found.covariance).all():
         return None
     flow = apply.flow(found.values, found.covariance)
     if flow is None or flow[1] is None:
         return None
     if np.any(np.abs(flow[0][1:]) > INTERVAL * np.sqrt(np.maximum(np.diag(flow[1])[1:], 0.0))):
         return None
-    alike = [t for t in trials if t.mechanism == name and t.term.bodies == found.term.bodies]
+    alike = [t for t in trials if t.mechanism in names and len(t.values) == 1 and t.term.bodies == found.term.bodies]
     if not alike:
         return None
     plain = max(alike, key=lambda t: (t.gain is not None, t.worth))
