@@ -123,15 +123,22 @@ def diagnose(
 
 
 def _try_to_write(out: Path) -> None:
-    """Raise InputError where the results could not be written: before the search, not after it."""
+    """Raise InputError where results could not be written: before the search, not after it. Leaves nothing behind."""
     if out.exists() and not out.is_dir():
         raise InputError("is a file; --out should name a folder", file=out)
+    made = []
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        for folder in (*reversed(out.parents), out):
+            if not folder.exists():
+                folder.mkdir()
+                made.append(folder)
         with tempfile.TemporaryFile(dir=out):
             pass
     except OSError as error:
         raise InputError(f"cannot be written to: {error.strerror or error}", file=out) from None
+    finally:
+        for folder in reversed(made):
+            folder.rmdir()
 
 
 def _read(items: Sequence[str | Path | Recording]) -> list[Recording]:
