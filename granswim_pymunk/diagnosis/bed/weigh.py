@@ -212,6 +212,11 @@ def weighed(
     left = told.named.left_before
     against = [e for _, e in forms] or [Explained(0.0, 0.0, 0.0, left, left, told.named.sure)]
     good, why = accepted(told.named, against, 0.0)
+    least = DEFAULT.verdict.share
+    if not good and 0 < told.named.low < told.named.share < least <= told.named.high:
+        # few twins know the floor badly: a share that may as well be enough takes no name away
+        notes.append(f"{why}, within {100 * told.named.low:.0f} to {100 * told.named.high:.0f} %: twins are few")
+        good = True
     if good:
         return told, None
     notes.append(f"{' and '.join(t.term.label for t in answer.laws)} is not named: {why}")
