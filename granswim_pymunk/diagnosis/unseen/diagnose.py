@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from ...recording import Recording
 from ..outcome import Outcome
-from .conclude import confirm, locate, propose, score, search_and_conclude
-from .conditions import conditions_of
+from .candidates import suspects_of
+from .checks import confirm, locate, propose, score
+from .conclude import search_and_conclude
+from .report import outcome_of
 from .runs import Runner, workers
-from .search import Search, Sizes, begin
-from .tell import outcome_of
+from .search import Sizes, begin
+from .summaries import Condition, conditions_of
 
 Progress = Callable[[str, float], None]
 
-ROOM = 240.0  # s that more runs than usual may take
-ROOM_SHARE = 0.4  # of the budget
-NOMINAL = 1.5e-8  # s that a step of one body takes, two at a time
+MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
+CORES = 2
+PAIRS = 1.6  # cost of a candidate's run in those of the naive scene: laws of pairs at a distance take longer
 
 
 def diagnose_unseen(
@@ -36,38 +37,21 @@ def diagnose_unseen(
 
     The naive scene is simulated in other packings than the recording's; means and harmonics of the segments'
     angles, the stroke of the head and the drift are compared with their spread between packings. ``minutes``: the
-    budget; when it runs short, fewer packings and fewer suspects are run, and the notes say so. ``seed``: of the
-    packings and the nulls. Finished runs are kept in the user's cache, so that an interrupted diagnosis goes on.
+    budget on two idle cores; it sets how many packings are run of each kind, by the size of the runs and not by the
+    clock, so that a busy machine gives the same answer later. ``seed``: of the packings and the nulls. Finished runs
+    are kept in the user's cache, so that an interrupted diagnosis goes on.
     Raises InputError for recordings that cannot be used.
     """
     began = time.monotonic()
     rng = np.random.default_rng(seed)
     conditions = conditions_of(recordings, hold_out, seed)
-    deadline = None if minutes is None else began + 60 * minutes
     runner = Runner(seed=seed, workers=workers())
-    chosen = sizes or sizes_for(len(conditions), all(c.any_view.curve for c in conditions))
-
-    def late(share: float) -> bool:
-        return deadline is not None and time.monotonic() > began + share * (deadline - began)
-
+    chosen = sizes or planned_sizes(conditions, runner, MINUTES if minutes is None else minutes)
     s = begin(conditions, runner, chosen, rng, progress)
-    if minutes is not None:
-        # what is planned is cut to what the time allows, now that a run's cost is known
-        s.sizes = affordable(chosen, s, 60 * minutes - (time.monotonic() - began))
-        if s.sizes != chosen:
-            s.notes.append(f"the budget of {minutes:g} minutes allowed {s.sizes} instead of {chosen} runs a scene")
-        runner.deadline = began + 0.8 * (deadline - began) if deadline else None
-    if sizes is None and s.sizes == chosen:
-        more = generous(chosen, s, min(ROOM, ROOM_SHARE * 60 * minutes) if minutes is not None else ROOM)
-        if more != chosen:  # runs that are done are not done again
-            s = begin(conditions, runner, more, rng, progress)
-    finding = search_and_conclude(s, late)
-    runner.deadline = deadline
+    finding = search_and_conclude(s)
     confirm(finding)
     progress("where it shows", 0.93)
-    finding.spots = locate(finding)
-    if finding.verdict == "no_mismatch":
-        finding.spots = []
+    finding.spots = [] if finding.verdict == "no_mismatch" else locate(finding)
     progress("held-out data", 0.95)
     score(finding)
     progress("the next experiment", 0.97)
@@ -77,47 +61,26 @@ def diagnose_unseen(
     return outcome
 
 
-def sizes_for(conditions: int, curve: bool) -> Sizes:
-    """Runs of each kind: the more recordings, the fewer packings each needs."""
-    if curve:
-        return Sizes(true=6, soft=6, adjustable=3, screen=2, more=1, leader=3, final=4, leaders=4, duel=6)
-    if conditions <= 2:
-        return Sizes()
-    return Sizes(true=8, soft=6, adjustable=3, screen=1, more=2, leader=3, final=4, leaders=5, duel=8)
+def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: float) -> Sizes:
+    """Packings of each kind that a budget pays for, at most three times as many as usual."""
+    usual = Sizes()
+    training = [c for c in conditions if c.view is not None]
+    candidates = sum(len(x.design) for x in suspects_of(training))
+    adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
+    soft = {c.name: runner.cost(c, True) for c in conditions}
+    true = {c.name: runner.cost(c, False) for c in conditions}
 
+    def seconds(z: Sizes) -> float:
+        probes = 3 * candidates * soft[training[0].name] * PAIRS
+        runs = z.soft + adjustables * z.adjustable + candidates * PAIRS * z.screen + 8 * PAIRS * z.more
+        runs += 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
+        held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
+        inside = sum(soft[c.name] * runs + true[c.name] * (z.true + z.final) for c in training)
+        outside = sum(
+            true[c.name] * held[0] + soft[c.name] * held[1] for c in conditions if c.view is None
+        )
+        return probes + inside + outside
 
-def generous(sizes: Sizes, s: Search, seconds: float) -> Sizes:
-    """More runs of everything where runs are cheap: means of few packings blur what a refit gains.
-
-    Told from the size of a run, not from its time: a diagnosis that was interrupted plans the same again.
-    """
-    more = replace(
-        sizes, true=3 * sizes.true, soft=2 * sizes.soft, adjustable=2 * sizes.adjustable, screen=2 * sizes.screen,
-        more=3 * sizes.more, leader=4 * sizes.leader, final=2 * sizes.final, duel=round(2.4 * sizes.duel),
-    )  # fmt: skip
-    steps = float(np.mean([s.runner.steps(c) for c in s.conditions]))
-    return more if planned(more, s, NOMINAL * steps) <= seconds else sizes
-
-
-def planned(z: Sizes, s: Search, cost: float) -> float:
-    """Seconds that the runs of a search take, about; ``cost`` [s] of one."""
-    count = 32 * len(s.training) * z.screen + len(s.training) * (
-        z.soft * bool(s.adjust) + z.adjustable * len(s.adjust) + 6 * z.more + 2 * z.leaders * z.leader + 2 * z.duel
-    )
-    return cost * (0.7 * count + z.final * len(s.conditions) * 1.5)
-
-
-def affordable(sizes: Sizes, s: Search, seconds: float) -> Sizes:
-    """Sizes cut down to ``seconds`` that are left."""
-    cost = s.runner.cost
-    if cost <= 0:
-        return sizes
-    for smaller in (
-        sizes,
-        replace(sizes, more=1, leader=3, final=3, leaders=4, duel=6),
-        replace(sizes, screen=1, more=1, leader=2, final=2, leaders=3, soft=4, adjustable=2, duel=4),
-        replace(sizes, screen=1, more=0, leader=2, final=2, leaders=2, soft=3, adjustable=2, duel=2),
-    ):
-        if planned(smaller, s, cost) <= seconds:
-            return smaller
-    return smaller
+    budget = 60 * minutes * CORES
+    factors = (3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
+    return next((z for z in map(usual.times, factors) if seconds(z) <= budget), usual.times(factors[-1]))

@@ -14,9 +14,10 @@ import numpy as np
 from scipy import stats
 
 from ..hypothesis import Free
-from .conditions import Condition
 from .runs import Runner
+from .summaries import Condition
 
+FOLDS = 5
 WILD = 3.0  # mean square of a scene's residuals, in those of the naive scene, beyond which they do not count
 
 Point = tuple[str, bool]  # label of a scene, soft or not
@@ -35,7 +36,8 @@ def add(*parts: tuple[float, Mapping[Point, float]]) -> Sum:
 class Means:
     """Means of the compared numbers for every scene run, and the spread of single runs around them.
 
-    ``test``: of the held-out part of the time instead of the training part.
+    ``test``: of the held-out part of the time instead of the training part. ``inflation``: mean square of other
+    packings over that of the runs that the covariance was made of.
     """
 
     runner: Runner
@@ -45,6 +47,7 @@ class Means:
     residuals: dict[str, np.ndarray] = field(default_factory=dict)  # (k, p), leverage taken out
     covariance: dict[str, np.ndarray] = field(default_factory=dict)
     dof: dict[str, int] = field(default_factory=dict)
+    inflation: dict[str, float] = field(default_factory=dict)
     _seen: dict[tuple[str, str, bool, int], np.ndarray] = field(default_factory=dict)
 
     def view(self, condition: Condition):
@@ -52,7 +55,6 @@ class Means:
 
     def refresh(self) -> None:
         """Take in all runs done so far."""
-        raw: dict[str, list[np.ndarray]] = {}
         for condition in self.conditions:
             view = self.view(condition)
             if view is None:
@@ -61,7 +63,7 @@ class Means:
             values: dict[Point, np.ndarray] = {}
             # sorted: the order in which threads finish must not show in the last digits
             for (name, label, soft), runs in sorted(self.runner.tracks.items()):
-                if name != condition.name:
+                if name != condition.name or (name, label, soft) in self.runner.failures:
                     continue
                 rows = []
                 for number, xy in sorted(runs.items()):
@@ -84,46 +86,32 @@ class Means:
                     dof += len(y) - 1
             if not left:
                 continue
-            raw[condition.name] = left
             self.residuals[condition.name] = np.concatenate(left)
             self.dof[condition.name] = dof
-        self._spread(raw)
+        self._spread()
 
-    def _spread(self, raw: Mapping[str, list[np.ndarray]]) -> None:
-        """Standard deviations of each condition, correlations of all that show the same numbers together."""
-        groups: dict[tuple, list[Condition]] = {}
+    def _spread(self) -> None:
+        """Covariances, such that what took no part in them has a mean square of one in their units.
+
+        Estimates from few runs are too narrow for other packings: by how much is told by leaving every fifth run out.
+        """
+        groups: dict[tuple, list[str]] = {}
         for c in self.conditions:
-            if c.name in raw:
-                groups.setdefault((self.view(c).numbers(), bool(c.view is None)), []).append(c)
-        for members in groups.values():
-            scaled, dof = [], 0
-            deviations = {}
-            for c in members:
-                r = self.residuals[c.name]
-                # each group of n runs counts n - 1
-                s = np.sqrt((r**2).sum(axis=0) / max(len(r), 1))
-                deviations[c.name] = s
-                dof += self.dof[c.name]
-            typical = np.sqrt(np.mean([d**2 for d in deviations.values()], axis=0))
-            for c in members:
-                # few runs of one condition lean on the others of the same kind
-                n = self.dof[c.name]
-                s2 = (n * deviations[c.name] ** 2 + 4 * typical**2) / (n + 4)
-                deviations[c.name] = np.sqrt(s2)
-                scaled.append(self.residuals[c.name] / np.maximum(deviations[c.name], 1e-12))
-            z = np.concatenate(scaled)
-            p = z.shape[1]
-            r = (z.T @ z) / len(z)
-            size = np.sqrt(np.maximum(np.diag(r), 1e-300))
-            r = r / np.outer(size, size)
-            # Schaefer & Strimmer 2005, Stat. Appl. Genet. Mol. Biol. 4, 32: shrink correlations towards none
-            off = ~np.eye(p, dtype=bool)
-            noise = float(((1 - r[off] ** 2) ** 2).sum()) / max(dof, 1)
-            share = min(max(noise / max(float((r[off] ** 2).sum()), 1e-300), 0.05), 1.0) if p > 1 else 0.0
-            r = np.where(off, (1 - share) * r, 1.0)
-            for c in members:
-                d = np.maximum(deviations[c.name], 1e-12)
-                self.covariance[c.name] = r * np.outer(d, d)
+            if c.name in self.residuals:
+                groups.setdefault(self.view(c).numbers(), []).append(c.name)
+        for names in groups.values():
+            rows = {name: self.residuals[name] for name in names}
+            found = covariances(rows, self.dof)
+            inside = _mean_square(rows, found)
+            outside = 0.0
+            for fold in range(FOLDS):
+                kept = {name: np.delete(r, np.s_[fold::FOLDS], axis=0) for name, r in rows.items()}
+                left = {name: r[fold::FOLDS] for name, r in rows.items()}
+                fewer = {name: max(round(self.dof[name] * (1 - 1 / FOLDS)), 1) for name in names}
+                outside += _mean_square(left, covariances(kept, fewer)) / FOLDS
+            for name in names:
+                self.covariance[name] = found[name] * outside
+                self.inflation[name] = outside / inside
 
     def predict(self, condition: Condition, coefficients: Mapping[Point, float]) -> tuple[np.ndarray, float]:
         """Predicted numbers (p,) and their variance in units of the spread. KeyError where a scene was not run."""
@@ -135,6 +123,36 @@ class Means:
             total = total + k * mean
             variance += k * k / n
         return total, variance
+
+
+def covariances(rows: Mapping[str, np.ndarray], dof: Mapping[str, int]) -> dict[str, np.ndarray]:
+    """(p, p) of each recording from its residuals (k, p): own standard deviations, correlations of all together."""
+    deviations = {name: np.sqrt((r**2).sum(axis=0) / max(len(r), 1)) for name, r in rows.items()}
+    typical = np.sqrt(np.mean([d**2 for d in deviations.values()], axis=0))
+    scaled = []
+    for name, r in rows.items():
+        # few runs of one recording lean on the others of the same kind
+        n = dof[name]
+        s2 = (n * deviations[name] ** 2 + 4 * typical**2) / (n + 4)
+        deviations[name] = np.maximum(np.sqrt(s2), 1e-12)
+        scaled.append(r / deviations[name])
+    z = np.concatenate(scaled)
+    p = z.shape[1]
+    r = (z.T @ z) / len(z)
+    size = np.sqrt(np.maximum(np.diag(r), 1e-300))
+    r = r / np.outer(size, size)
+    # Schaefer & Strimmer 2005, Stat. Appl. Genet. Mol. Biol. 4, 32: shrink correlations towards none
+    off = ~np.eye(p, dtype=bool)
+    noise = float(((1 - r[off] ** 2) ** 2).sum()) / max(sum(dof[name] for name in rows), 1)
+    share = min(max(noise / max(float((r[off] ** 2).sum()), 1e-300), 0.05), 1.0) if p > 1 else 0.0
+    r = np.where(off, (1 - share) * r, 1.0)
+    return {name: r * np.outer(d, d) for name, d in deviations.items()}
+
+
+def _mean_square(rows: Mapping[str, np.ndarray], covariance: Mapping[str, np.ndarray]) -> float:
+    """Of residuals in units of their spread."""
+    total = sum(float(np.sum(r.T * np.linalg.solve(covariance[name], r.T))) for name, r in rows.items())
+    return total / max(sum(r.size for r in rows.values()), 1)
 
 
 @dataclass
@@ -202,10 +220,10 @@ def spread_of(means: Means, condition: Condition, variance: float, error: np.nda
 
 def fit(
     model: Model, means: Means, conditions: Sequence[Condition], seen: Mapping[str, np.ndarray] | None = None,
-    rounds: int = 12,
+    rounds: int = 12, start: np.ndarray | None = None,
 ) -> Fit:  # fmt: skip
     """Gauss-Newton on the generalised least squares; the covariance follows the numbers from round to round."""
-    u = model.centre.copy()
+    u = (model.centre if start is None else start).copy()
     low = np.array([f.low for f in model.free])
     high = np.array([f.high for f in model.free])
     steps = np.array([max(abs(f.scale), 1e-300) for f in model.free])

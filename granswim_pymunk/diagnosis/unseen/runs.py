@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
@@ -15,17 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from ...engine import Simulation, advise_dt, softened
+from ...engine.advice import contact_duration
 from ...errors import InputError, SimulationError
 from ...packing import pack
 from ...scene import Scene
 from ...storage import cache_folder
 from ..kept import load_array, store_array
-from .conditions import Condition
+from .summaries import Condition
 
-SOFTER = 4.0  # contacts are softer by this in runs that only give differences; restitution stays the same
+SOFTER = 25.0  # contacts are softer by this at most in runs that only give differences; restitution stays the same
+STROKE = 450.0  # contacts that a cycle of the drive is long, at least, where they are softer
 FIRST_SEED = 700_001  # of the packings of a diagnosis: unlikely to be that of a simulated recording
-CODE = 2  # part of the cache's key
-SLACK = 1.5  # of the advised time step: 10 steps a contact instead of 15
+CODE = 3  # part of the cache's key
+PER_CONTACT = 10.0  # steps that a contact lasts
+BODY_STEP = 1.4e-8  # s of a core that a step of one body takes, about
+START_UP = 0.15  # s of a core that a run takes to begin
+COARSER = 4.0  # than advised, the step of all other laws where contacts are soft: 25 a period of the union
 
 Change = Callable[[Scene], Scene]
 
@@ -40,58 +44,51 @@ class Job:
     number: int  # of the packing
     soft: bool
 
+    @property
+    def key(self) -> tuple[str, str, bool]:
+        """The scene of a condition that this is a run of."""
+        return self.condition.name, self.label, self.soft
+
 
 @dataclass
 class Runner:
-    """Does runs in threads, remembers them on disk, and knows how long they take.
+    """Does runs in threads and remembers them on disk.
 
-    ``tracks`` maps (condition, label, soft) to {packing: (T, n, 2) [m]}; failures are kept as reasons.
+    ``tracks`` maps (condition, label, soft) to {packing: (T, n, 2) [m]}. A scene of which one run fails is not
+    used; ``failures`` has the reason.
     """
 
     seed: int = 0
     workers: int = 2
-    deadline: float | None = None  # time.monotonic() after which nothing new begins
     tracks: dict[tuple[str, str, bool], dict[int, np.ndarray]] = field(default_factory=dict)
-    failures: dict[tuple[str, str, bool], str] = field(default_factory=dict)
+    failures: dict[tuple[str, str, bool], dict[int, str]] = field(default_factory=dict)
     runs: int = 0
     cached: int = 0
-    busy: float = 0.0  # s of all threads together
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _packed: dict[tuple[str, int], Scene] = field(default_factory=dict)
     _dt: dict[tuple[str, bool], float] = field(default_factory=dict)
 
-    @property
-    def late(self) -> bool:
-        return self.deadline is not None and time.monotonic() > self.deadline
-
-    @property
-    def cost(self) -> float:
-        """Mean wall time of one run [s], 0 before the first."""
-        return self.busy / self.runs / self.workers if self.runs else 0.0
-
-    def steps(self, condition: Condition) -> float:
-        """Steps of single bodies that a run with softer contacts takes."""
+    def cost(self, condition: Condition, soft: bool) -> float:
+        """Seconds that a run takes on one core, about: told from its size, so that plans repeat."""
         scene = self.packed(condition, 0)
         duration = float(condition.frames[-1]) - scene.time.start
-        return len(scene.bodies) * duration / self._time_step(condition, True)
+        return START_UP + BODY_STEP * len(scene.bodies) * duration / self.time_step(condition, soft)
 
     def do(self, jobs: Sequence[Job], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
-        """Do what is not done yet. Stops early when the time is up; Ctrl-C keeps what is finished."""
-        todo = [
-            j for j in jobs
-            if j.number not in self.tracks.get(self._key(j), {}) and self._key(j) not in self.failures
-        ]  # fmt: skip
+        """Do what is not done yet. Ctrl-C keeps what is finished."""
+        todo = {
+            (*j.key, j.number): j for j in jobs
+            if j.number not in self.tracks.get(j.key, {}) and j.number not in self.failures.get(j.key, {})
+        }  # fmt: skip
         if not todo:
             return
         with ThreadPoolExecutor(self.workers) as pool:
             waiting: set[Future[None]] = set()
-            done, queue = 0, list(todo)
+            done, queue = 0, list(todo.values())[::-1]
             try:
                 while queue or waiting:
-                    while queue and len(waiting) < self.workers + 1 and not self.late:
-                        waiting.add(pool.submit(self._one, queue.pop(0)))
-                    if not waiting:
-                        break
+                    while queue and len(waiting) < self.workers + 1:
+                        waiting.add(pool.submit(self._one, queue.pop()))
                     finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
@@ -102,46 +99,42 @@ class Runner:
                     future.cancel()
                 raise
 
+    def reason(self, label: str, soft: bool = True) -> str:
+        """Why runs of a scene failed, the first reason by recording and packing; empty where none did."""
+        found = sorted((key[0], *k) for key, why in self.failures.items() if key[1:] == (label, soft)
+                       for k in why.items())  # fmt: skip
+        return found[0][2] if found else ""
+
     def values(self, condition: Condition, label: str, soft: bool) -> np.ndarray | None:
         """(k, T, n, 2) tracks of all packings done, None where there are none."""
         found = self.tracks.get((condition.name, label, soft))
         return np.array([found[k] for k in sorted(found)]) if found else None
 
-    @staticmethod
-    def _key(job: Job) -> tuple[str, str, bool]:
-        return job.condition.name, job.label, job.soft
-
     def _one(self, job: Job) -> None:
-        key = self._key(job)
         try:
-            packed = self.packed(job.condition, job.number)
-            scene = job.change(packed)
+            scene = job.change(self.packed(job.condition, job.number))
             if job.soft:
                 scene = _soft(scene)
-            dt = self._time_step(job.condition, job.soft)
-            scene = replace(scene, time=replace(scene.time, dt=dt))
+            scene = replace(scene, time=replace(scene.time, dt=self.time_step(job.condition, job.soft)))
             file = self._file(scene, job.condition)
             xy = load_array(file, (len(job.condition.frames), len(job.condition.rows), 2))
-            if xy is None or not np.isfinite(xy).all():
-                began = time.perf_counter()
+            new = xy is None or not np.isfinite(xy).all()
+            if new:
                 with np.errstate(all="ignore"):
                     xy = Simulation(scene).sample(job.condition.frames, list(job.condition.rows))
                 if not np.isfinite(xy).all():
                     raise SimulationError("a position is not finite")
                 store_array(file, xy)
-                with self._lock:
-                    self.runs += 1
-                    self.busy += time.perf_counter() - began
-            else:
-                with self._lock:
-                    self.cached += 1
+            assert xy is not None
             _whole(xy, scene, job.condition)
         except (SimulationError, InputError) as error:
             with self._lock:
-                self.failures[key] = str(error)
+                self.failures.setdefault(job.key, {})[job.number] = str(error)
             return
         with self._lock:
-            self.tracks.setdefault(key, {})[job.number] = xy
+            self.runs += new
+            self.cached += not new
+            self.tracks.setdefault(job.key, {})[job.number] = xy
 
     def packed(self, condition: Condition, number: int) -> Scene:
         """The naive scene of a condition in one of its packings."""
@@ -167,16 +160,15 @@ class Runner:
             self._packed[key] = scene
         return scene
 
-    def _time_step(self, condition: Condition, soft: bool) -> float:
+    def time_step(self, condition: Condition, soft: bool) -> float:
+        """Step [s] of all runs of a condition."""
         key = (condition.name, soft)
         with self._lock:
             found = self._dt.get(key)
         if found is None:
-            scene = self.packed(condition, 0)
-            if condition.scene.time.dt is not None and not soft:
-                found = condition.scene.time.dt
-            else:
-                found = SLACK * advise_dt(_soft(scene) if soft else scene)
+            found = condition.scene.time.dt if not soft else None
+            if found is None:
+                found = time_step(self.packed(condition, 0), soft)
             with self._lock:
                 self._dt[key] = found
         return found
@@ -200,10 +192,28 @@ def _whole(xy: np.ndarray, scene: Scene, condition: Condition) -> None:
         raise SimulationError("the swimmer left the bed")
 
 
+def softness(scene: Scene) -> float:
+    """How much softer contacts may be where runs only give differences: short beside a stroke, at most SOFTER."""
+    duration = contact_duration(scene)
+    if duration is None:
+        return 1.0
+    frequency = float(scene.laws_named("bending")[0].values["frequency"])
+    return float(min(max((1 / (STROKE * frequency) / duration) ** 2, 1.0), SOFTER))
+
+
 def _soft(scene: Scene) -> Scene:
-    """The scene with softer contacts, where it has any: one lasts twice as long, still a thousandth of a stroke."""
-    has = scene.laws_named("contact_linear") or scene.laws_named("contact_hertz")
-    return softened(scene, SOFTER) if has else scene
+    """The scene with softer contacts, where it has any."""
+    factor = softness(scene)
+    return softened(scene, factor) if factor > 1 else scene
+
+
+def time_step(scene: Scene, soft: bool) -> float:
+    """Step [s] of a run whose numbers are compared with a spread between packings of some per cent."""
+    if not soft:
+        return 1.5 * advise_dt(scene)  # 10 steps a contact
+    contact = contact_duration(_soft(scene))
+    others = replace(scene, laws=tuple(u for u in scene.laws if u.name not in ("contact_linear", "contact_hertz")))
+    return min(COARSER * advise_dt(others), contact / PER_CONTACT if contact is not None else 1e-3)
 
 
 def workers() -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from scipy import stats
@@ -12,14 +12,15 @@ from scipy import stats
 from ...errors import InputError
 from ...scene import Scene
 from ..hypothesis import NO_CAMERA, Term, adjustable_terms
-from .conditions import Condition, Shim
+from .candidates import Suspect, suspects_of
 from .response import Fit, Means, Model, Sum, add, fit
 from .runs import Change, Job, Runner
-from .suspects import Suspect, suspects_of
+from .summaries import Condition, Shim
 
 SURVIVES = 0.02  # of a signature, below which recalibration imitates it
 VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
 REPLICATES = 299
+PROBES = 5  # amounts of a candidate that are tried at most
 NAIVE = "naive"
 
 Progress = Callable[[str, float], None]
@@ -27,17 +28,26 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many runs of each kind for every condition: a budget cuts these down before anything else."""
+    """How many packings are run of each kind, for every recording; see ``planned_sizes``."""
 
-    true: int = 8  # with the scene's own contacts
-    soft: int = 8
+    true: int = 8  # of the naive scene with its own contacts
+    soft: int = 20  # of the naive scene with softer ones: the spread needs them
     adjustable: int = 4
-    screen: int = 2
-    more: int = 2
-    leader: int = 4
-    final: int = 6
+    screen: int = 1  # of every candidate
+    more: int = 3  # beside those, of the candidates in question
+    leader: int = 6  # at a leader's fitted amount
+    final: int = 4  # of the revised scene with its own contacts
     leaders: int = 5
-    duel: int = 10  # of the best two, where they are near each other
+    duel: int = 12  # of the best two, where they are near each other
+
+    def times(self, factor: float) -> Sizes:
+        """More, or fewer, of everything."""
+        least = {"true": 3, "soft": 3, "adjustable": 2, "leader": 2, "final": 2, "leaders": 3, "duel": 4, "screen": 1}
+        return Sizes(**{
+            f.name: max(round(getattr(self, f.name) * (min(factor, 1.2) if f.name == "leaders" else factor)),
+                        least.get(f.name, 0))
+            for f in fields(self)
+        })  # fmt: skip
 
 
 @dataclass
@@ -101,7 +111,6 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
     nulls: Nulls | None = None
     notes: list[str] = field(default_factory=list)
-    factors: dict[str, float] = field(default_factory=dict)
     p_naive: float = 1.0
     p_recalibration: float = 1.0
     p_search: float = 1.0
@@ -123,8 +132,9 @@ def bears_on(term: Term, condition: Condition) -> bool:
 
 
 def change_of(
-    condition: Condition, adjust: Sequence[Term], theta: np.ndarray, extra: Sequence[tuple[Term, np.ndarray]] = ()
-) -> Change:
+    condition: Condition, adjust: Sequence[Term], theta: Sequence[float] | np.ndarray,
+    extra: Sequence[tuple[Term, np.ndarray]] = (),
+) -> Change:  # fmt: skip
     """The scene's change under values of the adjustables and of further terms."""
 
     def change(scene: Scene) -> Scene:
@@ -139,7 +149,9 @@ def change_of(
     return change
 
 
-def label_of(adjust: Sequence[Term], theta: np.ndarray, extra: Sequence[tuple[Term, np.ndarray]] = ()) -> str:
+def label_of(
+    adjust: Sequence[Term], theta: Sequence[float] | np.ndarray, extra: Sequence[tuple[Term, np.ndarray]] = ()
+) -> str:
     parts = [f"{t.label}={v:.9g}" for t, v in zip(adjust, theta, strict=True)]
     parts += [f"{t.label}({', '.join(f'{v:.9g}' for v in values)})" for t, values in extra]
     return "; ".join(parts) or NAIVE
@@ -176,13 +188,12 @@ def begin(
     runner.do(jobs, lambda k, n: progress("naive scene in other packings", 0.02 + 0.18 * k / n))
     for c in conditions:
         for soft in (False, True):
-            done = runner.tracks.get((c.name, NAIVE, soft), {})
-            if len(done) < 2:
-                why = runner.failures.get((c.name, NAIVE, soft), "the time was up before two runs were done")
+            if len(runner.tracks.get((c.name, NAIVE, soft), {})) < 2 or (c.name, NAIVE, soft) in runner.failures:
+                why = runner.reason(NAIVE, soft)
                 raise InputError(f"the naive scene could not be run: {why}", file=c.recording.folder, where=c.name)
     means.refresh()
     test.refresh()
-    model = Model("naive", (), np.zeros(0), {c.name: {(NAIVE, False): 1.0} for c in training}, (), ())
+    model = Model("naive", (), np.zeros(0), {c.name: {(NAIVE, False): 1.0} for c in conditions}, (), ())
     naive = fit(model, means, training)
     return Search(conditions, runner, sizes, rng, progress, means, test, adjust, theta, naive, naive)
 
@@ -202,23 +213,24 @@ def recalibrate(s: Search) -> None:
     for k, term in enumerate(s.adjust):
         theta = first.copy()
         theta[k] += steps[k]
-        where = [c for c in s.training if bears_on(term, c)]
+        where = [c for c in s.conditions if bears_on(term, c)]
         jobs += jobs_for(where, s.adjust, theta, (), s.sizes.adjustable, True)
         points.append(label_of(s.adjust, theta))
     s.runner.do(jobs, lambda k, n: s.progress("recalibrating", 0.2 + 0.06 * k / n))
     s.means.refresh()
+    s.test.refresh()
     slopes = []
     for k, term in enumerate(s.adjust):
         slope: dict[str, Sum] = {}
-        for c in s.training:
-            if bears_on(term, c) and (points[k], True) in s.means.mean[c.name]:
+        for c in s.conditions:
+            if bears_on(term, c) and (c.name, points[k], True) not in s.runner.failures:
                 slope[c.name] = {(points[k], True): 1 / steps[k], (NAIVE, True): -1 / steps[k]}
         slopes.append(slope)
     free = tuple(
         replace(t.free[0], scale=abs(step), first=float(v))
         for t, step, v in zip(s.adjust, steps, first, strict=True)
     )
-    anchor: dict[str, Sum] = {c.name: {(NAIVE, False): 1.0} for c in s.training}
+    anchor: dict[str, Sum] = {c.name: {(NAIVE, False): 1.0} for c in s.conditions}
     model = Model("recalibrated", free, first, anchor, tuple(slopes), (None,) * len(free))
     s.base = fit(model, s.means, s.training)
     for _ in range(3):
@@ -229,129 +241,138 @@ def recalibrate(s: Search) -> None:
         theta = rounded(s.base.u)
         label = label_of(s.adjust, theta)
         s.runner.do(
-            jobs_for(s.training, s.adjust, theta, (), s.sizes.soft, True),
+            jobs_for(s.conditions, s.adjust, theta, (), s.sizes.soft, True),
             lambda k, n: s.progress("recalibrated scene in other packings", 0.26 + 0.04 * k / n),
         )
         s.means.refresh()
+        s.test.refresh()
         if any((label, True) not in s.means.mean[c.name] for c in s.training):
             s.notes.append("recalibration stopped early: a recalibrated scene could not be run")
             break
         anchor = {
             c.name: add((1.0, {(NAIVE, False): 1.0}), (1.0, {(label, True): 1.0}), (-1.0, {(NAIVE, True): 1.0}))
-            for c in s.training
+            for c in s.conditions
         }
         s.base = fit(replace(model, centre=theta, anchor=anchor), s.means, s.training)
     s.theta = s.base.model.centre.copy()
 
 
 def base_point(s: Search) -> str:
-    """Label of the soft runs around which suspects are tried."""
+    """Label of the soft runs of the recalibrated scene."""
     if not s.adjust or np.allclose(s.theta, [t.free[0].first for t in s.adjust]):
         return NAIVE
     return label_of(s.adjust, s.theta)
 
 
-def try_all(s: Search) -> list[Suspect]:
-    """Run every suspect at a first amount that shows and does not overturn everything."""
+def amount_label(x: Suspect, row: np.ndarray) -> str:
+    """Label of the runs of a candidate in the naive scene, at one of the points of its design."""
+    return label_of((), (), [(x.term, x.neutral + row)])
+
+
+def amount_jobs(x: Suspect, row: np.ndarray, conditions: Sequence[Condition], packings: Sequence[int]) -> list[Job]:
+    extra = [(x.term, x.neutral + row)]
+    label = amount_label(x, row)
+    return [
+        Job(c, label, change_of(c, (), (), extra), k, True)
+        for k in packings for c in conditions if bears_on(x.term, c)
+    ]  # fmt: skip
+
+
+LEAST_SHOWN, MOST_SHOWN, WANTED = 1.5, 9.0, 4.0  # of a candidate's shift, in what two packings differ by
+
+
+def scaled_candidates(s: Search) -> list[Suspect]:
+    """All candidates at amounts that show in the first recording and do not overturn everything there."""
     every = suspects_of(s.training)
     adjustable = {t.label for t in s.adjust}
     every = [x for x in every if not any(f.name in adjustable for f in x.term.free)]
-    result = []
-    base = base_point(s)
-    probe = s.training[:1]
     physical = [x for x in every if not x.apparatus]
-    result += [x for x in every if x.apparatus]
-    chance = math.sqrt(len(probe[0].numbers) * 2.0)
-    factor = dict.fromkeys((x.label for x in physical), 1.0)
-    survived: dict[str, float] = {}
-    for attempt in range(4):
-        # one run tells whether an amount is far too small, or too much to be survived
-        jobs = []
-        trying = []
-        for x in physical:
-            if x.label in s.factors:
-                continue
-            scaled = x.scaled(factor[x.label])
-            trying.append((x, scaled))
-            values = scaled.neutral + scaled.design[0]
-            jobs += jobs_for(probe, s.adjust, s.theta, [(x.term, values)], 1, True)
-        if not jobs:
+    probe = s.training[0]
+    chance = math.sqrt(2.0 * len(probe.numbers))
+    covariance = s.means.covariance[probe.name]
+    factor = {x.label: 1.0 for x in physical}
+    settled: dict[str, float] = {}
+    for attempt in range(PROBES):
+        trying = [(x, x.scaled(factor[x.label])) for x in physical if x.label not in settled]
+        if not trying:
             break
-        begun = 0.3 + 0.02 * attempt
-        s.runner.do(jobs, lambda k, n, at=begun: s.progress("trying the suspects", at + 0.02 * k / n))  # type: ignore[misc]
+        jobs = [j for _, scaled in trying for j in amount_jobs(scaled, scaled.design[0], [probe], [0])]
+        begun = 0.26 + 0.015 * attempt
+        s.runner.do(jobs, lambda k, n, at=begun: s.progress("trying the candidates", at + 0.015 * k / n))  # type: ignore[misc]
         s.means.refresh()
         for x, scaled in trying:
-            label = label_of(s.adjust, s.theta, [(x.term, scaled.neutral + scaled.design[0])])
-            found = s.means.mean[probe[0].name].get((label, True))
+            found = s.means.mean[probe.name].get((amount_label(scaled, scaled.design[0]), True))
             if found is None:
-                # the run did not survive it
-                if x.label in survived:
-                    s.factors[x.label] = survived[x.label]
-                elif not s.runner.late and attempt < 3:
-                    factor[x.label] *= 0.25
+                factor[x.label] *= 0.2  # the run did not survive it
                 continue
-            survived[x.label] = factor[x.label]
-            shift = found[0] - s.means.mean[probe[0].name][base, True][0]
-            size = math.sqrt(float(shift @ np.linalg.solve(s.means.covariance[probe[0].name], shift)))
-            bigger = x.scaled(4 * factor[x.label])
-            if size < 2.0 * chance and attempt < 3 and not np.allclose(bigger.design, scaled.design):
-                factor[x.label] *= 4.0
-            elif size > 25.0 * chance and attempt < 3:
-                factor[x.label] *= 0.3
+            shift = found[0] - s.means.mean[probe.name][NAIVE, True][0]
+            size = math.sqrt(float(shift @ np.linalg.solve(covariance, shift))) / chance
+            bigger = x.scaled(6 * factor[x.label])
+            if size < LEAST_SHOWN and attempt < PROBES - 1 and not np.allclose(bigger.design, scaled.design):
+                factor[x.label] *= 6.0
+            elif size > MOST_SHOWN and attempt < PROBES - 1:
+                factor[x.label] *= WANTED / size
             else:
-                s.factors[x.label] = factor[x.label]
-    result += [x.scaled(s.factors[x.label]) for x in physical if x.label in s.factors]
+                settled[x.label] = factor[x.label]
     for x in physical:
-        if x.label not in s.factors:
-            label = label_of(s.adjust, s.theta, [(x.term, x.neutral + x.design[0])])
-            why = s.runner.failures.get((probe[0].name, label, True), "not run: the time was up")
+        if x.label not in settled:
+            why = s.runner.reason(amount_label(x, x.design[0])) or "no amount that was tried could be run"
             s.trials.append(Trial(x, 0.0, 0.0, None, 0, why))
-    jobs = []
-    for k in range(s.sizes.screen):
-        for x in result:
-            for row in x.design:
-                jobs += [
-                    Job(c, label_of(s.adjust, s.theta, [(x.term, x.neutral + row)]),
-                        change_of(c, s.adjust, s.theta, [(x.term, x.neutral + row)]), k, True)
-                    for c in s.training
-                ]  # fmt: skip
-    s.runner.do(jobs, lambda k, n: s.progress("signatures of the suspects", 0.38 + 0.22 * k / n))
+    result = [x for x in every if x.apparatus]
+    return result + [x.scaled(settled[x.label]) for x in physical if x.label in settled]
+
+
+def try_all(s: Search) -> list[Suspect]:
+    """Runs of every candidate in the naive scene: what it changes there is its signature."""
+    result = scaled_candidates(s)
+    jobs = [
+        j for x in result if not x.apparatus for row in x.design
+        for j in amount_jobs(x, row, s.training, range(s.sizes.screen))
+    ]  # fmt: skip
+    s.runner.do(jobs, lambda k, n: s.progress("signatures of the candidates", 0.34 + 0.26 * k / n))
     s.means.refresh()
     return result
 
 
-def model_of(s: Search, suspects: Sequence[Suspect], name: str = "") -> Model | None:
-    """The recalibrated model with these suspects added, linear through their first points; None where not run."""
+def model_of(s: Search, suspects: Sequence[Suspect]) -> Model | None:
+    """The recalibrated model with these candidates added, linear through their first points; None where not run."""
     base = s.base.model
-    free, centre = list(base.free), list(s.base.u)
-    slopes, camera = list(base.slopes), list(base.camera)
-    around = base_point(s)
+    anchor = {c.name: base.sums(c.name, s.base.u) for c in s.training}
+    model = Model(" + ".join(x.label for x in suspects), base.free, s.base.u.copy(), anchor, base.slopes, base.camera)
     for x in suspects:
-        if x.apparatus:
-            free += [x.term.free[0]]
-            centre += [x.term.free[0].neutral]
-            slopes += [{}]
-            camera += [x.term.free[0].name.removeprefix("camera.")]
-            continue
-        inverse = np.linalg.inv(x.design)
-        points = [label_of(s.adjust, s.theta, [(x.term, x.neutral + row)]) for row in x.design]
+        points = [amount_label(x, row) for row in x.design]
         if any((p, True) not in s.means.mean[c.name] for p in points for c in s.training if bears_on(x.term, c)):
             return None
+        model = extended(s, model, x, model.centre)
+    return model
+
+
+def extended(s: Search, model: Model, x: Suspect, u: np.ndarray) -> Model:
+    """A model with one more candidate, absent at its centre; ``u``: the values of the others there.
+
+    Slopes are those of the naive scene: differences of soft runs, so that softness drops out.
+    """
+    free, slopes, camera = list(model.free), list(model.slopes), list(model.camera)
+    if x.apparatus:
+        free.append(x.term.free[0])
+        slopes.append({})
+        camera.append(x.term.free[0].name.removeprefix("camera."))
+    else:
+        inverse = np.linalg.inv(x.design)
+        points = [amount_label(x, row) for row in x.design]
         for k, f in enumerate(x.term.free):
-            # du_k: sum over the points of inverse[k, i] (mean_i - base)
-            slope = {
+            # du_k: sum over the points of inverse[k, i] (mean_i - naive)
+            slopes.append({
                 c.name: add(*[
-                    (float(inverse[k, i]), {(p, True): 1.0, (around, True): -1.0}) for i, p in enumerate(points)
+                    (float(inverse[k, i]), {(p, True): 1.0, (NAIVE, True): -1.0}) for i, p in enumerate(points)
                 ])
                 for c in s.training if bears_on(x.term, c)
-            }  # fmt: skip
+            })  # fmt: skip
             free.append(replace(f, scale=float(np.abs(x.design[:, k]).max())))
-            centre.append(f.neutral)
-            slopes.append(slope)
             camera.append(None)
-    anchor = {c.name: base.sums(c.name, s.base.u) for c in s.training}
-    return Model(name or " + ".join(x.label for x in suspects), tuple(free), np.array(centre), anchor,
-                 tuple(slopes), tuple(camera))  # fmt: skip
+    centre = np.concatenate([u, x.neutral])
+    anchor = {c.name: model.sums(c.name, u) for c in s.training}
+    return Model(f"{model.name} + {x.label}", tuple(free), centre, anchor, tuple(slopes), tuple(camera))
 
 
 @dataclass
@@ -366,7 +387,6 @@ class Bank:
     signs: dict[str, tuple[float, float]]  # of single numbers: on which side of neutral there is room
     surviving: dict[str, float]
     visible: dict[str, float]
-    inflate: dict[str, float]
 
 
 def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
@@ -379,7 +399,7 @@ def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
     adjust = np.zeros((len(r), 0))
     if s.base.model.free:
         adjust = _basis(_columns(s, s.base.model, s.base.u, factors))
-    bank = Bank(factors, r, adjust, {}, {}, {}, {}, {}, {})
+    bank = Bank(factors, r, adjust, {}, {}, {}, {}, {})
     n = len(s.base.u)
     for x in suspects:
         model = model_of(s, [x])
@@ -454,7 +474,7 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
         _, variance = s.base.model.predict(s.means, c, s.base.u)
         own = (0.0 if c.averaged else 1.0) + variance
         # a recording took no part in the estimate of the spread by which it is weighed; these runs did
-        own *= 1 + 0.5 * len(c.seen) / max(s.means.dof[c.name], 1)
+        own *= s.means.inflation[c.name]
         first, second = s.rng.integers(len(residuals), size=(2, replicates))
         turn = s.rng.uniform(0.0, 2 * math.pi, (replicates, 1))
         chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(own)
@@ -507,15 +527,8 @@ def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
 
 def more_runs(s: Search, chosen: Sequence[Suspect], share: float) -> None:
     """Sharper signatures of those that are still in question."""
-    jobs = []
-    for k in range(s.sizes.screen, s.sizes.screen + s.sizes.more):
-        for x in chosen:
-            for row in x.design:
-                extra = [(x.term, x.neutral + row)]
-                jobs += [
-                    Job(c, label_of(s.adjust, s.theta, extra), change_of(c, s.adjust, s.theta, extra), k, True)
-                    for c in s.training
-                ]
+    packings = range(s.sizes.screen, s.sizes.screen + s.sizes.more)
+    jobs = [j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, packings)]
     s.runner.do(jobs, lambda k, n: s.progress("sharper signatures of the best", share + 0.04 * k / n))
     s.means.refresh()
 
@@ -532,7 +545,7 @@ def refit(
     model = model_of(s, suspects) if start is None else start.model
     if model is None:
         return None, 0, "not run everywhere"
-    found = fit(model, s.means, s.training)
+    found = fit(model, s.means, s.training, start=None if start is None else start.u)
     physical = [x for x in suspects if not x.apparatus]
     if not physical:
         return found, 1, ""
@@ -554,8 +567,7 @@ def refit(
         )
         s.means.refresh()
         if any((label, True) not in s.means.mean[c.name] for c in s.training):
-            why = next((s.runner.failures[key] for key in s.runner.failures if key[1] == label), "the time was up")
-            return found, done, why
+            return found, done, s.runner.reason(label)
         done += 1
         model = anchored(s, model, suspects, here, label)
         before = found.u
@@ -591,19 +603,13 @@ def anchored(
         anchor[c.name] = here
     if len(physical) == 1 and soft:
         k = physical[0]
-        neutral = model.free[k].neutral
-        amount = u[k] - neutral
+        amount = u[k] - model.free[k].neutral
         if abs(amount) > 0.1 * model.free[k].scale:
-            around = base_point(s)
-            chord = {}
-            for c in s.training:
-                if c.name not in model.slopes[k]:
-                    continue
-                shifted = [
-                    (-float(u[j] - s.theta[j]), model.slopes[j].get(c.name, {})) for j in range(n)
-                ]
-                there = add((1.0, {(label, True): 1.0, (around, True): -1.0}), *shifted)
-                chord[c.name] = add((1 / amount, there))
+            # the chord from the recalibrated scene without the law to the one with it
+            chord = {
+                c.name: add((1 / amount, anchor[c.name]), (-1 / amount, s.base.model.sums(c.name, u[:n])))
+                for c in s.training if c.name in model.slopes[k]
+            }  # fmt: skip
             slopes[k] = chord
             free = list(model.free)
             free[k] = replace(free[k], scale=abs(amount))
@@ -613,13 +619,9 @@ def anchored(
 
 def goodness(s: Search, found: Fit, free_numbers: int) -> tuple[float, float]:
     """Two p-values of what a fit leaves: its rank among the nulls, and the tail of chi2.
-
-    chi2 is divided by 1 + n/(2 nu) first, n numbers of a recording weighed by a spread of nu degrees of freedom.
     """
     assert s.nulls is not None
     n = max(found.count - free_numbers, 1)
     scaled = np.sort(s.nulls.left) * n / max(found.count - len(s.base.u), 1)
     rank = Nulls.p(found.chi2, scaled)
-    size = found.count / len(s.training)
-    nu = max(min(s.means.dof[c.name] for c in s.training), 1)
-    return rank, float(stats.chi2.sf(found.chi2 / (1 + 0.5 * size / nu), n))
+    return rank, float(stats.chi2.sf(found.chi2, n))

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ...laws import all_laws
+from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
 from ..candidates import APPARATUS, applies
 from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms
-from .conditions import Condition, Shim
-
-UNLIMITED = math.inf
+from .summaries import Condition, Shim
 
 
 @dataclass(frozen=True)
@@ -124,67 +122,108 @@ def _contacts(scene: Scene, adjustable: set[str]) -> list[Suspect]:
 
 
 def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Suspect]:
-    """Laws on all mobile bodies and all pairs, at amounts that suit this bed and this swimmer."""
+    """Every named law on bodies and pairs, from its declaration; a user's own are among them."""
+    scale = natural_scale(conditions)
+    found = []
+    for law in all_laws().values():
+        if law.candidate != "named" or law.kind not in ("body", "pair") or not law.strength:
+            continue
+        if any(c.scene.laws_named(law.name) for c in conditions):
+            continue  # it is known already; its strength is the adjustables' business
+        if not applies(law, shims):  # type: ignore[arg-type]
+            continue
+        if law.name == "ambient_flow":
+            found.append(_flow_suspect(law, scale))
+            continue
+        free: list[Free] = []
+        groups = []
+        for name in law.strength:
+            p = law.parameter(name)
+            at = len(free)
+            free += [
+                Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, scale(p), None, p.neutral)
+                for argument in p.arguments
+            ]
+            groups.append((name, tuple(range(at, len(free)))))
+        term = Term(
+            law.mechanism, law.name, tuple(free), _Adder(law), expression=law.expression, groups=tuple(groups),
+            choices=_fixed(law),
+        )  # fmt: skip
+        # the side on which there is room
+        amounts = [-f.scale if f.neutral + f.scale > f.high else f.scale for f in free]
+        found.append(Suspect(term, np.diag(amounts), ("swimmer", "grains")))
+    return found
+
+
+Scale = Callable[[Parameter], float]
+
+
+def natural_scale(conditions: Sequence[Condition]) -> Scale:
+    """The size of a parameter that tells on the motion, from its unit alone.
+
+    Mass M of the mean grain, time T = 1/(1.5 f), length L = u T with u the swimmer's typical speed sideways: a force
+    of M L/T^2 stops a grain at that speed within a tenth of a cycle. Numbers without a unit: what the law declares as
+    typical. Amounts are tried and scaled afterwards, see ``search.scaled_candidates``.
+    """
     scene = conditions[0].scene
     bed = scene.bed
-    grain = [b.mass for b in scene.bodies if b.role == "grain"]
     if bed is not None:
         a, b = bed.grain_diameter
         mass = bed.density * math.pi / 6 * ((b**4 - a**4) / (4 * (b - a)) if b > a else a**3)
     else:
-        mass = float(np.mean(grain))
+        mass = float(np.mean([b.mass for b in scene.bodies if b.role == "grain"]))
     frequency = float(np.mean([c.frequency for c in conditions]))
     length = sum(2 * scene.bodies[k].radius for k in scene.chains[0])
     amplitude = abs(float(scene.laws_named("bending")[0].values["amplitude"])) or 1.0
-    # the swimmer's typical speed sideways, and a force that stops a grain at it within a tenth of a cycle
     speed = 0.15 * amplitude * 2 * math.pi * frequency * length
-    rate = 1.5 * frequency
-    force = mass * rate * speed
-    amounts: dict[str, tuple[float, ...]] = {
-        "linear_drag": (mass * rate,), "quadratic_drag": (mass * rate / speed,), "coulomb_substrate": (0.15,),
-        "added_mass": (0.2,), "uniform_force": (0.3, 0.3), "contact_friction": (0.2,), "cohesion": (force,),
-        "rolling_resistance": (0.2,),
-        "distance_force": (force,), "wall_drag": (4 * mass * rate,), "pair_lubrication": (1e3,),
+    time = 1 / (1.5 * frequency)
+
+    def size(p: Parameter) -> float:
+        powers = dimension(p.unit)
+        if powers is None or powers == (0, 0, 0):
+            return abs(p.typical or 0.1)
+        return float(mass ** powers[0] * (speed * time) ** powers[1] * time ** powers[2])
+
+    return size
+
+
+def dimension(unit: str) -> tuple[float, float, float] | None:
+    """Powers of kg, m and s in a unit such as "kg/s", "N m", "m/s^2"; rad and 1 have none; None for other units."""
+    known = {
+        "kg": (1, 0, 0), "m": (0, 1, 0), "s": (0, 0, 1), "N": (1, 1, -2), "J": (1, 2, -2), "Pa": (1, -1, -2),
+        "Hz": (0, 0, -1), "rad": (0, 0, 0), "1": (0, 0, 0), "": (0, 0, 0),
     }  # fmt: skip
-    found = []
-    laws = all_laws()
-    for name, sizes in amounts.items():
-        law = laws.get(name)
-        if law is None or law.candidate != "named" or not applies(law, shims):  # type: ignore[arg-type]
-            continue
-        if any(c.scene.laws_named(name) for c in conditions):
-            continue  # it is known already; its strength is the adjustables' business
-        strength = law.parameter(law.strength[0])
-        free = tuple(
-            Free(f"{name}.{argument}", strength.unit, strength.low, strength.high, strength.neutral, size, None,
-                 strength.neutral)
-            for argument, size in zip(strength.arguments, sizes, strict=True)
-        )  # fmt: skip
-        term = Term(
-            law.mechanism, name, free, _Adder(name, strength.name, strength.size), expression=law.expression,
-            groups=((strength.name, tuple(range(len(free)))),), choices=_fixed(law, strength.name),
-        )  # fmt: skip
-        found.append(Suspect(term, np.diag(sizes), ("swimmer", "grains")))
-    if "ambient_flow" in laws and not any(c.scene.laws_named("ambient_flow") for c in conditions):
-        law = laws["ambient_flow"]
-        c0, u0 = mass * rate, 0.3 * speed
-        # linear in c and in the push c u: u itself means nothing where c is zero
-        free = (
-            Free("ambient_flow.c", "kg/s", 0.0, math.inf, 0.0, c0),
-            *[Free(f"ambient_flow.push_{k}", "N", -math.inf, math.inf, 0.0, c0 * u0) for k in "xy"],
-        )
-        term = Term("ambient_flow", "ambient_flow", free, _flow, expression=law.expression,
-                    groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
-        design = np.array([[c0, 0.0, 0.0], [c0, c0 * u0, 0.0], [c0, 0.0, c0 * u0]])
-        found.append(Suspect(term, design, ("swimmer", "grains")))
-    return found
+    total = [0.0, 0.0, 0.0]
+    for k, part in enumerate(unit.replace("*", " ").split("/")):
+        for factor in part.strip("() ").split():
+            base, _, power = factor.partition("^")
+            if base not in known:
+                return None
+            times = (float(power) if power else 1.0) * (1 if k == 0 else -1)
+            for axis in range(3):
+                total[axis] += times * known[base][axis]
+    return total[0], total[1], total[2]
 
 
-def _fixed(law, strength: str) -> dict[str, Any]:
+def _flow_suspect(law: Law, scale: Scale) -> Suspect:
+    """Linear in c and in the push c u: u itself means nothing where c is zero."""
+    c0 = scale(law.parameter("c"))
+    push = c0 * 0.3 * scale(law.parameter("u"))
+    free = (
+        Free("ambient_flow.c", "kg/s", 0.0, math.inf, 0.0, c0),
+        *[Free(f"ambient_flow.push_{k}", "N", -math.inf, math.inf, 0.0, push) for k in "xy"],
+    )
+    term = Term("ambient_flow", "ambient_flow", free, _flow, expression=law.expression,
+                groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
+    design = np.array([[c0, 0.0, 0.0], [c0, push, 0.0], [c0, 0.0, push]])
+    return Suspect(term, design, ("swimmer", "grains"))
+
+
+def _fixed(law: Law) -> dict[str, Any]:
     """Numbers of a law that are not looked for here, at their usual sizes."""
     fixed: dict[str, Any] = {}
     for p in law.parameters:
-        if p.name == strength:
+        if p.name in law.strength:
             continue
         if p.choices:
             fixed[p.name] = p.default if p.default is not None else p.choices[0]
@@ -194,15 +233,19 @@ def _fixed(law, strength: str) -> dict[str, Any]:
 
 
 class _Adder:
-    """Adds a law with one strength, a number or a vector, the rest at usual sizes."""
+    """Adds a law with its strengths, the rest at usual sizes."""
 
-    def __init__(self, name: str, strength: str, size: int) -> None:
-        self.name, self.strength, self.size = name, strength, size
-        self.fixed = _fixed(all_laws()[name], strength)
+    def __init__(self, law: Law) -> None:
+        self.law, self.fixed = law, _fixed(law)
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-        value = float(values[0]) if self.size == 1 else tuple(float(v) for v in values)
-        return scene.with_laws(use(self.name, **{**self.fixed, self.strength: value})), camera
+        given = dict(self.fixed)
+        at = 0
+        for name in self.law.strength:
+            n = self.law.parameter(name).size
+            given[name] = float(values[at]) if n == 1 else tuple(float(v) for v in values[at : at + n])
+            at += n
+        return scene.with_laws(use(self.law, **given)), camera
 
 
 def _flow(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
