@@ -1,11 +1,7 @@
 """``granswim diagnose``: hold a simulation against a recording and find the physics that was left out."""
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-MOST_BODIES = 8  # named one by one
 
 EXAMPLES = (
     "granswim diagnose pendulum",
@@ -27,36 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the nulls")
 
 
-def standing(verdict: Mapping[str, Any]) -> list[str]:
-    """How much is explained, whether it is complete, what is left, and what held-out data say: one line each."""
-    lines = []
-    withdrawn = [r["name"] for r in verdict["rivals"] if r.get("withdrawn")]
-    if withdrawn:
-        lines.append(f"withdrawn, as held-out data are predicted worse with it: {', '.join(withdrawn)}")
-    told, left = verdict.get("explained"), verdict.get("remains")
-    if told:
-        form = told["best_free_form"]
-        beside = "" if form is None else f"; the best force without a name {100 * form:.0f} %"
-        lines.append(
-            f"explains {100 * told['share']:.0f} % ({100 * told['low']:.0f} to {100 * told['high']:.0f} %) "
-            f"of the mismatch on blocks that the fit did not see{beside}"
-        )
-    if left:
-        lines.append(
-            f"the best approximation so far: {left['times_floor']:.2g} times the noise is left, most on "
-            f"{', '.join(left['bodies'][:MOST_BODIES])}; it looks like {left['looks_like']}"
-        )
-    elif verdict.get("complete"):
-        lines.append("what is left passes for noise")
-    if verdict.get("heldout"):
-        lines.append(f"held-out data: {verdict['heldout']}")
-    return lines
-
-
 def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..diagnosis.diagnose import ProgressLine, diagnose, verdict_of
     from ..errors import InputError
+    from ..result import MOST_BODIES, standing
 
     if args.minutes is not None and not args.minutes > 0:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")

@@ -77,17 +77,17 @@ class ProgressLine:
 
 def diagnose(
     recordings: Sequence[str | Path | Recording],
-    out: str | Path,
+    out: str | Path | None = None,
     *,
     hold_out: Sequence[str | Path | Recording] = (),
     minutes: float | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis | Outcome:
-    """Explain recordings together by one set of missing laws, and write it down.
+    """Explain recordings together by one set of missing laws, and write it down where a folder is given.
 
     recordings, hold_out : Recording objects, folders, or names of shipped recordings
-    out : folder for verdict.json, report.html, figures/, revised.toml
+    out : folder for verdict.json, report.html, figures/, revised.toml; None: nothing is written
     minutes : time budget; seed : of the nulls
     Recordings of different kinds are explained together, see ``together``.
     Bodies without a bed give a Diagnosis, everything else an Outcome; ``verdict_of`` reads either.
@@ -102,8 +102,9 @@ def diagnose(
         twice = next(n for n in every if every.count(n) > 1)
         raise InputError("two recordings have this name", where=twice)
     groups = grouped(training, held)
-    out = Path(out)
-    _try_to_write(out)
+    if out is not None:
+        out = Path(out)
+        _try_to_write(out)
     tell = progress or (lambda text, share: None)
     diagnosis: Diagnosis | Outcome
     if len(groups) > 1:
@@ -111,15 +112,20 @@ def diagnose(
     else:
         method = METHODS[next(iter(groups), "bodies")]
         diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
-    if isinstance(diagnosis, Outcome):
-        write_outcome(diagnosis, out)
-        return diagnosis
-    out.mkdir(parents=True, exist_ok=True)
-    write_verdict(diagnosis, out)
+    if out is not None:
+        _write(diagnosis, out)
+    return diagnosis
+
+
+def _write(found: Diagnosis | Outcome, out: Path) -> None:
+    if isinstance(found, Outcome):
+        write_outcome(found, out)
+        return
     from ..report.page import write_report
 
-    write_report(diagnosis, out)
-    return diagnosis
+    out.mkdir(parents=True, exist_ok=True)
+    write_verdict(found, out)
+    write_report(found, out)
 
 
 def _try_to_write(out: Path) -> None:

@@ -155,6 +155,7 @@ def verdict_of(found: Diagnosis | Outcome) -> dict[str, Any]:
     """The content of verdict.json."""
     if isinstance(found, Outcome):
         verdict = plain_numbers(found.verdict)
+        verdict["notes"] = list(dict.fromkeys([*verdict.get("notes", []), *found.notes]))
         check_verdict(verdict)
         return verdict
     return verdict_dict(found)
@@ -167,9 +168,7 @@ def write_outcome(outcome: Outcome, out: Path) -> None:
     """
     from ..report.outcome_page import write_outcome_report
 
-    verdict = plain_numbers(outcome.verdict)
-    verdict["notes"] = list(dict.fromkeys([*verdict.get("notes", []), *outcome.notes]))
-    check_verdict(verdict)
+    verdict = verdict_of(outcome)
     out.mkdir(parents=True, exist_ok=True)
     scenes = {}
     for name, (scene, camera) in outcome.revised.items():

@@ -1,0 +1,349 @@
+"""What a diagnosis found, as one object whatever was recorded: the verdict, a report in words, figures.
+
+It reads the verdict of the contract, and draws by the figure functions of the report.
+"""
+
+from __future__ import annotations
+
+import copy
+import html
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .diagnosis.driver import Diagnosis
+    from .diagnosis.outcome import Outcome
+
+MOST_BODIES = 8  # named one by one
+CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
+SPOKEN = {
+    "no_mismatch": "nothing is missing",
+    "recalibrate": "a declared parameter was off; with it mended nothing is missing",
+    "missing_physics": "the scene leaves out physics that has a name",
+    "unmodelled": "something is missing that no known law explains",
+    "measurement": "the camera, the clock or the tracker is off",
+}
+LARGEST_VERDICT = 50_000_000  # bytes
+
+
+class Text(str):
+    """Text that a shell or a notebook shows as it is, not as a quoted string."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+class Result(Mapping[str, Any]):
+    """What ``diagnose`` found, or what ``load_verdict`` read. A mapping: its items are those of the verdict.
+
+    verdict : the content of verdict.json, plain numbers and texts
+    found : what the diagnosis worked with (a ``Diagnosis`` or an ``Outcome``), None where it was read from a file
+    out : folder with report and figures, None where nothing was written
+    """
+
+    def __init__(
+        self, verdict: Mapping[str, Any], found: Diagnosis | Outcome | None = None, out: str | Path | None = None
+    ) -> None:
+        self.verdict = dict(verdict)
+        self.found = found
+        self.out = None if out is None else Path(out)
+
+    # ---- a mapping ----------------------------------------------------------------------------
+
+    def __getitem__(self, key: str) -> Any:
+        return self.verdict[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.verdict)
+
+    def __len__(self) -> int:
+        return len(self.verdict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """A copy of the verdict: plain dictionaries, lists, numbers and texts, as they stand in verdict.json."""
+        return copy.deepcopy(self.verdict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The laws that were named, each once: ("linear_drag",)."""
+        return tuple(dict.fromkeys(entry["name"] for entry in self.verdict["mechanisms"]))
+
+    # ---- words --------------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        entries = self.verdict["mechanisms"]
+        laws = [f"{entry['name']}{_on(entry['bodies'])}" for entry in entries[:3]]
+        laws += [f"{len(entries) - 3} more"] if len(entries) > 3 else []
+        told = self.verdict.get("explained")
+        share = f" ({_percent(told['share'])} explained)" if told else ""
+        return f"<Result {self.verdict['verdict']}{': ' if laws else ''}{', '.join(laws)}{share}>"
+
+    def summary(self) -> Text:
+        """All of it in words and numbers, section by section.
+
+        A number has its standard error, a quarter of the width of its central 95 % (1/3.92), and that interval.
+        """
+        v = self.verdict
+        sections = [
+            ("Verdict", [f"{v['verdict']}: {SPOKEN.get(v['verdict'], '')}".rstrip(": ")]),
+            ("Laws", [line for entry in v["mechanisms"] for line in _law_lines(entry)]),
+            ("Explained", standing(v)),
+            ("Recalibrated", _parameter_lines(v.get("recalibrated") or {})),
+            (f"Errors [{v['fit']['unit']}]", _error_lines(v["fit"])),
+            ("Rivals", _rival_lines(v["rivals"])),
+            ("Where", [_place_line(place) for place in v["mismatch"]]),
+            ("Chance", _chance_lines(v.get("null"))),
+            ("Next experiment", _next_lines(v.get("next_experiment"))),
+            ("Notes", list(v.get("notes") or ())),
+        ]
+        lines: list[str] = []
+        for title, content in sections:
+            if content:
+                lines += [f"[[{title}]]", *(f"    {line}" for line in content)]
+        return Text("\n".join(lines))
+
+    def _repr_html_(self) -> str:
+        """The first screen of a notebook: verdict, laws with their numbers, how much is explained."""
+        from .report.words import equation, escaped
+
+        v = self.verdict
+        rows = []
+        for entry in v["mechanisms"]:
+            numbers = "<br>".join(html.escape(line) for line in _parameter_lines(entry["parameters"]))
+            rows.append(
+                f"<tr><td>{escaped(entry['name'])}</td><td>{escaped(_bodies(entry['bodies']))}</td>"
+                f"<td>{equation(entry['expression'] or '')}</td><td>{numbers}</td></tr>"
+            )
+        head = "<tr><th>law</th><th>on</th><th>expression</th><th>numbers</th></tr>"
+        table = f"<table>{head}{''.join(rows)}</table>" if rows else ""
+        said = "".join(f"<li>{escaped(line)}</li>" for line in (*standing(v), *_rival_lines(v["rivals"])))
+        return (
+            f"<div><p><b>{escaped(v['verdict'])}</b>: {escaped(SPOKEN.get(v['verdict'], ''))}</p>{table}"
+            f"{f'<ul>{said}</ul>' if said else ''}</div>"
+        )
+
+    # ---- figures ------------------------------------------------------------------------------
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the figures that ``plot`` can draw, in the order of the report; empty where there are none."""
+        return tuple(self._figures())
+
+    def plot(self, part: str | None = None) -> Figure:
+        """One figure of the report, the first where not said: usually recording and simulations laid over each other.
+
+        part : one of ``parts``
+        Of a verdict that was read from a file it is the picture that lies beside it in ``figures``.
+        Raises InputError where there is no such figure.
+        """
+        figures = self._figures()
+        if not figures:
+            raise InputError("this result has no figures: they are not in verdict.json, but in figures beside it")
+        name = next(iter(figures)) if part is None else part
+        if name not in figures:
+            raise InputError(f"no figure {name!r}; there are: {', '.join(figures)}", where="plot")
+        return figures[name]()
+
+    def _figures(self) -> dict[str, Any]:
+        """Name to a function that draws, in the order of the page."""
+        if self.found is None:
+            folder = None if self.out is None else self.out / "figures"
+            files = sorted(folder.glob("*.png")) if folder is not None and folder.is_dir() else []
+            files.sort(key=lambda file: file.stem != "overlay")
+            return {file.stem: (lambda file=file: _picture(file)) for file in files}
+        from .diagnosis.outcome import Outcome
+
+        if isinstance(self.found, Outcome):
+            return {name: (lambda figure=figure: figure) for name, (figure, _) in self.found.figures.items()}
+        from .report.figures import figures
+
+        return dict(figures(self.found))
+
+
+def load_verdict(path: str | Path) -> Result:
+    """A verdict that was written: the folder of a diagnosis, or a verdict.json. Figures are those beside it.
+
+    Raises InputError where there is none, or where it is not of the contract's form.
+    """
+    from .diagnosis.outcome import FORMAT, check_verdict
+
+    file = Path(path)
+    if file.is_dir():
+        file = file / "verdict.json"
+    try:
+        if not file.is_file():
+            raise InputError("no such verdict; give the folder of a diagnosis, or its verdict.json", file=path)
+        if file.stat().st_size > LARGEST_VERDICT:
+            raise InputError(f"is larger than a verdict can be ({LARGEST_VERDICT} bytes)", file=file)
+        verdict = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=file) from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"is not JSON: {error}", file=file) from None
+    if not isinstance(verdict, dict) or verdict.get("format") != FORMAT:
+        raise InputError(f'should be a verdict with format = "{FORMAT}"', file=file)
+    try:
+        check_verdict(verdict)
+        result = Result(verdict, out=file.parent)
+        result.summary()
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"is not a whole verdict: {error}", file=file) from None
+    return result
+
+
+# ---- words ---------------------------------------------------------------------------------------
+
+
+def standing(verdict: Mapping[str, Any]) -> list[str]:
+    """How much is explained, whether it is complete, what is left, and what held-out data say: one line each."""
+    lines = []
+    withdrawn = [r["name"] for r in verdict["rivals"] if r.get("withdrawn")]
+    if withdrawn:
+        lines.append(f"withdrawn, as held-out data are predicted worse with it: {', '.join(withdrawn)}")
+    told, left = verdict.get("explained"), verdict.get("remains")
+    if told:
+        form = told["best_free_form"]
+        beside = "" if form is None else f"; the best force without a name {_percent(form)}"
+        lines.append(
+            f"explains {_percent(told['share'])} ({100 * told['low']:.0f} to {_percent(told['high'])}) "
+            f"of the mismatch on blocks that the fit did not see{beside}"
+        )
+    if left:
+        lines.append(
+            f"the best approximation so far: {left['times_floor']:.2g} times the noise is left, most on "
+            f"{', '.join(left['bodies'][:MOST_BODIES])}; it looks like {left['looks_like']}"
+        )
+    elif verdict.get("complete"):
+        lines.append("what is left passes for noise")
+    if verdict.get("heldout"):
+        lines.append(f"held-out data: {verdict['heldout']}")
+    return lines
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _bodies(names: Sequence[str]) -> str:
+    """ "a, b", a long list cut: "a, b ... and 30 more"."""
+    more = len(names) - MOST_BODIES
+    return ", ".join(names[:MOST_BODIES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _on(names: Sequence[str]) -> str:
+    return f" on {_bodies(names)}" if names else ""
+
+
+def _law_lines(entry: Mapping[str, Any]) -> list[str]:
+    said = f": {entry['expression']}" if entry["expression"] else ""
+    head = f"{entry['name']}{_on(entry['bodies'])}{said}"
+    return [head, *(f"    {line}" for line in _parameter_lines(entry["parameters"]))]
+
+
+def _parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A line for each number: value, standard error, relative error, central 95 %; vectors a line for each part."""
+    width = max((len(name) for name in parameters), default=0) + 1
+    lines = []
+    for name, p in parameters.items():
+        unit = p.get("unit") or ""
+        value, low, high = p["value"], p.get("low"), p.get("high")
+        if not isinstance(value, list):
+            lines.append(f"{name + ':':<{width}} {_with_error(value, low, high, unit)}")
+            continue
+        ends = [end if isinstance(end, list) else [None] * len(value) for end in (low, high)]
+        for k, (part, a, b) in enumerate(zip(value, *ends, strict=True)):
+            lines.append(f"{f'{name}[{k}]:':<{width}} {_with_error(part, a, b, unit)}")
+    return lines
+
+
+def _with_error(value: Any, low: Any, high: Any, unit: str) -> str:
+    """ "0.00102 +/- 3.1e-05 kg/s (3.0 %), 95 %: 0.00096 to 0.00108"; a choice, or an open interval, as it is."""
+    unit = "" if unit in ("", "1") else f" {unit}"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number:
+        return f"{value}{unit}"
+    if low is None and high is None:
+        return f"{value:.4g}{unit} (chosen)"
+    if low is None or high is None:
+        end = f"below {high:.4g}" if low is None else f"above {low:.4g}"
+        return f"{value:.4g}{unit}, 95 %: {end}"
+    error = (high - low) / (2 * CENTRAL_95)
+    digits = 4
+    if error > 0 and value != 0:
+        # the error in two digits, and the value as far as they reach
+        digits = min(max(math.floor(math.log10(abs(value))) - math.floor(math.log10(error)) + 2, 2), 8)
+    share = f" ({100 * error / abs(value):.2g} %)" if value else ""
+    return f"{value:.{digits}g} +/- {error:.2g}{unit}{share}, 95 %: {low:.{digits}g} to {high:.{digits}g}"
+
+
+def _error_lines(fit: Mapping[str, Any]) -> list[str]:
+    """A small table: training and held out, by model."""
+    models = [name for name in fit["train"] if any(fit[part].get(name) is not None for part in ("train", "heldout"))]
+    if not models:
+        return []
+    lines = [" " * 10 + "".join(f"{name.replace('_', ' '):>14}" for name in models)]
+    for part, title in (("train", "training"), ("heldout", "held out")):
+        cells = [fit[part].get(name) for name in models]
+        lines.append(f"{title:<10}" + "".join(f"{'-' if c is None else f'{c:.3g}':>14}" for c in cells))
+    return lines
+
+
+def _rival_lines(rivals: Sequence[Mapping[str, Any]]) -> list[str]:
+    same = [r["name"] for r in rivals if r["indistinguishable"]]
+    worse = [r["name"] for r in rivals if not r["indistinguishable"] and not r.get("withdrawn")]
+    lines = [f"these data cannot tell it from {', '.join(same)}"] if same else []
+    return [*lines, f"do worse: {', '.join(worse)}"] if worse else lines
+
+
+def _place_line(place: Mapping[str, Any]) -> str:
+    """Bodies, spans of place, time, phase and speed, z and p of one place of the mismatch."""
+    spans = {**place["where"], **place["when"], "speed": place.get("speed"), "frequency": place.get("frequency")}
+    units = {"x": "m", "y": "m", "gap": "m", "t": "s", "phase": "", "speed": "m/s", "frequency": "Hz"}
+    said = [f"{key} {s[0]:.3g} to {s[1]:.3g} {units[key]}".rstrip() for key in units if (s := spans.get(key))]
+    if spans.get("before_contact"):
+        said.append("before contact")
+    whom = " ".join(filter(None, (spans.get("region"), _bodies(place["bodies"]))))
+    return f"{', '.join([whom, *said])}: z = {place['z']:.3g}, p = {place['p']:.2g}"
+
+
+def _chance_lines(null: Mapping[str, Any] | None) -> list[str]:
+    if not null:
+        return []
+    return [
+        f"where nothing is missing, as much is found with p = {null['p_false_alarm']:.2g} "
+        f"({null['replicates']} tries in noise)"
+    ]
+
+
+def _next_lines(proposed: Mapping[str, Any] | None) -> list[str]:
+    if not proposed:
+        return []
+    apart = f", tells {' from '.join(proposed['separates'])}" if proposed.get("separates") else ""
+    d_prime = proposed.get("d_prime")
+    return [f"{proposed['change']}{apart}" + ("" if d_prime is None else f" (d' = {d_prime:.2g})")]
+
+
+def _picture(file: Path) -> Figure:
+    """A stored PNG as a figure of its own size. Raises InputError where it cannot be read."""
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    try:
+        with Image.open(file) as image:
+            image.load()
+            figure = Figure(figsize=(image.width / 100, image.height / 100), dpi=100)
+            axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+            axis.imshow(image)
+    except OSError as error:
+        raise InputError(f"is no picture: {error}", file=file) from None
+    axis.set_axis_off()
+    return figure
