@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 MOST_BODIES = 8  # named one by one
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
+DECIDES = 2.0  # d' above which an experiment is expected to tell two laws apart
 SPOKEN = {
     "no_mismatch": "nothing is missing",
     "recalibrate": "a declared parameter was off; with it mended nothing is missing",
@@ -96,7 +97,7 @@ class Result(Mapping[str, Any]):
             ("Laws", [line for entry in v["mechanisms"] for line in _law_lines(entry)]),
             ("Explained", standing(v)),
             ("Recalibrated", _parameter_lines(v.get("recalibrated") or {})),
-            (f"Errors [{v['fit']['unit']}]", _error_lines(v["fit"])),
+            (f"Errors in {v['fit']['unit']}", _error_lines(v["fit"])),
             ("Rivals", _rival_lines(v["rivals"])),
             ("Where", [_place_line(place) for place in v["mismatch"]]),
             ("Chance", _chance_lines(v.get("null"))),
@@ -329,6 +330,8 @@ def _next_lines(proposed: Mapping[str, Any] | None) -> list[str]:
         return []
     apart = f", tells {' from '.join(proposed['separates'])}" if proposed.get("separates") else ""
     d_prime = proposed.get("d_prime")
+    if d_prime is not None and d_prime < DECIDES:
+        return [f"none that was thought of would decide; the best is {proposed['change']} (d' = {d_prime:.2g})"]
     return [f"{proposed['change']}{apart}" + ("" if d_prime is None else f" (d' = {d_prime:.2g})")]
 
 

@@ -4,8 +4,10 @@ import ast
 import doctest
 import inspect
 import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -264,6 +266,8 @@ def test_summary_reads_like_a_report_of_a_fit(verdict):
         "tail a, phase 0.1 to 0.3: z = 9, p = 1e-09", "frequency = 14 Hz, tells a from b (d' = 3.1)", "a note",
     ):  # fmt: skip
         assert " ".join(line.split()) in " ".join(text.split()), line
+    weak = verdict | {"next_experiment": {"change": "half the speed", "separates": ["a", "b"], "d_prime": 0.5}}
+    assert "none that was thought of would decide; the best is half the speed" in gs.Result(weak).summary()
     assert repr(text) == str(text) and "None" not in text
     assert repr(result) == "<Result missing_physics: ambient_flow on a, b (86 % explained)>"
     page = result._repr_html_()
@@ -320,3 +324,20 @@ def test_files_that_are_no_verdict(verdict, tmp_path, change, message):
         gs.load_verdict(tmp_path)
     with pytest.raises(InputError, match="no such verdict"):
         gs.load_verdict(tmp_path / "nothing")
+
+
+# ---- the page ------------------------------------------------------------------------------------------
+
+
+def test_the_page_on_python(tmp_path):
+    """Its blocks run one after the other, and find the drag that its tracks were made with."""
+    from test_docs import DOCS, blocks, run
+
+    said = run("\n".join(blocks(DOCS / "python.md", "python")), tmp_path)
+    assert "linear_drag on puck" in said and "<Result missing_physics" in said
+    assert (tmp_path / "out/puck/report.html").is_file() and (tmp_path / "overlay.png").is_file()
+
+
+def test_the_page_names_what_the_module_offers():
+    page = (Path(__file__).parent.parent / "docs/python.md").read_text()
+    assert {name for name in re.findall(r"gs\.(\w+)", page)} <= set(gs.__all__)
