@@ -1,16 +1,25 @@
 """Importing: plain tables and the raw recordings that come with the package."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from granswim_pymunk.cli import main
+from granswim_pymunk.diagnosis.data import estimate_noise, prepare
+from granswim_pymunk.diagnosis.start import describe_starts, first_numbers, states, turning_angle
+from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording, resolve_recording, shipped, shipped_names
 from granswim_pymunk.recording.importers import import_recording, import_to
+from granswim_pymunk.scene import Time
 
-NAMED = {"pendulum": "single_pendulum", "falling_balls": "falling_balls", "two_disk_spin": "two_disk_spin"}
+NAMED = {
+    "double_pendulum": "double_pendulum", "falling_balls": "falling_balls", "pendulum": "single_pendulum",
+    "two_disk_spin": "two_disk_spin",
+}  # fmt: skip
 
 
 class TestShipped:
@@ -34,7 +43,7 @@ class TestShipped:
 
     def test_every_one_reads_without_a_warning(self):
         count = sum(len(resolve_recording(name)) for name in shipped_names())
-        assert count == 22
+        assert count == 23
         for name in shipped_names():
             for folder in resolve_recording(name):
                 assert len(read_recording(folder).t) > 40
@@ -54,6 +63,40 @@ class TestShipped:
         assert 2 * math.pi / period == pytest.approx(
             math.sqrt(arm * 9.81 / (arm * pin["length"] + body.moment)), rel=0.02
         )
+
+    def test_double_pendulum(self):
+        r = read_recording(shipped("double_pendulum"))
+        assert r.t.shape == (1201,) and r.sampling == 200.0 and not np.isfinite(r.xy).any()
+        toml = (shipped("double_pendulum") / "recording.toml").read_text()
+        assert toml.startswith('format = "granswim-recording/2"')
+        np.testing.assert_allclose(r.angle[0], (2.615775 - math.pi, 3.541416 - math.pi), rtol=1e-12)
+        assert {law.name for law in r.scene.laws} == {"gravity", "hinge"}  # no friction is assumed
+        estimates = [estimate_noise(r.t, r.angle[:, k]) for k in range(2)]
+        assert math.sqrt(np.mean(np.square(estimates))) == pytest.approx(r.angle_noise, rel=0.01)
+        assert prepare(r, held_out=False, split=True).notes == ()
+
+    def test_double_pendulum_follows_the_naive_scene_at_first(self):
+        """Half a second from the start that the first frames give: masses, lengths and signs are upstream's."""
+        r = read_recording(shipped("double_pendulum"))
+        case = prepare(r, held_out=False, split=False)
+        scene = replace(r.scene, time=Time(dt=2.5e-4))
+        starts = describe_starts(case, np.ones(len(case.t), dtype=bool), scene)
+        first = case.t <= 0.5
+
+        def angles(numbers):
+            begun = scene.with_initial(states(starts, numbers, scene, 0.0))
+            path = Simulation(begun).sample(case.t[first])
+            return np.column_stack([turning_angle(path, [0, 1], scene, name) for name in r.ids])
+
+        def off(numbers):
+            return (angles(numbers) - case.values[first]) / np.ptp(case.values[first], axis=0)
+
+        rms = np.sqrt(np.mean(off(first_numbers(starts)) ** 2, axis=0))
+        assert (rms < 0.02).all(), rms
+        start = first_numbers(starts)
+        fitted = least_squares(lambda n: off(n).ravel(), start, x_scale=(0.1, 1.0, 0.1, 1.0), diff_step=1e-5)
+        rms = np.sqrt(np.mean(off(fitted.x) ** 2, axis=0))
+        assert (rms < 0.003).all(), rms
 
     def test_balls(self):
         r = read_recording(shipped("falling_balls/Baseball_2"))

@@ -38,6 +38,7 @@ from . import (
 )
 from .base import Found, Importer, Options
 from .build import build
+from .double_pendulum import import_double_pendulum
 from .falling_balls import import_falling_balls
 from .look import Look, draw, look, told
 from .single_pendulum import import_single_pendulum
@@ -218,6 +219,7 @@ def _through(name: str) -> Callable[..., list[Recording]]:
 FORMATS = {
     "auto": Format("auto", "found by looking into the file", _through("auto")),
     **{i.name: Format(i.name, i.help, _through(i.name), i) for i in IMPORTERS},
+    "double_pendulum": Format("double_pendulum", "double_pendulum_200Hz.csv", import_double_pendulum),
     "falling_balls": Format("falling_balls", "ball_drops.csv with balls.txt beside it", import_falling_balls),
     "single_pendulum": Format(
         "single_pendulum", "single_pendulum_200Hz.csv or mounted_arm_1kHz.npz", import_single_pendulum
