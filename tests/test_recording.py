@@ -1,6 +1,7 @@
 """Recordings: what they are, how they are written and read, and how a simulation looks filmed."""
 
 import math
+import re
 import warnings
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording, film, read_recording, rod_angle, see, write_recording
+from granswim_pymunk.recording.plausible import check_plausible
 from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.scene import Adjustable, Body, Scene, SceneWarning, Time, use
 
@@ -181,6 +183,13 @@ class TestFolder:
         if not recording.seen.any(axis=0).all():
             return
         write_recording(recording, folder, tracks=tracks)
+        try:
+            check_plausible(recording)
+        except InputError as error:
+            # places drawn at random may be too fast to be metres: the reader says the same of the file
+            with pytest.raises(InputError, match=re.escape(error.message)):
+                read_recording(folder)
+            return
         same(read_recording(folder), recording)
 
     def test_many_bodies_go_to_bodies_csv_and_walls_keep_their_place(self, tmp_path):
