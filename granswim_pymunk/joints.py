@@ -110,3 +110,21 @@ def place(scene: Scene, angle: dict[str, float], spin: dict[str, float]) -> dict
         centre = point - arm
         velocity = speed - spin[body] * np.array([-arm[1], arm[0]])
         found[body] = (float(centre[0]), float(centre[1]), float(velocity[0]), float(velocity[1]))
+
+
+def arm_of(scene: Scene, body: str) -> float:
+    """How far a body's centre is from the joint it hangs from [m], 1 where it hangs from none.
+
+    The length of its pin, or of the anchor of its first hinge: what turns a rate into a speed.
+    """
+    for item in scene.laws_named("pin"):
+        if item.bodies is None or body in item.bodies:
+            return float(item.values["length"])
+    for item in scene.laws_named("hinge"):
+        bodies = item.bodies or ()
+        if body in bodies:
+            anchor = item.values["anchor_a" if body == bodies[0] and len(bodies) == 1 else "anchor_b"]
+            if body == bodies[0] and len(bodies) > 1:
+                continue  # what hangs from it
+            return float(np.hypot(*anchor)) or 1.0
+    return 1.0

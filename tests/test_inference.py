@@ -139,3 +139,17 @@ def test_p_and_z_of_a_place_count_all_looks():
     z = np.array([after_looks(float(p), 20)[0] for p in largest])
     assert abs(z.mean()) < 0.05 and z.std() == pytest.approx(1.0, abs=0.05)  # standard normal where nothing is missing
     assert after_looks(1e-9, 20)[1] == pytest.approx(2e-8)
+
+
+def test_the_arm_of_a_body_is_that_of_its_pin_or_of_the_hinge_it_hangs_from():
+    from granswim_pymunk.joints import arm_of
+    from granswim_pymunk.recording import read_recording, resolve_recording
+
+    (folder,) = resolve_recording("double_pendulum")
+    scene = read_recording(folder).scene
+    upper, lower = scene.ids
+    assert arm_of(scene, upper) == pytest.approx(0.1086) and arm_of(scene, lower) == pytest.approx(0.1168)
+    (folder,) = resolve_recording("pendulum")
+    scene = read_recording(folder).scene
+    assert arm_of(scene, scene.ids[0]) == scene.laws_named("pin")[0].values["length"]
+    assert arm_of(collision(0.9), "a") == 1.0

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..inference.criteria import DEFAULT
+from ..joints import arm_of
 from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .data import Case
@@ -150,9 +151,7 @@ def fastest_of(cases: Sequence[Case]) -> float:
             continue
         dt, values = np.diff(case.t[case.training]), case.values[case.training]
         for k, channel in enumerate(case.channels):
-            arm = 1.0
-            if channel.kind == "angle":
-                arm = next((i.values["length"] for i in case.recording.scene.laws_named("pin")), 1.0)
+            arm = arm_of(case.recording.scene, channel.body) if channel.kind == "angle" else 1.0
             step = np.abs(np.diff(values[:, k])) / dt * arm
             step = step[np.isfinite(step)]
             fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)

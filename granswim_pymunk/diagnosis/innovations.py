@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 from ..inference.significance import after_looks, normal_score
+from ..joints import arm_of
 from .data import Case
 from .fit import Fit, Fitter
 from .nulls import correlation_time
@@ -161,7 +162,7 @@ def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
             result[name] = (float(np.nanmin(column)), float(np.nanmax(column)))
     steps = np.linalg.norm(np.diff(xy, axis=0), axis=1) / np.diff(case.t[part])
     if not np.isfinite(steps).any() and case.recording.angle is not None:
-        length = case.recording.scene.laws_named("pin")[0].values["length"]
+        length = arm_of(case.recording.scene, body)
         steps = np.abs(np.diff(case.recording.angle[part, k])) / np.diff(case.t[part]) * length
     steps = steps[np.isfinite(steps)]
     if len(steps):

@@ -29,6 +29,7 @@ from ..diagnosis.fit import Fit
 from ..diagnosis.innovations import WindowMap
 from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
+from ..joints import arm_of
 from ..laws import Law
 from .style import (
     COLOURS,
@@ -1023,11 +1024,7 @@ def _seen_speeds(diagnosis: Diagnosis) -> np.ndarray:
             arm = 1.0
             if not columns:
                 columns = [k for k, c in enumerate(case.channels) if c.body == body]
-                arm = next(
-                    i.values["length"]
-                    for i in case.recording.scene.laws_named("pin")
-                    if body in (i.bodies or ())
-                )
+                arm = arm_of(case.recording.scene, body)
             steps = np.diff(case.values[case.training][:, columns], axis=0) / np.diff(t)[:, None] * arm
             speeds.append(np.sqrt(np.sum(steps**2, axis=1)))
     every = np.concatenate(speeds) if speeds else np.zeros(0)
