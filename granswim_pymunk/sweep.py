@@ -30,7 +30,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -193,11 +193,21 @@ def write_dataset(data: xr.Dataset, file: str | Path) -> None:
     file = Path(file)
     small = {name: {"zlib": True} for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fi"}
     whole = io.BytesIO()
-    data.to_netcdf(whole, engine="h5netcdf", encoding=small)
+    with _not_distributed():
+        data.to_netcdf(whole, engine="h5netcdf", encoding=small)
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(file) as stream:
             stream.write(whole.getbuffer())
+
+
+def _not_distributed() -> AbstractContextManager[Any]:
+    """On a worker of a cluster xarray would lock the file by a name that all know; what lies in memory has none."""
+    if "dask" not in sys.modules:
+        return nullcontext()
+    import dask
+
+    return dask.config.set(scheduler="synchronous")
 
 
 def read_dataset(file: str | Path) -> xr.Dataset:

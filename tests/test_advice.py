@@ -129,6 +129,7 @@ def test_command_says_the_steps_and_warns(tmp_path, capsys, caplog):
     assert main(arguments) == 0
     assert "a contact lasts" in capsys.readouterr().out and "resolves the fastest law" in caplog.text
     caplog.clear()
+    arguments.append("--overwrite")
     assert main([*arguments, "--softened", "100"]) == 0
     assert "resolves" not in caplog.text
     assert main([*arguments, "--softened", "0.1"]) == 2

@@ -16,7 +16,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.commands.diagnose import standing
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
@@ -52,6 +51,7 @@ from granswim_pymunk.inference.judge import Judgement, Remains
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
+from granswim_pymunk.result import standing
 from granswim_pymunk.scene import Scene, read_scene
 
 DATA = Path(__file__).parent / "data"
