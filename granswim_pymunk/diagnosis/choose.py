@@ -19,7 +19,7 @@ from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, sprea
 ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
 SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
-POOR = 0.03  # the share of the misfit (in chi2, on data inside the training part) that an explanation may leave
+POOR = 0.03  # share of the misfit (in chi2, inside the training part) left by one law, above which two are looked for
 REPLICATES = 299
 
 

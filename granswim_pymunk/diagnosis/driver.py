@@ -163,7 +163,7 @@ def diagnose_bodies(
     whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
     study.progress("what explains", 0.72)
     weighed = _weighed(study, tried, found, revised)
-    judged, found, revised, closest = _judged(study, tried, null, found, revised, spread, weighed)
+    judged, found, revised, closest = _judged(study, tried, found, revised, spread, weighed)
     verdict = judged.verdict
     flexible = weighed.best_form
     if len(found) == 2:
@@ -426,7 +426,7 @@ def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> We
 
 
 def _judged(
-    study: Study, tried: Tried, null: Null | None, found: list[Trial], revised: Fit, spread: float, weighed: Weighed
+    study: Study, tried: Tried, found: list[Trial], revised: Fit, spread: float, weighed: Weighed
 ) -> tuple[Judgement, list[Trial], Fit, list[tuple[Trial, Explained]]]:
     """The verdict of the contract, the laws or the nameless force that stand, their fit, and the names that fell."""
     recalibrated, notes = tried.recalibrated, study.notes
