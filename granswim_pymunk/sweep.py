@@ -173,7 +173,7 @@ def _pack(build: Build, measure: Measure) -> bytes:
 
     declared = []
     for law in all_laws().values():
-        if not law.function.__module__.startswith("granswim_pymunk."):
+        if not law.shipped:
             with suppress(Exception):  # one that this work may not need at all
                 declared.append(cloudpickle.dumps(law))
     try:

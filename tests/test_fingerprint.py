@@ -15,6 +15,7 @@ from granswim_pymunk.fingerprint import fingerprint
 from granswim_pymunk.laws import AUTOMATIC, Law, Parameter, all_laws, law
 from granswim_pymunk.laws.base import _REGISTRY
 from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.sweep import _pack
 
 K = [Parameter("k", "N/m", "stiffness")]
 
@@ -115,7 +116,7 @@ def test_hash_follows_a_changed_global() -> None:
 
 
 def test_hash_is_the_same_in_another_process() -> None:
-    names = [name for name, item in all_laws().items() if item.function.__module__.startswith("granswim")]
+    names = [name for name, item in all_laws().items() if item.shipped]
     text = (
         "from granswim_pymunk.fingerprint import fingerprint\nfrom granswim_pymunk.laws import all_laws\n"
         f"print(fingerprint([all_laws()[name].fingerprint for name in {names!r}]))"
@@ -140,7 +141,7 @@ def test_fingerprints_of_values() -> None:
 
 def test_every_law_of_the_package_comes_back_as_itself() -> None:
     for item in all_laws().values():
-        if item.function.__module__.startswith("granswim_pymunk."):
+        if item.shipped:
             assert pickle.loads(pickle.dumps(item)) is item
     assert pickle.loads(pickle.dumps(AUTOMATIC)) is AUTOMATIC and copy.deepcopy(AUTOMATIC) is AUTOMATIC
 
@@ -167,3 +168,12 @@ def test_a_law_that_changed_on_the_way_is_refused(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(spring.function, "__defaults__", (5.0,))
     with pytest.raises(pickle.UnpicklingError, match="law spring"):
         pickle.loads(sent)
+
+
+def test_a_law_of_no_module_hinders_nothing() -> None:
+    space: dict[str, Any] = {}
+    exec("def adrift(x, k):\n    return -k * x, 0.0\n", space)
+    own = declared(space["adrift"], name="adrift")
+    assert own.function.__module__ is None and not own.shipped
+    assert pickle.loads(pickle.dumps(own)) is own
+    assert _pack(math.sqrt, math.sqrt)

@@ -1100,7 +1100,7 @@ def compile_laws(used: Sequence[Law], offsets: Offsets | None) -> Kernel:
     in their laws share one kernel. A user's own law gets a kernel with just the laws it is used with,
     which is ready sooner.
     """
-    package = [law for law in all_laws().values() if (law.function.__module__ or "").startswith("granswim_pymunk.laws")]
+    package = [law for law in all_laws().values() if law.shipped]
     own = [law for law in dict.fromkeys(used) if law not in package]
     for law in own:
         if not law.compiled:

@@ -225,6 +225,11 @@ class Law:
         return tuple(inspect.signature(self.function).parameters)
 
     @property
+    def shipped(self) -> bool:
+        """Whether the law comes with the package; one made by ``exec`` has no module at all."""
+        return (self.function.__module__ or "").startswith("granswim_pymunk.")
+
+    @property
     def fingerprint(self) -> str:
         """What the law does: its functions, constants and all, and how it is declared. It keys caches."""
         declared = [self.name, self.kind, self.reach, self.strength, self.refines, self.form_of, self.compiled]
