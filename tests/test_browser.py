@@ -66,6 +66,37 @@ def test_report_is_whole_in_a_browser(report, tmp_path, width):
     assert int(says["first"]) >= 3
 
 
+# a window is never as narrow as a telephone: the page stands in a frame, and tells the page around it
+NARROW = """<!doctype html><script>addEventListener("message", e => {
+  for (const [k, v] of Object.entries(e.data)) document.documentElement.setAttribute("data-" + k, v);
+});</script><iframe style="border:0" width="%d" height="900" src="%s"></iframe>"""
+TELL = """<script>addEventListener("load", () => setTimeout(() => {
+  const film = document.querySelector("#film"), canvas = film.querySelector("canvas");
+  dispatchEvent(new Event("resize"));
+  const ink = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  parent.postMessage({
+    wide: innerWidth, overhang: document.documentElement.scrollWidth - innerWidth,
+    frame: film.querySelector("input").value, drawn: Number(ink.some(v => v > 0)),
+    cut: [...document.querySelectorAll("td, th, .values")].filter(e => {
+      const around = e.closest(".scroll");
+      return !around && e.getBoundingClientRect().right > innerWidth + 1;
+    }).length,
+  }, "*");
+}, 1500));</script>"""
+
+
+@pytest.mark.parametrize("width", [1200, 800, 400])
+def test_the_film_plays_and_nothing_is_cut_off(report, tmp_path, width):
+    text = report.read_text(encoding="utf-8")
+    assert 'id="film"' in text
+    (tmp_path / "told.html").write_text(text.replace("</body>", TELL + "</body>"), encoding="utf-8")
+    (tmp_path / "around.html").write_text(NARROW % (width, "told.html"), encoding="utf-8")
+    page = opened(tmp_path / "around.html", 1400, 1000, "--dump-dom")
+    says = dict(re.findall(r'data-(\w+)="(-?\d+)"', page))
+    assert says["wide"] == str(width) and int(says["overhang"]) <= 0 and says["cut"] == "0"
+    assert int(says["frame"]) > 0 and says["drawn"] == "1", says
+
+
 def test_screenshot_of_the_docs(report, tmp_path):
     shot = tmp_path / "report.png"
     opened(report, 1000, 1300, f"--screenshot={shot}")

@@ -2,16 +2,19 @@
 
 import base64
 import io
+import json
 import re
 import warnings
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.driver import Diagnosis, diagnose_bodies
 from granswim_pymunk.diagnosis.experiment import Proposal
 from granswim_pymunk.diagnosis.held_out import Errors
@@ -20,7 +23,9 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import write_report
+from granswim_pymunk.report.films import places
 from granswim_pymunk.report.page import fitted_numbers, headline, remainder, summary
+from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.style import prefixed
 from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
@@ -96,6 +101,7 @@ class _Page(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.loads: list[str] = []
+        self.scripts = 0
         self.images: list[bytes] = []
         self.links: list[str] = []
         self.ids: set[str] = set()
@@ -112,7 +118,8 @@ class _Page(HTMLParser):
             self.ids.add(given["id"])
         if tag == "a":
             self.links.append(given["href"])
-        if tag in ("script", "link", "iframe", "object"):
+        self.scripts += tag == "script"
+        if tag in ("link", "iframe", "object") or (tag == "script" and "src" in given):
             self.loads.append(tag)
         if tag == "img":
             assert given["alt"]
@@ -124,7 +131,7 @@ class _Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if self.open[-1:] != ["style"]:
+        if self.open[-1:] not in (["style"], ["script"]):
             self.words.append(data)
 
     @property
@@ -142,6 +149,7 @@ def test_page_is_whole_and_needs_nothing_beside_it(cases, written, verdict):
     text = path.read_text(encoding="utf-8")
     page = _Page(text)
     assert page.loads == []
+    assert page.scripts == 2  # the film and what it plays
     assert "http" not in text and "url(" not in text and "@import" not in text
     # every figure is embedded, and lies beside as a file with the same content
     files = {p.stem: p.read_bytes() for p in (path.parent / "figures").glob("*.png")}
@@ -153,6 +161,56 @@ def test_page_is_whole_and_needs_nothing_beside_it(cases, written, verdict):
     assert {link for link in page.links} <= {f"#{name}" for name in page.ids}
     assert "nan" not in page.text.lower().split() and "None" not in page.text
     assert not [p for p in path.parent.rglob(".*")]  # no temporary file is left
+
+
+def film_in(page: str) -> dict[str, Any] | None:
+    """What the player of a page plays."""
+    data = re.search(r'<figure id="film".*?<script type="application/json">(.*?)</script>', page, re.S)
+    return None if data is None else json.loads(data[1])
+
+
+def test_the_film_shows_recording_and_simulations(cases, written):
+    case = cases["missing_physics"]
+    played = film_in(written["missing_physics"].read_text(encoding="utf-8"))
+    assert played is not None
+    assert [name for name, *_ in played["panels"]] == ["seen", "naive", "revised"]
+    left, bottom, _, _ = played["box"]
+    told = np.array(played["panels"][0][2], dtype=float) / played["steps"] * played["size"] + (left, bottom)
+    seen = case.cases[0].recording.xy[:, 0]
+    np.testing.assert_allclose(told, seen, atol=played["size"] / played["steps"])
+    naive, revised = (np.array(p[2], dtype=float) for p in played["panels"][1:])
+    true = np.array(played["panels"][0][2], dtype=float)
+    assert np.nanmax(np.abs(revised - true)) < 0.2 * np.nanmax(np.abs(naive - true))
+    assert played["held"][0] == 0 and played["held"][-1] == 1
+
+
+def test_what_plays_is_thinned_boxed_and_cannot_end_its_script():
+    t = np.linspace(0, 10, 5000)
+    seen = np.stack([np.cos(t), np.sin(t)], axis=1)[:, None]
+    seen[7] = np.nan
+    away = seen * np.linspace(1, 1e6, 5000)[:, None, None]
+    moving = Moving(t, {"seen": seen, "naive": away}, ["</script>"], np.array([0.01]), np.zeros(5000, bool),
+                    lines=[(0, (0.0, 2.0))])  # fmt: skip
+    thin = moving.thinned()
+    assert len(thin.t) <= MOST_FRAMES and thin.t[0] == t[0] and thin.t[-1] == t[-1]
+    found = box(moving)
+    assert found is not None and found[2] < 10 and found[3] < 10 and found[1] + found[3] > 2
+    page = player(moving)
+    assert page.count("</script>") == 2
+    assert film_in(page)["names"] == ["</script>"]  # type: ignore[index]
+    assert player(None) == player(replace(moving, panels={"seen": np.full_like(seen, np.nan)})) == ""
+
+
+def test_a_pendulum_of_which_the_angle_alone_was_seen_is_placed_by_its_pin():
+    pin = use("pin", bodies=("bob",), anchor=(1.0, 2.0), length=0.5)
+    scene = Scene((Body("bob", "free", 1e-2, 0.1, True),), (pin,), gravity=(0.0, -9.81))
+    angle = np.linspace(0.0, np.pi / 2, 30)[:, None]
+    angle[7] = np.nan
+    recording = Recording("a", scene, np.arange(30) / 30, ("bob",), np.full((30, 1, 2), np.nan), angle)
+    case = prepare(recording, held_out=False, split=False)
+    found = places(case, case.values)
+    np.testing.assert_allclose(found[[0, -1], 0], [[1.0, 1.5], [1.5, 2.0]], atol=1e-12)
+    assert np.isnan(found[7]).all()
 
 
 @pytest.mark.parametrize(

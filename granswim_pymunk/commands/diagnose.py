@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--minutes", type=float, metavar="M", help="time budget")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the nulls")
+    parser.add_argument("--open", action="store_true", help="show the report in the browser when it is there")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -60,5 +61,11 @@ def main(args: argparse.Namespace) -> int:
         print(f"  {title} [{unit}]: {shown or 'nothing'}")
     for note in verdict["notes"]:
         print(f"  note: {note}")
-    print(f"report: {out / 'report.html'}")
+    report = out / "report.html"
+    print(f"report: {report}")
+    if args.open:
+        import webbrowser
+
+        if not webbrowser.open(report.resolve().as_uri()):
+            print("no browser was found to show it in")
     return 0

@@ -24,6 +24,8 @@ from ..diagnosis.innovations import Whiteness
 from ..errors import InputError
 from ..laws import all_laws
 from .figures import drawn_over, figures, p_text
+from .films import film_of
+from .player import player
 from .sheet import STYLE_SHEET
 from .words import (
     NARROW,
@@ -724,7 +726,7 @@ def page(diagnosis: Diagnosis, pictures: dict[str, bytes]) -> str:
         _law_box(diagnosis),
         f"<p>{summary(diagnosis)}</p>",
         "<h2>Errors</h2>", _error_table(diagnosis), _error_text(diagnosis),
-        "<h2>Track and simulation</h2>", picture("overlay"), picture("errors_over_time"),
+        "<h2>Track and simulation</h2>", player(film_of(diagnosis)), picture("overlay"), picture("errors_over_time"),
         "<h2>Is what remains noise?</h2>", picture("innovations"),
     ]  # fmt: skip
     if diagnosis.places or "windows" in pictures:

@@ -48,6 +48,13 @@ th.n { white-space: normal; }
 figure { margin: 1.3rem 0 1.8rem; }
 figure img { display: block; width: 100%; height: auto; min-width: 30rem; }
 figcaption { margin-top: .5rem; }
+.film canvas { display: block; width: 100%; touch-action: pan-y; }
+.film .play { display: flex; gap: .6rem; align-items: center; flex-wrap: wrap; margin-top: .3rem; }
+.film button { font: inherit; width: 2.4rem; padding: .1rem 0; color: var(--ink); background: var(--tint);
+  border: 1px solid var(--line); border-radius: 5px; }
+.film input { flex: 1 1 10rem; accent-color: var(--revised); border-radius: 4px; }
+.film output { flex: 1 0 100%; font-size: .88rem; color: var(--soft); font-variant-numeric: tabular-nums; }
+@media print { .film { display: none; } }
 sub, sup { line-height: 0; }
 ul { padding-left: 1.1rem; margin: .5rem 0; }
 @media print { main { max-width: none; padding: 0; } body { font-size: 10.5pt; } figure img { min-width:
