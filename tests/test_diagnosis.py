@@ -601,3 +601,18 @@ def test_z_ends_where_doubles_end():
     # windows that fit far better than expected have p = 1 to the last digit
     assert normal_score(1.0) == pytest.approx(-7.94, abs=0.01)
     assert normal_score(0.0) == pytest.approx(37.0, abs=0.1) and normal_score(0.5) == 0.0
+
+
+def test_friction_of_a_joint_and_of_the_substrate_are_one_law_for_a_pendulum():
+    """m g mu at the end of the arm is the torque m g mu l, and both are smooth below the same speed."""
+    still = replace(pendulum(), bodies=tuple(replace(b, initial=(0.05, -0.19, 0.0, 0.0)) for b in pendulum().bodies))
+    case = prepare(filmed(still, still, SWING[:150], np.random.default_rng(3)), held_out=False, split=False)
+    terms = {t.label: t for t in named_terms([case])}
+    mu, fit = 0.02, Fitter([case], Predictor({case.name: 1e-3}))
+    starts = fit.first_numbers(case.name)
+    seen = [
+        fit.vector(case, Hypothesis((terms[name],)), np.array([amount]), starts)
+        for name, amount in (("coulomb_substrate", mu), ("pin_friction", mu * 0.1 * 9.81 * 0.2))
+    ]  # fmt: skip
+    change = np.abs(seen[0] - fit.vector(case, Hypothesis(), np.zeros(0), starts)).max()
+    assert np.abs(seen[0] - seen[1]).max() < 1e-4 * change and change > 10

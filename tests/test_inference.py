@@ -1,5 +1,7 @@
 """What explains, what passes for noise, where tracks are cut: the steps of a diagnosis one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,7 +14,17 @@ from granswim_pymunk.diagnosis.segments import find_impacts, make_segments
 from granswim_pymunk.diagnosis.solve import Blocks, descend
 from granswim_pymunk.inference.blocks import Explained, Scores, explained
 from granswim_pymunk.inference.judge import accepted, completeness, paired
-from granswim_pymunk.inference.noise import Noise, fit_noise, outliers
+from granswim_pymunk.inference.noise import (
+    Noise,
+    Seen,
+    coloured,
+    fit_noise,
+    outliers,
+    slopes,
+    slow_part,
+    timing,
+    whitened,
+)
 from granswim_pymunk.inference.significance import after_looks
 
 
@@ -153,3 +165,81 @@ def test_the_arm_of_a_body_is_that_of_its_pin_or_of_the_hinge_it_hangs_from():
     scene = read_recording(folder).scene
     assert arm_of(scene, scene.ids[0]) == scene.laws_named("pin")[0].values["length"]
     assert arm_of(collision(0.9), "a") == 1.0
+
+
+def slow_and_white(frames: np.ndarray, noise: Noise) -> np.ndarray:
+    return np.eye(len(frames)) + noise.size**2 * np.exp(-np.abs(frames[:, None] - frames) / noise.memory)
+
+
+def test_squares_of_whitened_residuals_are_those_of_the_full_covariance():
+    rng = np.random.default_rng(4)
+    noise, frames = Noise(0.7, 12.0), np.concatenate([np.arange(40), np.arange(55, 120)])  # a burst of lost frames
+    r = noise.draw((len(frames), 3), rng)
+    r[rng.random(r.shape) < 0.1] = np.nan
+    white, half = whitened(r, frames, noise)
+    squares, logarithm = 0.0, 0.0
+    for c in range(3):
+        seen = np.isfinite(r[:, c])
+        covariance = slow_and_white(frames[seen], noise)
+        squares += r[seen, c] @ np.linalg.solve(covariance, r[seen, c])
+        logarithm += np.linalg.slogdet(covariance)[1]
+    assert np.nansum(white**2) == pytest.approx(squares, rel=1e-10)
+    assert 2 * half == pytest.approx(logarithm, rel=1e-10)
+    assert np.allclose(coloured(white, frames, noise), r, equal_nan=True, atol=1e-12)
+
+
+def left_by_a_fit(r: np.ndarray) -> Seen:
+    """What a quadratic in time leaves of two channels: a start and a steady force."""
+    count = len(r)
+    t = np.linspace(-1, 1, count)
+    by_start, by_value = np.zeros((count, 2, 4)), np.zeros((count, 2, 2))
+    for c in range(2):
+        by_start[:, c, 2 * c], by_start[:, c, 2 * c + 1], by_value[:, c, c] = 1.0, t, t**2
+    whole = np.concatenate([by_value, by_start], axis=-1).reshape(2 * count, 6)
+    rest = r.ravel() - whole @ np.linalg.lstsq(whole, r.ravel(), rcond=None)[0]
+    return Seen(rest.reshape(count, 2), np.arange(count), by_value, by_start, np.zeros((0, 6)), np.zeros(0))
+
+
+def test_a_slow_part_is_found_that_a_fit_has_partly_taken_away():
+    rng = np.random.default_rng(5)
+    found = [slow_part([left_by_a_fit(Noise(1.0, 20.0).draw((300, 2), rng))]) for _ in range(6)]
+    assert np.median([n.size for n in found]) >= 0.8 and np.median([n.memory for n in found]) >= 10
+    nothing = [slow_part([left_by_a_fit(rng.normal(size=(300, 2)))]) for _ in range(10)]
+    assert sum(n.size > 0 for n in nothing) <= 2
+
+
+def test_errors_of_the_stamps_are_told_from_white_noise():
+    rng = np.random.default_rng(6)
+    t = np.arange(0.0, 3.0, 0.02)
+
+    def film(jitter: float) -> np.ndarray:
+        moments = t + jitter * rng.normal(size=len(t))
+        way = np.column_stack([0.2 * np.sin(4 * moments), 0.3 * moments, 0.1 * np.cos(4 * moments), 0.02 * moments])
+        return way + 1e-4 * rng.normal(size=way.shape)
+
+    sigma = np.full(4, 1e-4)
+    tau, larger = timing(t, film(1e-3), sigma)
+    assert tau == pytest.approx(1e-3, rel=0.3) and larger == pytest.approx(1.0, abs=0.2)
+    assert timing(t, film(1e-3), sigma, stated=1e-3)[0] == 1e-3
+    assert timing(t, film(0.0), sigma)[0] == 0.0
+    kinked = film(0.0)
+    kinked[60:] += 3.0 * np.maximum(t[60:] - t[60], 0.0)[:, None]  # a collision is no error of a stamp
+    assert timing(t, kinked, sigma)[0] == 0.0
+
+
+def test_a_start_is_fitted_by_the_noise_as_it_is():
+    """Slow noise and late stamps: chi2 is that of the numbers, and intervals are wide enough."""
+    rng = np.random.default_rng(7)
+    case = prepare(filmed(collision(1.0), collision(1.0), SHORT, rng), held_out=False, split=False)
+    quiet = replace(case, late=None, noise=Noise())
+    slow = replace(quiet, noise=Noise(1.0, 15.0), late=2.0 * slopes(case.t, case.values))
+    rows = np.ones(len(case.t), dtype=bool)
+    drawn = slow.draw(rng) / slow.sigma
+    assert np.allclose(slow.raw(slow.white(drawn, rows), rows), drawn, equal_nan=True)
+    squares = [np.nanmean(slow.white(slow.draw(rng) / slow.sigma, rows) ** 2) for _ in range(50)]
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.03)
+    assert np.nanmean((slow.draw(rng) / slow.sigma) ** 2) > 1.5
+    noisy = replace(slow, values=case.values + slow.draw(rng))
+    fit = Fitter([noisy], Predictor({case.name: 1e-3}), {case.name: rows}, whole=True).fit(Hypothesis())
+    assert np.allclose(fit.innovations[case.name], noisy.raw(fit.white[case.name], rows), equal_nan=True)
+    assert fit.chi2 == pytest.approx(float(np.nansum(fit.white[case.name] ** 2)))

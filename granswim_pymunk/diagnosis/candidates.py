@@ -121,7 +121,12 @@ def _stretches(law: Law) -> tuple[float, ...]:
 
 
 def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
-    """Values of parameters that are not fitted but belong to the recording's training part: sizes of flexible arms."""
+    """Values of parameters that are not fitted but belong to the recordings.
+
+    Sizes of flexible arms, from the training parts; of a joint's law the rate below which it is smooth.
+    """
+    if law.kind == "joint":
+        return _smooth_below(law, cases)
     if law.candidate != "flexible":
         return {}
     names = {p.name for p in law.parameters}
@@ -141,6 +146,25 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
             result["centre"] = tuple(float(v) for v in every.mean(axis=0))
             result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
     return result
+
+
+def _smooth_below(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
+    """Rates [rad/s] below which a law of joints is smooth, those at which the law it stands for becomes smooth [m/s].
+
+    Where a body hangs from one joint both are then the same law, and the data cannot prefer either.
+    """
+    speeds = [
+        float(p.default) for name in law.stands_for for p in all_laws()[name].parameters
+        if p.unit == "m/s" and p.size == 1 and p.default is not None
+    ]  # fmt: skip
+    rates = [p.name for p in law.parameters if p.unit == "rad/s" and p.default is not None]
+    arms = [
+        arm_of(c.recording.scene, b) for c in cases for name in law.preferred_where
+        for item in c.recording.scene.laws_named(name) for b in (item.bodies or ())[-1:]
+    ]  # fmt: skip
+    if not speeds or not arms or min(arms) <= 0:
+        return {}
+    return {name: speeds[0] / float(np.mean(arms)) for name in rates}
 
 
 def fastest_of(cases: Sequence[Case]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy import stats
 
 from ..errors import InputError
 from ..inference.criteria import DEFAULT
-from ..inference.noise import outliers
+from ..inference.noise import Noise, coloured, outliers, slopes, timing, whitened
 from ..joints import hinged
 from ..recording import Recording
 
@@ -36,7 +36,8 @@ class Case:
 
     t : (T,) frame times [s];  values : (T, c) measured numbers, NaN where there is none;
     sigma : (c,) one standard deviation of the white noise;  sigma_known : given by the experimenter, and not refuted
-    notes : what was found of the noise
+    notes : what was found of the noise;  noise : its slow part, as it was estimated from what the best fit leaves
+    late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma
     training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
         parameters are known; scored as held out
     """
@@ -52,6 +53,45 @@ class Case:
     scored: np.ndarray
     held_out: bool
     notes: tuple[str, ...] = ()
+    noise: Noise = field(default_factory=Noise)
+    late: np.ndarray | None = None
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(T,) numbers of the frames, lost ones counted: how often the median time between frames has passed."""
+        steps = np.diff(self.t)
+        return np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))])
+
+    def timed(self, innovations: np.ndarray, frames: np.ndarray, back: bool = False) -> np.ndarray:
+        """Innovations (T_frames, c) with what stamps that are off do to all numbers of a frame scaled down to one.
+
+        (1 + u u')^-1/2 r, u what a stamp of one standard deviation moves: the root of the covariance of a frame.
+        ``back``: the other way.
+        """
+        if self.late is None:
+            return innovations
+        u = np.where(np.isfinite(innovations), self.late[frames], 0.0)
+        size = np.sum(u**2, axis=1)
+        root = np.sqrt(1.0 + size)
+        factor = np.where(size > 0, (root - 1.0 if back else 1.0 / root - 1.0) / np.maximum(size, 1e-300), 0.0)
+        return np.asarray(innovations + u * (factor * np.nansum(u * innovations, axis=1))[:, None])
+
+    def white(self, innovations: np.ndarray, frames: np.ndarray) -> np.ndarray:
+        """Innovations (T_frames, c) on ``frames`` (T,), uncorrelated and of unit size where they are this noise."""
+        timed = self.timed(innovations, frames)
+        return whitened(timed, self.numbers[frames], self.noise)[0] if self.noise.size else timed
+
+    def raw(self, white: np.ndarray, frames: np.ndarray) -> np.ndarray:
+        """The innovations that ``white`` makes these of."""
+        timed = coloured(white, self.numbers[frames], self.noise) if self.noise.size else white
+        return self.timed(timed, frames, back=True)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """(T, c) noise like that of the recording [m or rad]."""
+        drawn = self.noise.draw(self.values.shape, rng)
+        if self.late is not None:
+            drawn = drawn + self.late * rng.normal(size=(len(self.t), 1))
+        return np.asarray(drawn * self.sigma)
 
     @property
     def name(self) -> str:
@@ -136,11 +176,14 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
     values = np.column_stack(columns)
-    notes, lost = list[str](), 0
+    notes, lost, tau = list[str](), 0, 0.0
     if clean:
         values, lost = _without_outliers(t, values, channels, sigmas)
-        sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known)
+        sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise)
+        sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
         known = known and not refuted
+        if tau:
+            notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
     if lost:
         notes.append(f"{recording.name}: {lost} single sightings are off by more than noise and are left out")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
@@ -156,8 +199,32 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     else:
         training, start, scored = ~nothing, ~nothing, nothing
     return Case(
-        recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes)
-    )
+        recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
+        late=tau * slopes(t, values) / sigma_array if tau else None,
+    )  # fmt: skip
+
+
+def _timed_noise(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
+    stated: float | None,
+) -> tuple[list[float], float]:  # fmt: skip
+    """Sizes of the white noise beside an error of the stamps [s], 0 where none shows.
+
+    Where no size was given, one camera has one: that of the channel that shows least.
+    """
+    base = list(sigmas)
+    if not known:
+        for kinds in (("x", "y"), ("angle",)):
+            mine = [k for k, channel in enumerate(channels) if channel.kind in kinds and sigmas[k] > 0]
+            for k in mine:
+                base[k] = min(sigmas[m] for m in mine)
+    if min(base) <= 0:
+        return list(sigmas), 0.0
+    tau, larger = timing(t, values, np.array(base), stated)
+    if not tau:
+        return list(sigmas), 0.0
+    off = abs(np.log(larger)) > DEFAULT.noise.stated_off
+    return [b * larger if off or not known else b for b in base], tau
 
 
 def _without_outliers(
@@ -179,16 +246,17 @@ def _without_outliers(
 
 
 def _weighed_noise(
-    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool
-) -> tuple[list[float], bool, list[str]]:
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
+    tau: float = 0.0,
+) -> tuple[list[float], bool, list[str]]:  # fmt: skip
     """Sizes of the noise, whether what was stated is refuted by the recording itself, and what is to be said of it.
 
     What neighbouring frames say is believed where all channels of a kind together are off by more than
     ``stated_off``, and are told well enough.
     """
     result, refuted, notes = list(sigmas), False, list[str]()
-    if not known:
-        return result, False, notes
+    if not known or tau:  # with the stamps the white part was weighed too
+        return result, bool(tau), notes
     for kinds, what, unit in ((("x", "y"), "positions", "m"), (("angle",), "angles", "rad")):
         ratios, told = [], 0
         for c, channel in enumerate(channels):

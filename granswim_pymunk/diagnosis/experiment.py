@@ -11,6 +11,8 @@ from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Predictor
 
+DECIDES = 2.0  # d' from which an experiment is worth doing: below, chance decides one time in six
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -28,7 +30,7 @@ def _shortened(case: Case, most: int = 400) -> Case:
     keep = slice(0, most)
     return replace(
         case, t=case.t[keep], values=case.values[keep], training=case.training[keep], start=case.start[keep],
-        scored=case.scored[keep],
+        scored=case.scored[keep], late=None if case.late is None else case.late[keep],
     )  # fmt: skip
 
 
@@ -60,7 +62,7 @@ def propose(
         ("start at half the speed", 1.0, 0.5, 1.0),
         ("start at twice the speed", 1.0, 2.0, 1.0),
     ]
-    if any(s.form == "pin" for case in training for s in winner.start_of(case.name)[0]):
+    if any(s.form in ("pin", "hinge", "rod") for case in training for s in winner.start_of(case.name)[0]):
         changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
     for text, longer, faster, wider in changes:
         total = 0.0
@@ -83,9 +85,14 @@ def propose(
         d = float(np.sqrt(total))
         if best is None or d > 1.1 * best.d_prime:
             best = Proposal(text, names, d)
-    if best is None or best.d_prime < 2:
-        return _apparatus_check(winner, names, training) or best
-    return best
+    if best is not None and best.d_prime >= DECIDES:
+        return best
+    told = _apparatus_check(winner, names, training)
+    if told is not None and told.d_prime >= DECIDES:
+        return told
+    if best is None:
+        return told
+    return replace(best, change=f"none of these would decide: {', '.join(text for text, *_ in changes)}")
 
 
 def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) -> Proposal | None:
@@ -123,7 +130,7 @@ def _changed(described, numbers, faster, wider):
     result = numbers.copy()
     at = 0
     for start in described:
-        names = {"free": "xyvv", "pin": "as", "rail": "xyv", "drive": "xy"}[start.form]
+        names = {"free": "xyvv", "pin": "as", "rail": "xyv", "drive": "xy", "hinge": "as", "rod": "as"}[start.form]
         for kind, is_free in zip(names, start.free, strict=True):
             if not is_free:
                 continue

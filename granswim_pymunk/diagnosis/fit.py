@@ -32,6 +32,7 @@ class Fit:
     values : (p,) free numbers of the terms;  starts : numbers of each recording's starts, segment after segment
     segments : of each recording, one where the whole of it is followed from one start
     innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
+    whitened : the same with the memory of the noise taken out (``Case.white``); left out where it has none
     steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording
     covariance : (p, p) of the values, noise taken as known and white
     chi2, count : sum of squared innovations and steps, and how many innovations there are
@@ -50,6 +51,12 @@ class Fit:
     jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     steps: Mapping[str, np.ndarray] = field(default_factory=dict)
+    whitened: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def white(self) -> Mapping[str, np.ndarray]:
+        """Innovations with the memory of the noise taken out, the squares of which chi2 sums up."""
+        return self.whitened or self.innovations
 
     @property
     def numbers(self) -> int:
@@ -73,7 +80,7 @@ class Fit:
 
     def used(self, case: str) -> np.ndarray:
         """Innovations of a recording as one vector, the steps between its segments after them, weighted."""
-        array, steps = self.innovations[case], self.steps.get(case, np.zeros(0))
+        array, steps = self.white[case], self.steps.get(case, np.zeros(0))
         return np.concatenate([array[np.isfinite(array)], steps * self._step_roots(case)])
 
     def _step_roots(self, case: str) -> np.ndarray:
@@ -208,7 +215,7 @@ class Fitter:
         except Failed:
             lost = nothing if after is None else np.full(after[1].size, HOPELESS)
             return part, np.where(np.isfinite(seen), HOPELESS, np.nan), lost
-        innovations = (seen - predicted) / case.sigma
+        innovations = case.white((seen - predicted) / case.sigma, part.frames)
         if case.name in self.weights:
             innovations = innovations * self.weights[case.name][part.frames, None]
         if after is None or end is None:
@@ -633,14 +640,15 @@ class Fitter:
         return result[:, :p], result[:, p:]
 
     def _finish(self, hypothesis, x, numbers, fixed, near: Fit | None = None) -> Fit:
-        innovations, jacobian, steps = {}, {}, {}
+        innovations, white, jacobian, steps = {}, {}, {}, {}
         p = len(hypothesis.free)
         chi2, count = 0.0, 0
         for c in self.cases:
             frames = self.frames[c.name]
             full = np.full(c.values.shape, np.nan)
             full[frames], steps[c.name] = self.innovations(c, hypothesis, x, numbers[c.name], frames)
-            innovations[c.name] = full
+            white[c.name] = full
+            innovations[c.name] = self._raw(c, full, numbers[c.name])
             seen = full[np.isfinite(full)]
             here = np.concatenate([seen, steps[c.name]])
             kept = None if near is None else near.jacobian.get(c.name, (None, None))[1]
@@ -653,8 +661,18 @@ class Fitter:
         covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
         return Fit(
             hypothesis, np.array(x), numbers, self.segments, innovations, chi2, count, covariance, jacobian,
-            steps=steps,
+            steps=steps, whitened=white,
         )  # fmt: skip
+
+    def _raw(self, case: Case, white: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Innovations (T, c) as they were before ``Case.white``, which begins anew in each segment."""
+        if not case.noise.size and case.late is None:
+            return white
+        raw = white.copy()
+        for part in self._parts(case, numbers, self.frames[case.name]):
+            weight = self.weights[case.name][part.frames, None] if case.name in self.weights else 1.0
+            raw[part.frames] = case.raw(white[part.frames] / weight, part.frames) * weight
+        return raw
 
     def predict(self, fit: Fit, case: Case, frames: np.ndarray) -> np.ndarray:
         """Predicted channels (T, c) on ``frames`` and all before them, NaN elsewhere. Raises Failed."""

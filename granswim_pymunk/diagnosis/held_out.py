@@ -223,7 +223,7 @@ def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
     if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
         return []
     rows = np.flatnonzero(case.scored)
-    count = max(1, min(criteria.pieces, len(rows) // criteria.frames))
+    count = max(1, min(criteria.windows, len(rows) // criteria.frames))
     result = []
     for part in np.array_split(rows, count):
         cut = max(int(criteria.start * len(part)), criteria.start_frames)
@@ -344,6 +344,6 @@ def _as_explained(
 
 def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator) -> Case:
     """The recording with noise of its own, seen where it was."""
-    noisy = truth + rng.normal(size=truth.shape) * case.sigma
+    noisy = truth + case.draw(rng)
     noisy[~np.isfinite(case.values)] = np.nan
     return replace(case, values=noisy)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ..inference.noise import Noise, Seen, slow_part
 from ..inference.significance import after_looks, normal_score
 from ..joints import arm_of
 from .data import Case
@@ -27,11 +28,12 @@ class Whiteness:
     p: float
 
 
-def series_of(fit: Fit, cases: Sequence[Case]) -> list[np.ndarray]:
-    """One series for each channel that was used, in the order of ``Fit.used`` stacked channel by channel."""
+def series_of(fit: Fit, cases: Sequence[Case], white: bool = False) -> list[np.ndarray]:
+    """One series for each channel that was used; ``white``: with the memory of the noise taken out."""
     result = []
     for case in cases:
-        array = fit.innovations[case.name]
+        everything = np.ones(len(case.t), dtype=bool)
+        array = fit.white[case.name] if white else case.timed(fit.innovations[case.name], everything)
         for c in range(array.shape[1]):
             column = array[:, c]
             result.append(column[np.isfinite(column)])
@@ -47,7 +49,7 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
     # Ljung-Box over all channels
     q, lags = 0.0, 0
     memory = []
-    for series in series_of(fit, cases):
+    for series in series_of(fit, cases, white=True):
         n = len(series)
         if n < 12:
             continue
@@ -67,10 +69,33 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
     return Whiteness(z, float(np.mean(memory)) if memory else 1.0, p)
 
 
+ANEW = 1_000_000  # frames between two segments, for a memory that ends where one begins
+
+
+def memory_of(fit: Fit, cases: Sequence[Case]) -> Noise:
+    """The slow part of the noise, told from what a fit leaves and counted with what it takes away."""
+    recordings = []
+    for case in cases:
+        if case.name not in fit.innovations:
+            continue
+        residuals = case.timed(fit.innovations[case.name], np.ones(len(case.t), dtype=bool))
+        by_value, by_start = fit.jacobian[case.name]
+        seen = np.isfinite(residuals)
+        count = int(seen.sum())
+        spread_out = [np.zeros((*residuals.shape, by.shape[1])) for by in (by_value, by_start)]
+        for out, by in zip(spread_out, (by_value, by_start), strict=True):
+            out[seen] = by[:count]
+        begins = [case.t[s.frames][0] for s in fit.segments[case.name]]
+        frames = case.numbers + ANEW * np.searchsorted(begins, case.t, side="right")
+        ties = np.hstack([by_value[count:], by_start[count:]])
+        recordings.append(Seen(residuals, frames, spread_out[0], spread_out[1], ties, fit.used(case.name)[count:]))
+    return slow_part(recordings) if recordings else Noise()
+
+
 def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
     """By how much variances grow because innovations are larger than the noise, or remember: 1 for white noise."""
     dof = max(fit.count - free, 1)
-    memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases)] or [1.0]))
+    memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases, white=True)] or [1.0]))
     size = fit.chi2 / dof
     if size < 1 + 4 * math.sqrt(2 / dof) and memory < 1.5:
         return 1.0
@@ -130,7 +155,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
             spread = scale[case.name]
             for body in case.bodies:
                 columns = [k for k, c in enumerate(case.channels) if c.body == body]
-                values = found.innovations[case.name][:, columns]
+                values = found.white[case.name][:, columns]
                 values = values[np.isfinite(values)]
                 numbers = sum(int(s.free.sum()) for s in inner.segments[case.name][0].starts if s.body == body)
                 dof = max(len(values) - numbers, 1)

@@ -106,13 +106,13 @@ class InnerSplit:
         first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=evaluations)
         by_case, total, count = {}, 0.0, 0
         for case in self.cases:
-            both = whole.innovations[case.name]
+            both = whole.white[case.name]
             before = both[self.fitter.frames[case.name]]
             n = int(np.isfinite(both[self.rest[case.name]]).sum())
             left = float(np.nansum(both**2)) + whole.step_loss(case.name)
             # of the first part: no worse than the fit to all is there
             least = float(np.nansum(before**2)) + whole.step_loss(case.name, len(first.steps[case.name]))
-            alone = float(np.nansum(first.innovations[case.name] ** 2)) + first.step_loss(case.name)
+            alone = float(np.nansum(first.white[case.name] ** 2)) + first.step_loss(case.name)
             left -= min(alone, least)
             if n:
                 by_case[case.name] = left / n

@@ -102,4 +102,4 @@ def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[tuple[np.nd
     if spread <= 1.0:
         return 1.0 if all(c.sigma_known for c in cases) else float(np.sqrt(fit.chi2 / free))
     size = np.sqrt(fit.count / free)
-    return [(fit.innovations[c.name] * size, len(fit.steps.get(c.name, ()))) for c in cases]
+    return [(fit.white[c.name] * size, len(fit.steps.get(c.name, ()))) for c in cases]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -33,24 +34,83 @@ def second_law(
     """Add a second law where it is significant and predicts better."""
     if not found:
         return found, revised
+    found, revised, best = _one_more(found, revised, recalibrated, fitter, terms, inner, rng, training)
+    if best is None or best.fit is None:
+        return found, revised
     first = found[0]
-    rest = [t for t in terms if t.mechanism != first.mechanism]
+    inner_scores[label_of(first, best)] = best.inner
+    # beside the second law another drag than the one that came first alone may do better
+    both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
+    pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
+    if pair is not both and pair[0].fit is not None:
+        return pair, pair[0].fit
+    return [first, best], best.fit
+
+
+def third_law(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], rng: np.random.Generator, training: Sequence[Case],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """Add a third law to two where it is significant, predicts better and leaves the other two their place."""
+    if len(found) != 2:
+        return found, revised
+    apart = [t for t in terms if not any(any_field(f.term, t, terms) for f in found)]
+    two, alone, best = _one_more(found, revised, recalibrated, fitter, apart, inner, rng, training)
+    if best is None or best.fit is None:
+        return two, alone
+    fit, at = best.fit, len(recalibrated.values)
+    spread = spread_of(fit, training)
+    for t in two:
+        # what the third does in place of one of the two is no third law
+        ends = [fit.interval(at + k, spread)[1:] for k in range(t.numbers)]
+        inside = [low <= f.neutral <= high for f, (low, high) in zip(t.term.free, ends, strict=True) if not f.inner]
+        if inside and all(inside):
+            return two, alone
+        at += t.numbers
+    gain = recalibrated.chi2 - fit.chi2
+    inner_scores[label_of(*two, best)] = best.inner
+    return [replace(t, fit=fit, gain=gain, inner=best.inner) for t in (*two, best)], fit
+
+
+def price(candidates: int, numbers: int) -> float:
+    """Fall in chi2 that one more law of a set has to earn: 2 ln(n_0/p_0) of n_0 candidates, and AIC of its numbers.
+
+    Source: Gerardos & Ronceray 2025, Phys. Rev. Lett. 135, 167401.
+    """
+    return 2 * math.log(max(candidates, 1) / BY_CHANCE) + 2 * (numbers - 1)
+
+
+BY_CHANCE = 1e-3  # probability with which one more law is named although there is none
+
+
+def _one_more(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    rng: np.random.Generator, training: Sequence[Case],
+) -> tuple[list[Trial], Fit, Trial | None]:  # fmt: skip
+    """The law beside those found that is significant and predicts better, None where there is none.
+
+    Also those found and their fit, which may have got free from where it was stuck.
+    """
+    nothing: tuple[list[Trial], Fit, None] = (found, revised, None)
+    taken = {t.mechanism for t in found}
+    rest = [t for t in terms if t.mechanism not in taken]
     beside = make_bank(fitter, revised, rest)
     # where something else is wrong too, a law with many numbers fits whatever that is
     spread = spread_of(revised, training)
-    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= first.numbers]
+    most = max(t.numbers for t in found)
+    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= most]
     order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
-    second_trials = []
+    trials = []
     for signature in order:
         fit = refit(fitter, revised, signature, (1.0,))
-        second_trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
-    if not second_trials:
-        return found, revised
-    best_fit = min((t.fit for t in second_trials if t.fit), key=lambda f: f.chi2)
+        trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
+    if not trials:
+        return nothing
+    best_fit = min((t.fit for t in trials if t.fit), key=lambda f: f.chi2)
     spread = spread_of(best_fit, training)
     base_inner, base_by = inner.score(revised)
     scored = []
-    for t in second_trials:
+    for t in trials:
         if worth(t, spread) > 8:
             assert t.fit is not None
             score, by_case = inner.score(t.fit)
@@ -61,33 +121,25 @@ def second_law(
         if spread > 1.0
         else [t for t, _ in scored if t.inner < base_inner]
     )
-    if not good:
-        return found, revised
-    best = choose(good, spread, base_inner)
+    best = choose(good, spread, base_inner) if good else None
     if best is None or best.fit is None:
-        return found, revised
+        return nothing
     null = search_nulls(
         beside, noise_of(best.fit, fitter.cases, spread),
         np.array([s.surviving > 0.02 for s in beside.signatures]),
         best.gain, 99, rng,
     )  # fmt: skip
     if null.p > ALARM:
-        return found, revised
-    # the first may only have been stuck: refitted alone from where the two ended
+        return nothing
+    # those found may only have been stuck: refitted alone from where all ended
     alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
     if alone.chi2 < revised.chi2:
-        first = replace(first, fit=alone, gain=recalibrated.chi2 - alone.chi2)
-        found, revised = [first], alone
-    gain = (alone.chi2 - best.fit.chi2) / spread
-    if gain < 12 + 2 * best.numbers or not _away_from_absent(best.fit, best, spread):
-        return found, revised
-    inner_scores[label_of(first, best)] = best.inner
-    # beside the second law another drag than the one that came first alone may do better
-    both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
-    pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
-    if pair is not both and pair[0].fit is not None:
-        return pair, pair[0].fit
-    return [first, best], best.fit
+        gain = recalibrated.chi2 - alone.chi2
+        found, revised = [replace(t, fit=alone, gain=gain) for t in found], alone
+    gain = (revised.chi2 - best.fit.chi2) / spread
+    if gain < price(len(beside.signatures), best.numbers) or not _away_from_absent(best.fit, best, spread):
+        return found, revised, None
+    return found, revised, best
 
 
 def pair_of(
@@ -286,20 +338,37 @@ def settled(
 ) -> tuple[list[Trial], Fit, list[Exchange]]:  # fmt: skip
     """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
     score = inner_scores.get(label_of(*found), found[0].inner)
+    others: list[Exchange] = []
     for _ in range(ROUNDS):
         spread = spread_of(revised, training)
         others = exchanges(found, revised, recalibrated, fitter, terms, spread)
         open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, terms)]
         better = max(open_, key=lambda e: e.ahead, default=None)
         if better is None or better.ahead <= SAME or better.trial.fit is None:
-            return found, revised, others
+            break
         now, _ = inner.score(better.trial.fit)
         if not now < score:
-            return found, revised, others
+            break
         score, revised = now, better.trial.fit
         found = [replace(t, fit=revised, gain=better.trial.gain, inner=now) for t in (better.keep, better.trial)]
         inner_scores[label_of(*found)] = now
-    return found, revised, exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+        others = []
+    for _ in range(2):  # one of the two, and then the other
+        others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+        suited = next((e for e in others if _is_of_the_apparatus(e)), None)
+        if suited is None or suited.trial.fit is None:
+            break
+        revised = suited.trial.fit
+        found = [replace(t, fit=revised, gain=suited.trial.gain, inner=score) for t in (suited.keep, suited.trial)]
+        inner_scores[label_of(*found)] = score
+        others = []
+    others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+    return found, revised, others
+
+
+def _is_of_the_apparatus(e: Exchange) -> bool:
+    """Whether a law does as well as the one it would replace, for which it stands in such an apparatus."""
+    return e.trial.term.suited and e.replaced.mechanism in all_laws()[e.trial.term.law].stands_for and e.ahead > -SAME
 
 
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:

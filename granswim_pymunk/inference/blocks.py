@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -42,13 +43,13 @@ class Block:
 class Scores:
     """Squared residuals of unseen blocks in units of their expected spread.
 
-    sums, counts : by (block, body): sum of squares and how many numbers
+    sums, counts : by (block, body, stretch of its time): sum of squares and how many numbers
     residuals : by block (T_rest, c) seen minus predicted [unit of the channel], not whitened, NaN where not seen
     floor : (draws, units) the same sums for noise alone, in the order of ``sums``
     """
 
-    sums: Mapping[tuple[int, str], float]
-    counts: Mapping[tuple[int, str], int]
+    sums: Mapping[tuple[Any, ...], float]
+    counts: Mapping[tuple[Any, ...], int]
     residuals: Mapping[int, np.ndarray]
     floor: np.ndarray
     failed: tuple[str, ...] = ()
@@ -174,28 +175,40 @@ def score(
     The expected covariance is that of white noise and of the start that comes of it: 1 + J_2 (J_1'J_1)^-1 J_2', J the
     derivatives by the start on its frames and on the rest. A block that cannot be run counts as ``failed``.
     """
-    sums: dict[tuple[int, str], float] = {}
-    counts: dict[tuple[int, str], int] = {}
+    sums: dict[tuple[Any, ...], float] = {}
+    counts: dict[tuple[Any, ...], int] = {}
     residuals: dict[int, np.ndarray] = {}
     floor: list[np.ndarray] = []
     failed: list[str] = []
     for b, block in enumerate(blocks):
         try:
-            left, whiten, answer = _predicted(fit, cases, block, predictor, criteria)
+            left, raw, whiten, answer = _predicted(fit, cases, block, predictor, criteria)
         except Failed as error:
             failed.append(f"{block.case.name}: {error}")
             continue
         seen = np.isfinite(left)
         white = whiten(left[seen])
         body_of = np.array([channel.body for channel in block.case.channels])[np.nonzero(seen)[1]]
-        draws = whiten(answer(_drawn(block, noise, rng, criteria.draws)))
+        stretch_of = _stretches(len(left), len(blocks), criteria)[np.nonzero(seen)[0]]
+        draws = whiten(answer(_drawn(block, Noise() if block.case.noise.size else noise, rng, criteria.draws)))
         for body in dict.fromkeys(body_of.tolist()):
-            mine = body_of == body
-            sums[b, body] = float(np.sum(white[mine] ** 2))
-            counts[b, body] = int(mine.sum())
-            floor.append(np.sum(draws[mine] ** 2, axis=0))
-        residuals[b] = left * block.case.sigma
+            for k in range(stretch_of.max(initial=-1) + 1):
+                mine = (body_of == body) & (stretch_of == k)
+                if mine.any():
+                    sums[b, body, k] = float(np.sum(white[mine] ** 2))
+                    counts[b, body, k] = int(mine.sum())
+                    floor.append(np.sum(draws[mine] ** 2, axis=0))
+        residuals[b] = raw * block.case.sigma
     return Scores(sums, counts, residuals, np.array(floor).T.reshape(criteria.draws, len(floor)), tuple(failed))
+
+
+def _stretches(frames: int, blocks: int, criteria: BlockCriteria) -> np.ndarray:
+    """(frames,) into which stretch of a block's predicted frames each falls: what is resampled, so there are several.
+
+    Whitened residuals are independent of one another where a hypothesis is right.
+    """
+    count = max(1, min(math.ceil(criteria.units / blocks), frames // criteria.unit_frames))
+    return np.arange(frames) * count // max(frames, 1)
 
 
 def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +221,10 @@ def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> 
 
 
 def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predictor, criteria: BlockCriteria):
-    """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed."""
+    """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed.
+
+    Of the residuals first without the memory of the noise (``Case.white``), then with it.
+    """
     case = block.case
     fitter = Fitter([case], predictor, {case.name: block.start}, whole=True)
     values = without(fit, cases, block)
@@ -236,7 +252,8 @@ def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predict
     def answer(noise: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         return noise[1] - j2 @ (inverse @ noise[0])
 
-    return np.where(seen[rest], here[rest], np.nan), whiten, answer
+    raw = case.raw(here, block.frames)
+    return np.where(seen[rest], here[rest], np.nan), np.where(seen[rest], raw[rest], np.nan), whiten, answer
 
 
 @dataclass(frozen=True)

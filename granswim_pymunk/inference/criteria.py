@@ -61,17 +61,24 @@ class BlockCriteria:
     """How unseen data inside the training part are scored.
 
     recordings : so many training recordings, and whole recordings are the blocks (contract: 3)
-    pieces : blocks that the training part of fewer recordings is cut into, altogether. Choice: what a steady force
-        shows of itself grows like the time to the power of 2.5, so few and long ones; four are the least to resample
+    pieces : blocks that the training part of fewer recordings is cut into, altogether. Theory: chi2 of a steady force
+        grows like the fifth power of the time over which one start is followed, so that k blocks show 1/k^4 of what the
+        whole shows: two, the least that leaves data outside
+    windows : that held-out frames are cut into where a run from one start would part from the recording
+    units : so many stretches, of all blocks together and for each body, are resampled. Choice: of fewer, one that is
+        drawn again and again makes the interval
     frames : the least of a block. Choice: a start takes some six
     start : share of a block's frames on which its start is fitted. Choice; for whole recordings that of the contract
-    start_frames : the least of them
+    start_frames : the least of them;  unit_frames : of a stretch
     evaluations : of the fit of a start
     draws : replicates of the noise for the floor;  bootstrap : resamples for intervals
     """
 
     recordings: int = 3
-    pieces: int = 4
+    pieces: int = 2
+    windows: int = 4
+    units: int = 12
+    unit_frames: int = 6
     frames: int = 24
     start: float = 0.35
     whole_start: float = 0.2

@@ -56,8 +56,9 @@ def remains_of(scores: Scores, blocks: Sequence[Block], looks_like: str) -> Rema
     floor = float(scores.floors.mean())
     by_body: dict[str, list[float]] = {}
     by_block: dict[int, list[float]] = {}
-    for (b, body), total in scores.sums.items():
-        mean = total / max(scores.counts[b, body], 1)
+    for key, total in scores.sums.items():
+        b, body, *_ = key
+        mean = total / max(scores.counts[key], 1)
         by_body.setdefault(body, []).append(mean)
         by_block.setdefault(b, []).append(mean)
     means = {body: float(np.mean(m)) for body, m in by_body.items()}

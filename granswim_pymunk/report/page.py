@@ -17,6 +17,7 @@ import numpy as np
 from .. import __version__
 from ..diagnosis.candidates import APPARATUS
 from ..diagnosis.driver import Diagnosis
+from ..diagnosis.experiment import DECIDES
 from ..diagnosis.fit import Fit
 from ..diagnosis.held_out import Errors
 from ..diagnosis.hypothesis import Term
@@ -250,7 +251,7 @@ def summary(diagnosis: Diagnosis) -> str:
             f"It is not claimed for {listed(bodies(diagnosis.dropped_bodies), 6)} (<a "
             "href='#dropped'>why</a>)."
         )
-    if diagnosis.proposal is not None:
+    if diagnosis.proposal is not None and diagnosis.proposal.d_prime >= DECIDES:
         a, b = (spoken(n) for n in diagnosis.proposal.separates)
         parts.append(f"To measure next, so that {a} and {b} part: {escaped(diagnosis.proposal.change)}.")
     return " ".join(parts)
@@ -582,7 +583,7 @@ def _next(diagnosis: Diagnosis) -> str:
         "which would settle it"
         if proposal.d_prime > 4
         else "which would still leave doubt"
-        if proposal.d_prime < 2
+        if proposal.d_prime < DECIDES
         else "which is likely to show"
     )
     # d' is an expectation under the winner, the loser refitted
