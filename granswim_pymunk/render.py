@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, PowerNorm, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -29,6 +29,7 @@ from .engine import Contacts, State
 from .errors import InputError
 from .files import written_whole
 from .scene import LawUse, Scene
+from .walls import outline
 
 TRAIL = 300  # states
 GIF_WIDTH = 720  # pixels; a wide GIF of a whole bed is too large to put on a page
@@ -98,9 +99,15 @@ def view_of(scene: Scene, positions: np.ndarray | None = None) -> View:
         low = min(b.initial[1] - b.radius for b in walls if b.initial)
         high = max(b.initial[1] + b.radius for b in walls if b.initial)
         return 0.0, float(scene.periodic_x or 1.0), low, high
-    xy = np.asarray(positions, dtype=float).reshape(-1, len(radius), 2)
-    xs = [np.nanmin(xy[..., 0] - radius), np.nanmax(xy[..., 0] + radius)]
-    ys = [np.nanmin(xy[..., 1] - radius), np.nanmax(xy[..., 1] + radius)]
+    xs, ys = [], []
+    if len(radius):
+        xy = np.asarray(positions, dtype=float).reshape(-1, len(radius), 2)
+        xs += [np.nanmin(xy[..., 0] - radius), np.nanmax(xy[..., 0] + radius)]
+        ys += [np.nanmin(xy[..., 1] - radius), np.nanmax(xy[..., 1] + radius)]
+    for wall in scene.walls:
+        corners = outline(wall)
+        xs += [float(corners[:, 0].min()), float(corners[:, 0].max())]
+        ys += [float(corners[:, 1].min()), float(corners[:, 1].max())]
     for _, _, anchor in _anchors(scene):
         xs.append(anchor[0])
         ys.append(anchor[1])
@@ -324,13 +331,28 @@ class Painter:
         return disks
 
     def _make_disks(self) -> None:
-        fine = float(np.median(self.radius)) / self._pixel
+        fine = float(np.median(self.radius)) / self._pixel if len(self.radius) else 0.0
         line = 0.0 if fine < 2 else min(0.05 * fine, 0.9)
         edge = "#5b6b78" if self.grain.any() else INK
         self._bodies = self._disks(np.arange(0), 3, edge, line)
         self._walls = self._disks(np.arange(0), 2, "none", 0.0)
         self._tails = self._disks(np.arange(0), 5.5, "#7c2a10", 0.9)
+        self._draw_walls()
         self._map = SPEED_MAP if self.color == "speed" else FORCE_MAP
+
+    def _draw_walls(self) -> None:
+        """Straight walls; with a period, their images in the view."""
+        view, length = self._built, self.scene.periodic_x
+        assert view is not None
+        corners = [outline(wall) for wall in self.scene.walls]
+        if length:
+            turns = [np.floor((c[:, 0].mean() - view[0]) / length) for c in corners]
+            at = [(c, turn + image) for c, turn in zip(corners, turns, strict=True) for image in (-1, 0, 1)]
+            corners = [c - [turn * length, 0.0] for c, turn in at]
+        if corners:
+            self.ax.add_collection(
+                PolyCollection(corners, facecolors=WALL, edgecolors=WALL, linewidths=1.2, zorder=2), autolim=False
+            )
 
     def _place(self, disks: EllipseCollection, rows: np.ndarray, xy: np.ndarray) -> np.ndarray:
         """Put disks at wrapped places, twice where they reach over the seam; returns the rows drawn."""

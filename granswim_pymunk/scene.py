@@ -43,6 +43,8 @@ from .limits import (
     one_title,
     ordinary_file,
 )  # fmt: skip
+from .walls import KEYS as WALL_KEYS
+from .walls import Wall, check_walls, gap_to_wall
 
 ROLES = ("head", "tail", "grain", "wall", "free")
 SCHEMES = ("exact", "half_step")
@@ -204,9 +206,10 @@ class Time:
 
 @dataclass(frozen=True)
 class Scene:
-    """Bodies, box, laws. Immutable: every ``with_...`` gives a new scene.
+    """Bodies, walls, box, laws. Immutable: every ``with_...`` gives a new scene.
 
     ``bodies`` in file order; the order of a swimmer's disks is their order here, head first.
+    ``walls``: straight ones, beside bodies with the role wall.
     ``inputs`` maps a body to (t [s], value) of its command, linear between rows.
     """
 
@@ -222,6 +225,7 @@ class Scene:
     frames: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
     title: str = ""
+    walls: tuple[Wall, ...] = ()
 
     # ---- checks -------------------------------------------------------------------------------
 
@@ -233,6 +237,7 @@ class Scene:
         if len(set(ids)) != len(ids):
             twice = Counter(ids).most_common(1)[0][0]
             raise InputError("this id is used twice", where=f"body {twice}")
+        check_walls(self.walls, len(ids), ids, self.periodic_x)
         known = set(ids)
         for item in self.laws:
             for name in item.bodies or ():
@@ -316,10 +321,19 @@ class Scene:
                     "it would touch itself",
                     where="scene.periodic_x",
                 )
+        xy = np.array([b.initial[:2] for b in placed if b.initial is not None]).reshape(-1, 2)
+        radius = np.array([b.radius for b in placed])
+        for wall in self.walls:
+            inside = -gap_to_wall(xy, 0.0, wall, self.periodic_x) if len(xy) else np.zeros(0)
+            for k in np.flatnonzero(inside + 0.5 * radius > 0):
+                if placed[k].mobile:
+                    name = f"wall {wall.id}" if wall.id else "a straight wall"
+                    raise InputError(
+                        f"overlaps {name} by {inside[k] + radius[k]:.3g} m, more than half a radius",
+                        where=f"body {placed[k].id}",
+                    )
         if len(placed) < 2:
             return
-        xy = np.array([b.initial[:2] for b in placed if b.initial is not None])
-        radius = np.array([b.radius for b in placed])
         joined = {frozenset(item.bodies or ()) for item in self.links}
         for i, j in overlapping(xy, radius):
             a, b = placed[i], placed[j]
@@ -464,7 +478,7 @@ class Scene:
         drives = law.series is not None and self.laws_named("drive")
         if law.kind == "chain" and not self.joints and not drives:
             return False
-        if law.kind == "pair" and len(self.bodies) < 2:
+        if law.kind == "pair" and len(self.bodies) < (1 if self.walls and not law.reach else 2):
             return False
         any_value = {p.name: 1.0 if p.size == 1 else (1.0,) * p.size for p in law.parameters}
         values = any_value | {p.name: AUTOMATIC for p in law.parameters if p.default is AUTOMATIC}
@@ -497,40 +511,40 @@ class Scene:
 
     @classmethod
     def box(cls, width: float, height: float, *, wall_radius: float | None = None, **more: Any) -> Scene:
-        """A closed box with its lower left corner at (0, 0); its walls are disks side by side, called ``wall 0`` ...
+        """A closed box with its lower left corner at (0, 0), of four straight walls: bottom, right, top, left.
 
-        width, height : free room inside [m];  wall_radius : of these disks [m], a fortieth of the shorter side
+        width, height : free room inside [m]
+        wall_radius : how thick the walls are outwards is twice that [m]; a fortieth of the shorter side where not said
         more : what else a Scene has (``laws``, ``gravity``, ``title`` ...)
 
         >>> scene = Scene.box(0.2, 0.1).add(Body("a", "free", 0.01, 0.1, initial=(0.1, 0.05, 0.3, 0.0)))
         >>> scene = scene.add(use("contact_linear", stiffness=100.0, damping=1.0))
-        >>> len([b for b in scene.bodies if b.mobile]), scene.laws[0].name
-        (1, 'contact_linear')
+        >>> [wall.id for wall in scene.walls], scene.laws[0].name
+        (['bottom', 'right', 'top', 'left'], 'contact_linear')
         """
         if not (width > 0 and height > 0):
             raise InputError(f"should be above zero [m], got {width!r} and {height!r}", where="box")
         r = min(width, height) / 40 if wall_radius is None else wall_radius
-        if not r > 0:
-            raise InputError(f"should be above zero [m], got {r!r}", where="wall_radius")
-        # half a diameter apart, so that what slides along a wall hardly feels its waves
-        along = np.linspace(-r, width + r, max(math.ceil((width + 2 * r) / r), 2) + 1).tolist()
-        up = np.linspace(-r, height + r, max(math.ceil((height + 2 * r) / r), 2) + 1).tolist()[1:-1]
-        places = [(x, y) for y in (-r, height + r) for x in along] + [(x, y) for x in (-r, width + r) for y in up]
-        walls = tuple(
-            Body(f"wall {k}", "wall", radius=r, mass=1.0, initial=(x, y, 0.0, 0.0)) for k, (x, y) in enumerate(places)
-        )
-        return cls(bodies=(*walls, *more.pop("bodies", ())), **more)
+        if not r >= 0:
+            raise InputError(f"should be zero or above [m], got {r!r}", where="wall_radius")
+        corners = [(-r, -r), (width + r, -r), (width + r, height + r), (-r, height + r)]
+        sides = zip(("bottom", "right", "top", "left"), pairwise([*corners, corners[0]]), strict=True)
+        walls = tuple(Wall(begin, end, r, name) for name, (begin, end) in sides)
+        return cls(walls=(*walls, *more.pop("walls", ())), **{"bodies": (), **more})
 
-    def add(self, *items: Body | LawUse | Adjustable) -> Scene:
-        """The scene with these bodies, laws and adjustables as well."""
+    def add(self, *items: Body | LawUse | Adjustable | Wall) -> Scene:
+        """The scene with these bodies, laws, adjustables and straight walls as well."""
         for item in items:
-            if not isinstance(item, Body | LawUse | Adjustable):
-                raise InputError(f"should be a Body, a law put to use or an Adjustable, got {item!r}", where="add")
+            if not isinstance(item, Body | LawUse | Adjustable | Wall):
+                raise InputError(
+                    f"should be a Body, a law put to use, an Adjustable or a Wall, got {item!r}", where="add"
+                )
         return replace(
             self,
             bodies=(*self.bodies, *(i for i in items if isinstance(i, Body))),
             laws=(*self.laws, *(i for i in items if isinstance(i, LawUse))),
             adjustable=(*self.adjustable, *(i for i in items if isinstance(i, Adjustable))),
+            walls=(*self.walls, *(i for i in items if isinstance(i, Wall))),
         )
 
     def plot(self, state: Any = None, **options: Any) -> Any:
@@ -612,6 +626,9 @@ class Scene:
         for body in self.bodies:
             roles[body.role] = roles.get(body.role, 0) + 1
         lines = [self.title or "scene", "  bodies: " + ", ".join(f"{n} {role}" for role, n in roles.items())]
+        if self.walls:
+            some = ", ".join(w.id or f"{_show(w.begin)} to {_show(w.end)}" for w in self.walls[:8])
+            lines.append(f"  straight walls [m]: {some}{' ...' if len(self.walls) > 8 else ''}")
         if self.periodic_x:
             lines.append(f"  periodic along x: {self.periodic_x:g} m")
         if any(self.gravity):
@@ -643,6 +660,8 @@ class Scene:
             data["frames"] = dict(self.frames)
         if self.inputs:
             data["input"] = {k: {"t": list(t), "value": list(v)} for k, (t, v) in self.inputs.items()}
+        if self.walls:
+            data["wall"] = [wall.to_dict() for wall in self.walls]
         data["body"] = [_body_to_dict(b) for b in self.bodies]
         data["law"] = [_law_to_dict(item) for item in self.laws]
         if self.adjustable:
@@ -713,8 +732,10 @@ def _wall_line(side: int) -> Callable[[Scene, LawUse], float]:
 
     def work_out(scene: Scene, item: LawUse) -> float:
         walls = [(b.initial[1], b.radius) for b in scene.bodies if not b.mobile and b.initial is not None]
+        if not walls and scene.walls:
+            return side * UNLIMITED  # straight walls are looked at themselves
         if not walls:
-            raise InputError("needs bodies with role wall", where=f"law {item.name}")
+            raise InputError("needs bodies with role wall, or straight walls", where=f"law {item.name}")
         places = [b.initial[1] for b in scene.bodies if b.mobile and b.initial is not None]
         middle = float(np.mean(places or [y for y, _ in walls]))
         # the outermost row only: walls at the sides are no floor
@@ -932,7 +953,7 @@ def _read_adjustable(data: Any, reader: _Reader, laws: Sequence[LawUse]) -> Adju
 
 
 SCENE_KEYS = (
-    "format", "title", "seed", "scene", "time", "camera", "frames", "input", "bodies", "body", "law",
+    "format", "title", "seed", "scene", "time", "camera", "frames", "input", "bodies", "body", "wall", "law",
     "adjustable", "swimmer",
 )  # fmt: skip
 
@@ -987,6 +1008,7 @@ def scene_from_dict(
     if not bodies:
         raise reader.error("has no bodies: write [[body]], or bodies = FILE.csv")
 
+    walls = [_read_wall(item, reader) for item in reader.tables(data.get("wall", []), "wall")]
     laws = [_read_law(item, reader) for item in reader.tables(data.get("law", []), "law")]
     if any(gravity) and not any(item.name == "gravity" for item in laws):
         laws.insert(0, use("gravity"))
@@ -1024,9 +1046,22 @@ def scene_from_dict(
             frames=dict(data.get("frames", {})),
             seed=seed,
             title=str(data.get("title", "")),
+            walls=tuple(walls),
         )
     except InputError as error:
         raise InputError(error.message, file=file, where=error.where) from None
+
+
+def _read_wall(data: Any, reader: _Reader) -> Wall:
+    where = f"wall {data['id']}" if isinstance(data, Mapping) and "id" in data else "wall"
+    data = reader.table(data, where, WALL_KEYS)
+    for key in ("from", "to"):
+        if key not in data:
+            raise reader.error(f"needs {key} = [x, y] [m]", where)
+    try:
+        return Wall(data["from"], data["to"], data.get("radius", 0.0), str(data.get("id", "")))
+    except InputError as error:
+        raise InputError(error.message, file=reader.file, where=error.where) from None
 
 
 def _read_input(data: Any, reader: _Reader, folder: Path) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
@@ -1181,6 +1216,6 @@ def write_scene(scene: Scene, path: str | Path) -> None:
 
 
 __all__ = [
-    "Adjustable", "Bed", "Body", "LawUse", "Parameter", "Scene", "SceneWarning", "Time", "read_inputs",
+    "Adjustable", "Bed", "Body", "LawUse", "Parameter", "Scene", "SceneWarning", "Time", "Wall", "read_inputs",
     "read_scene", "read_toml", "scene_from_dict", "swimmer", "use", "write_scene",
 ]  # fmt: skip

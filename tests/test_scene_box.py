@@ -9,6 +9,7 @@ import granswim_pymunk.scene
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
+from granswim_pymunk.walls import gap_to_wall
 
 
 def ball(name="a", at=(0.1, 0.05), v=(0.0, 0.0)):
@@ -19,24 +20,22 @@ def test_examples_in_the_docstrings():
     assert doctest.testmod(granswim_pymunk.scene).failed == 0
 
 
-def test_a_box_is_closed_and_free_inside():
-    scene = Scene.box(0.2, 0.1, gravity=(0.0, -9.81), title="box")
-    xy = np.array([b.initial[:2] for b in scene.bodies])
-    r = scene.bodies[0].radius
-    assert all(b.role == "wall" for b in scene.bodies) and scene.title == "box" and scene.gravity == (0.0, -9.81)
-    # nothing of a wall stands inside, and no gap lets a disk of its own size through
-    inside = (
-        (xy[:, 0] > -r + 1e-12) & (xy[:, 0] < 0.2 + r - 1e-12) & (xy[:, 1] > -r + 1e-12) & (xy[:, 1] < 0.1 + r - 1e-12)
-    )
-    assert not inside.any()
-    nearest = [np.sort(np.hypot(*(xy - p).T))[1:3].max() for p in xy]
-    assert max(nearest) < 1.5 * r
+@pytest.mark.parametrize("thick", [None, 0.0, 0.004])
+def test_a_box_is_closed_and_free_inside(thick):
+    scene = Scene.box(0.2, 0.1, wall_radius=thick, gravity=(0.0, -9.81), title="box")
+    assert not scene.bodies and scene.title == "box" and scene.gravity == (0.0, -9.81)
+    # a disk touches the nearest side just where it should, and every corner is closed
+    for x, y, gap in ((0.1, 0.03, 0.03), (0.18, 0.05, 0.02), (0.1, 0.09, 0.01), (0.004, 0.05, 0.004)):
+        found = min(float(gap_to_wall(np.array([x, y]), 0.0, wall)) for wall in scene.walls)
+        assert found == pytest.approx(gap)
+    assert all(a.end == b.begin for a, b in zip(scene.walls, scene.walls[1:] + scene.walls[:1], strict=True))
 
 
 def test_a_ball_in_a_box_bounces_and_stays():
     scene = Scene.box(0.2, 0.1).add(ball(v=(0.6, 0.35)), use("contact_linear", stiffness=2000.0, damping=0.0))
     simulation = Simulation(scene)
     row = scene.ids.index("a")
+    assert row == 0
     xy = simulation.sample(np.linspace(0.05, 1.0, 20), rows=[row])[:, 0]
     assert (xy > 0.005).all() and (xy[:, 0] < 0.195).all() and (xy[:, 1] < 0.095).all()
     assert np.ptp(xy[:, 0]) > 0.1

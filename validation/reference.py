@@ -386,7 +386,26 @@ class Reference:
             )
             if candidate[0] < left and candidate[:2] < best[:2]:
                 best = candidate
+        for wait, closing, collision in self._wall_collisions(left, slow):
+            if (wait, -closing) < best[:2]:
+                best = wait, -closing, collision
         return best[0], best[2]
+
+    def _wall_collisions(self, left: float, slow: float) -> list[tuple[float, float, tuple[int, int, float]]]:
+        """Contacts with straight walls within ``left`` [s]: when, closing speed [m/s], and what ``_collide`` takes."""
+        walls, found = self.laws.walls, []
+        for item, values in self._restitutions:
+            for i in self.laws.scene.rows(item):
+                if not len(walls.radius) or self._constraints.fixed[i]:
+                    continue
+                xy, v = self.xy[i], self._v[i]
+                for k, wait in enumerate(walls.wait(xy, v, float(self.laws.radius[i]), left)):
+                    if wait < left:
+                        way = walls.ways((xy + wait * v)[None])[0, k]
+                        closing = float(v @ way) / math.hypot(*way)
+                        if closing > slow:
+                            found.append((wait, closing, (int(i), -1 - k, values["restitution"])))
+        return found
 
     def _friction_between(self, i: int, j: int) -> float:
         """mu of an instantaneous collision, 0 where nothing rubs."""
@@ -398,33 +417,43 @@ class Reference:
     def _collide(self, i: int, j: int, restitution: float, late: float) -> None:
         """v_n' = -e v_n by an impulse along n, each body giving way as far as its constraint lets it.
 
-        ``late`` [s]: how long after the half step it happens; the velocity of that moment is reflected.
+        ``j`` below zero is the straight wall -1 - j. ``late`` [s]: how long after the half step it happens; the
+        velocity of that moment is reflected.
         """
-        r = self.laws.pairs.vector(self.xy, np.array([i]), np.array([j]))[0]
+        straight = j < 0  # a wall, which stands still and does not turn
+        if straight:
+            r = self.laws.walls.ways(self.xy[i][None])[0, -1 - j]
+        else:
+            r = self.laws.pairs.vector(self.xy, np.array([i]), np.array([j]))[0]
         n = r / np.hypot(*r)
         mobility = self._constraints.mobility()
-        give = float(n @ (mobility[i] + mobility[j]) @ n)
+        ease_j = np.zeros((2, 2)) if straight else mobility[j]
+        v_j, a_j = (np.zeros(2), np.zeros(2)) if straight else (self._v[j], self._a[j])
+        give = float(n @ (mobility[i] + ease_j) @ n)
         if give <= 0:
             return
-        half = float((self._v[j] - self._v[i]) @ n)
-        speed = half + late * float((self._a[j] - self._a[i]) @ n)
+        half = float((v_j - self._v[i]) @ n)
+        speed = half + late * float((a_j - self._a[i]) @ n)
         if half - (1 + restitution) * min(speed, 0.0) <= 0:
             speed = half  # slower than one step's gravity: a body at rest on another
         impulse = -(1 + restitution) * min(speed, 0.0) / give * n
-        rub = self._friction_between(i, j)
+        rub = self._friction_between(i, i if straight else j)
         if rub > 0:
             # across the normal: what stops the slip of the surfaces, but no more than mu times the impulse along it
             t = np.array([-n[1], n[0]])
-            r_i, r_j = self.laws.radius[i], self.laws.radius[j]
+            r_i, r_j = self.laws.radius[i], 0.0 if straight else self.laws.radius[j]
             turn = self._constraints.inverse_moment
-            slip = float((self._v[j] - self._v[i]) @ t) - r_j * self._spin[j] - r_i * self._spin[i]
-            ease = float(t @ (mobility[i] + mobility[j]) @ t) + r_i**2 * turn[i] + r_j**2 * turn[j]
+            spin_j, turn_j = (0.0, 0.0) if straight else (self._spin[j], turn[j])
+            slip = float((v_j - self._v[i]) @ t) - r_j * spin_j - r_i * self._spin[i]
+            ease = float(t @ (mobility[i] + ease_j) @ t) + r_i**2 * turn[i] + r_j**2 * turn_j
             most = rub * float(np.hypot(*impulse))
             across = float(np.clip(-slip / ease, -most, most))
             self._spin[i] -= r_i * across * turn[i]
-            self._spin[j] -= r_j * across * turn[j]
+            if not straight:
+                self._spin[j] -= r_j * across * turn[j]
             impulse = impulse + across * t
-        self._v[j] += mobility[j] @ impulse
+        if not straight:
+            self._v[j] += mobility[j] @ impulse
         self._v[i] -= mobility[i] @ impulse
         for pin in self._constraints.pins:
             if pin.row in (i, j):

@@ -94,6 +94,71 @@ class Pairs:
         self.built_at = xy.copy()
 
 
+class StraightWalls:
+    """Segments that never move, as pairs of complex numbers; images of them where x is periodic."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.period = scene.periodic_x
+        count = len(scene.walls)
+        begin, end = (np.array([complex(*getattr(w, name)) for w in scene.walls]) for name in ("begin", "end"))
+        shifts = np.zeros((count, 1))
+        if self.period is not None and count:
+            # images that begin from three periods before the box to three behind it
+            first = -np.floor(begin.real / self.period)
+            shifts = self.period * (first[:, None] + np.arange(-3, 4))
+        self.begin, self.end = begin[:, None] + shifts, end[:, None] + shifts
+        self.radius = np.array([wall.radius for wall in scene.walls])
+
+    def ways(self, xy: np.ndarray) -> np.ndarray:
+        """(n, k, 2) [m] from n places to the nearest one on the middle line of each of the k walls."""
+        z = xy[:, 0] % self.period + 1j * xy[:, 1] if self.period is not None else xy[:, 0] + 1j * xy[:, 1]
+        along = self.end - self.begin
+        from_begin = z[:, None, None] - self.begin
+        share = (from_begin / along).real.clip(0.0, 1.0)
+        way = share * along - from_begin
+        nearest = np.abs(way).argmin(axis=2)
+        way = np.take_along_axis(way, nearest[..., None], axis=2)[..., 0]
+        return np.stack([way.real, way.imag], axis=-1)
+
+    def gaps(self, xy: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """(n,) [m] from disks to the nearest wall, infinite where there is none."""
+        if not len(self.radius):
+            return np.full(len(xy), math.inf)
+        return (np.linalg.norm(self.ways(xy), axis=2) - radius[:, None] - self.radius).min(axis=1)
+
+    def wait(self, xy: np.ndarray, v: np.ndarray, radius: float, most: float) -> list[float]:
+        """For each wall, the time [s] until a disk that flies straight touches it; infinite where not within ``most``.
+
+        Where it touches already: 0. The gap along the path falls and rises once: its lowest point is found, and the
+        moment of contact before it by bisection.
+        """
+        speed = math.hypot(*v)
+        times = []
+        for k, reach in enumerate(self.radius + radius):
+
+            def gap(t: float, k: int = k, reach: float = float(reach)) -> float:
+                way = self.ways((xy + t * v)[None])[0, k]
+                return math.hypot(*way) - reach
+
+            now = gap(0.0)
+            if now <= 0 or now > speed * most:
+                times.append(0.0 if now <= 0 else math.inf)
+                continue
+            low, high = 0.0, most
+            while high - low > 1e-12 * most and gap(high) > 0:
+                left, right = low + (high - low) / 3, high - (high - low) / 3
+                low, high = (low, right) if gap(left) < gap(right) else (left, high)
+            if gap(high) > 0:
+                times.append(math.inf)
+                continue
+            outside, inside = 0.0, high
+            for _ in range(100):
+                middle = 0.5 * (outside + inside)
+                outside, inside = (middle, inside) if gap(middle) > 0 else (outside, middle)
+            times.append(outside)
+        return times
+
+
 class Forces:
     """Sum of all forces on all bodies.
 
@@ -116,6 +181,7 @@ class Forces:
         # a wall is immovable: infinitely heavy, so that the reduced mass is the mobile one's
         self.inverse_mass = np.where(self.mobile, 1 / self.mass, 0.0)
         self.pairs = Pairs(scene)
+        self.walls = StraightWalls(scene)
         self.uses = [(item, scene.resolved(item), scene.rows(item)) for item in scene.acting]
         self.has_pairs = any(item.name in (*CONTACTS, *mechanisms.PAIRS) for item in scene.laws)
         self.pairs.gap = max((mechanisms.reach(item.name, values) for item, values, _ in self.uses), default=0.0)
@@ -141,6 +207,7 @@ class Forces:
             v = middle if middle is not None and item.name in DAMPED else half_step
             if item.name in CONTACTS:
                 self._contacts(force, item, values, xy, v)
+                self._on_walls(force, item, values, rows, xy, v)
             elif item.name in CHAIN_LAWS:
                 for chain in self.scene.chains:
                     disks = [row for row in chain if row in rows] if item.bodies is not None else list(chain)
@@ -149,13 +216,16 @@ class Forces:
             elif item.name in FIELDS:
                 force[rows] += self._field(item, values, xy[rows], v[rows], rows)
             elif item.name in mechanisms.FIELDS:
-                force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows])
+                gaps = self.walls.gaps(xy[rows], self.radius[rows])
+                force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows], gaps)
             elif item.name in mechanisms.JOINTS:
                 self._joints(force, item, values, xy, v)
             elif item.name == "contact_friction" and self.scene.laws_named("contact_elastic"):
                 continue  # an impulse, of the collision
             elif item.name in mechanisms.PAIRS:
                 self._pair(force, item, values, xy, v, float(self.radius[rows].mean()))
+                if item.name not in mechanisms.REACH:
+                    self._on_walls(force, item, values, rows, xy, v)
             elif item.name in mechanisms.CHAIN_LAWS:
                 for disks in map(list, self.scene.chains):
                     force[disks] += mechanisms.chain(item.name, values, t, self._unfold(xy[disks]), v[disks])
@@ -229,6 +299,33 @@ class Forces:
         for axis in (0, 1):
             push = size * n[:, axis]
             force[:, axis] += np.bincount(j, push, len(xy)) - np.bincount(i, push, len(xy))
+
+    def _on_walls(
+        self, force: np.ndarray, item: LawUse, values: dict, rows: np.ndarray, xy: np.ndarray, v: np.ndarray
+    ) -> None:
+        """Add what straight walls do to the bodies that touch them, by a law of contact."""
+        rows = rows[self.mobile[rows]]
+        ways = self.walls.ways(xy[rows]) if len(self.walls.radius) else np.zeros((len(rows), 0, 2))
+        distance = np.linalg.norm(ways, axis=2)
+        for m, k in np.argwhere(distance < self.radius[rows][:, None] + self.walls.radius):
+            i, r = rows[m], self.radius[rows[m]]
+            gap = distance[m, k] - r - self.walls.radius[k]
+            n = ways[m, k] / distance[m, k]
+            across = np.array([-n[1], n[0]])
+            approach, slip = float(-v[i] @ n), float(-v[i] @ across) - self.spin[i] * r
+            if item.name in CONTACTS:
+                power = 1.0 if item.name == "contact_linear" else 1.5
+                push = values["stiffness"] * (-gap) ** power - values["damping"] * self.mass[i] * approach
+                force[i] -= push * n
+                continue
+            single = (np.array([number]) for number in (gap, distance[m, k], approach, slip, self.mass[i]))
+            gaps, touch, approaches, slips, masses = single
+            _, sideways = mechanisms.pair(item.name, values, gaps, touch, approaches, slips, masses, r)
+            force[i] -= sideways[0] * across
+            self.torque[i] -= r * sideways[0]
+            if item.name == "rolling_resistance":
+                normal = mechanisms.pressed(values, gaps, approaches, masses)
+                self.torque[i] += mechanisms.rolling(values, normal, np.array([r]), np.array([self.spin[i]]))[0]
 
     def _pair(
         self, force: np.ndarray, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, mean_radius: float

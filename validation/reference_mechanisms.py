@@ -34,12 +34,18 @@ def smooth_sign(u: np.ndarray, small: float) -> np.ndarray:
     return np.divide(u, size, out=np.zeros_like(size), where=size > 0)
 
 
-def field(name: str, values: Values, xy: np.ndarray, v: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """(k, 2) force [N] on k bodies at xy (k, 2) [m] with v (k, 2) [m/s], each by its own state."""
+def field(
+    name: str, values: Values, xy: np.ndarray, v: np.ndarray, radius: np.ndarray, wall_gap: np.ndarray
+) -> np.ndarray:
+    """(k, 2) force [N] on k bodies at xy (k, 2) [m] with v (k, 2) [m/s], each by its own state.
+
+    ``wall_gap`` (k,) [m]: to the nearest straight wall.
+    """
     if name == "ambient_flow":
         return values["c"] * (np.array(values["u"]) - v)
     if name == "wall_drag":
-        near = np.minimum(xy[:, 1] - values["bottom"], values["top"] - xy[:, 1]) - radius < values["range"]
+        rows = np.minimum(xy[:, 1] - values["bottom"], values["top"] - xy[:, 1]) - radius
+        near = np.minimum(rows, wall_gap) < values["range"]
         return np.where(near[:, None], -values["c"] * v, 0.0)
     r = xy - np.array(values["anchor"])
     distance = np.hypot(r[:, 0], r[:, 1])[:, None]

@@ -348,7 +348,7 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
         scene = case.recording.scene
         if law.kind == "chain" and not scene.chains:
             continue
-        if law.kind == "pair" and len(scene.bodies) < 2:
+        if law.kind == "pair" and len(scene.bodies) < (1 if scene.walls and not law.reach else 2):
             continue
         values: dict[str, Any] = {}
         for p in law.parameters:

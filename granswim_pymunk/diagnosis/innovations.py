@@ -13,6 +13,7 @@ from scipy import stats
 from ..inference.noise import Noise, Seen, slow_part
 from ..inference.significance import after_looks, normal_score
 from ..joints import arm_of
+from ..walls import gap_to_wall
 from .data import Case
 from .fit import Fit, Fitter
 from .nulls import correlation_time
@@ -213,6 +214,7 @@ def _gaps(case: Case, body: str) -> np.ndarray | None:
             others.append(
                 np.linalg.norm(np.array(wall.initial[:2]) - recording.xy[:, own], axis=1) - radius - wall.radius
             )
+    others += [gap_to_wall(recording.xy[:, own], radius, wall, scene.periodic_x) for wall in scene.walls]
     if not others or not np.isfinite(recording.xy[:, own]).any():
         return None
     stacked = np.stack(others)

@@ -9,13 +9,15 @@ Phys. Rev. E 69, 036122.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from ..inference.criteria import DEFAULT, SegmentCriteria
+from ..scene import Scene
+from ..walls import gap_to_wall
 from .data import Case
 from .start import StartBody, describe_starts
 
@@ -117,25 +119,36 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
         for b, c in columns.items()
         if {"x", "y"} <= set(c)
     }
-    still = {
-        b.id: np.array(b.initial[:2]) for b in scene.bodies if not b.mobile and b.initial is not None
-    }
     names = list(paths)
     met: list[tuple[int, int, tuple[str, ...]]] = []
     for k, a in enumerate(names):
-        for b in [*names[k + 1 :], *still]:
-            other, noise = paths[b] if b in paths else (still[b], 0.0)
-            rest = np.linalg.norm(paths[a][0] - other, axis=1) - scene.body(a).radius - scene.body(b).radius
-            near = criteria.near * (scene.body(a).radius + scene.body(b).radius)
-            bodies: tuple[str, ...] = (a, b) if b in paths else (a,)
+        for bodies, noise, size, gap in _met_by(a, names[k + 1 :], paths, scene):
+            near = criteria.near * (scene.body(a).radius + size)
             spread = float(np.hypot(paths[a][1], noise))
-            met += [(row, _apart(rest, row, 2 * spread), bodies) for row in _minima(rest, 4 * spread + near)]
+            met += [(row, _apart(gap, row, 2 * spread), bodies) for row in _minima(gap, 4 * spread + near)]
     found = []
     for row, apart, bodies in sorted(met):
         kick = {b: _kick(case.t, paths[b][0], paths[b][1], (row, apart), criteria) for b in bodies}
         if any(size > 0 for size in kick.values()):
             found.append(Impact(row, apart, bodies, kick))
     return found
+
+
+def _met_by(
+    body: str, others: Sequence[str], paths: Mapping[str, tuple[np.ndarray, float]], scene: Scene
+) -> Iterator[tuple[tuple[str, ...], float, float, np.ndarray]]:
+    """What a body may meet: the bodies that move, the other's noise and radius [m], and the gap (T,) [m]."""
+    xy, radius = paths[body][0], scene.body(body).radius
+    for name in others:
+        other, noise = paths[name]
+        size = scene.body(name).radius
+        yield (body, name), noise, size, np.linalg.norm(xy - other, axis=1) - radius - size
+    for post in scene.bodies:
+        if not post.mobile and post.initial is not None:
+            gap = np.linalg.norm(xy - np.array(post.initial[:2]), axis=1) - radius - post.radius
+            yield (body,), 0.0, post.radius, gap
+    for wall in scene.walls:
+        yield (body,), 0.0, wall.radius, gap_to_wall(xy, radius, wall, scene.periodic_x)
 
 
 def _apart(gap: np.ndarray, row: int, clear: float) -> int:

@@ -47,7 +47,7 @@ INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_blocks", "own_drift", "own_kick",
     "from_list", "constrained", "fixed_skin", "pushed", "first_body", "n_joints", "n_joint_of", "n_links", "n_linked",
-    "n_held", "n_apart",
+    "n_held", "n_apart", "n_walls", "n_meetings",
     "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "run_starts", "blocks", "mask",
     "pair_i", "pair_j", "pair_shift", "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_starts",
@@ -58,7 +58,10 @@ INTS = (
     "order", "listing", "image_shift", "which", "work", "kick_mass", "inverse_moment", "kept",
     "apart", "joints", "joint_at", "joint_of", "link_kind", "link_first", "link_second", "link_geometry", "linked",
     "mobility", "link_gap", "link_arms", "link_here", "link_there", "link_matrix", "link_push", "link_q", "link_trial",
+    "walls", "wall_i", "wall_k", "wall_starts", "wall_met",
 )  # fmt: skip
+# what stands for the row of the straight walls, which are one static body to Chipmunk
+WALL = -(2**40)
 # ... and floats
 FLOATS = (
     "t_start", "dt", "step", "skin", "least_skin", "most_skin", "reach", "margin", "lasts", "headroom", "pruned",
@@ -244,6 +247,62 @@ def sum_{law.name}(u, t, step, begin, end, seam, flat, radius, parameters, uses,
 """
 
 
+def _wall_text(laws: Sequence[Law], codes: dict[str, int]) -> str:
+    """The laws of contact between bodies and straight walls, one meeting after the other."""
+    blocks = []
+    for law in laws:
+        read, names = _parameter_locals(law)
+        available = {
+            "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
+            "reduced_radius": "ri", "r0": "parameters[o - 1]", "radius_i": "ri", "radius_j": "walls[k, 4]",
+            "spin_i": "wi", "spin_j": "0.0", **names,
+        }  # fmt: skip
+        answer = "fn, ft, mi, mj" if _turns(law) else "fn, ft"
+        blocks += [f"elif code == {codes[law.name]}:", *("    " + line for line in read),
+                   f"    {answer} = {_call(law, available)}"]  # fmt: skip
+        blocks += ["    state[i, TORQUE] += mi"] if _turns(law) else []
+    return f'''
+
+@njit(**PLAIN)
+def add_walls(begin, end, t, dt, state, inverse_mass, radius, parameters, uses, mask, scalars, walls, wall_i, wall_k):
+    """Add the forces [N] and torques [N m] of straight walls on the bodies that touch them."""
+    step = scalars[5] * dt
+    for m in range(begin, end):
+        i = wall_i[m]
+        k = wall_k[m]
+        dx, dy = to_wall(state[i, X], state[i, Y], walls, k, scalars[0])
+        ri = radius[i]
+        touch = ri + walls[k, 4]
+        square = dx * dx + dy * dy
+        if square >= touch * touch or square == 0.0:
+            continue
+        d = math.sqrt(square)
+        nx = dx / d
+        ny = dy / d
+        gap = d - touch
+        reduced_mass = 1.0 / inverse_mass[i]
+        wi = state[i, SPIN]
+        vn = -state[i, VX] * nx - state[i, VY] * ny
+        vt = state[i, VX] * ny - state[i, VY] * nx - wi * ri
+        # a dashpot counts in its first and last step by the share of it that it lasts, as between bodies
+        deep = abs(vn) * step
+        if -gap < deep:
+            vn *= 0.5 - gap / deep
+        for u in range(uses.shape[0]):
+            code = uses[u, 0]
+            o = uses[u, 1]
+            if code == 0 or (uses[u, 4] and not mask[u, i]):
+                continue
+            if False:
+                pass
+{_indent(blocks, 3)}            else:
+                continue
+            state[i, FX] -= fn * nx - ft * ny
+            state[i, FY] -= fn * ny + ft * nx
+            state[i, TORQUE] -= ri * ft
+'''
+
+
 _PAIRS = f'''
 
 # Neither a branch nor the place of a store depends on whether a pair touches, which cannot be foreseen: the answers
@@ -349,6 +408,7 @@ LINKED = (
     "link_matrix, link_push, link_q, link_trial"
 )
 LINKS = f"joints, joint_at, joint_of, {LINKED}"
+WALLS = "walls, wall_i, wall_k, wall_starts"
 
 _TWICE = '''
 
@@ -425,7 +485,8 @@ def _body_block(law: Law, code: int) -> list[str]:
         "t": "t", "dt": "dt", "x": "state[i, X]", "y": "state[i, Y]", "vx": "state[i, VX]", "vy": "state[i, VY]", "mass": "mass[i]",
         "radius": "radius[i]", "r0": "r0", "given_inertia": "given_inertia[i]", "fx": "state[i, FX]",
         "fy": "state[i, FY]",
-        "command": "command", **_SCENE, **names,
+        "command": "command", "wall_gap": "gap_to_walls(state[i, X], state[i, Y], radius[i], walls, scalars[0])",
+        **_SCENE, **names,
     }  # fmt: skip
     lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
     # unsigned: numba then leaves out the test for an index counted from the end
@@ -531,6 +592,8 @@ def _context_arrays(used: set[str]) -> str:
         "link_here": ("(I[N_HELD], I[N_LINKED], 3)", "f8"), "link_there": ("(I[N_HELD], I[N_LINKED], 3)", "f8"),
         "link_matrix": ("(I[N_HELD], I[N_HELD])", "f8"), "link_push": ("(I[N_LINKED], 3)", "f8"),
         "link_q": ("(I[N_LINKED], 3)", "f8"), "link_trial": ("(I[N_LINKED], 3)", "f8"),
+        "walls": ("(I[N_WALLS], 5)", "f8"), "wall_i": ("I[N_MEETINGS]", "u4"), "wall_k": ("I[N_MEETINGS]", "u4"),
+        "wall_starts": ("I[N_BLOCKS] + 1", "i8"), "wall_met": (n, "u1"),
     }  # fmt: skip
     kinds = {"f8": "np.float64", "i8": "np.int64", "u4": "np.uint32", "u8": "np.uint64", "u1": "np.uint8"}
     lines = []
@@ -554,7 +617,8 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
         "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.links import close\n",
-        "from granswim_pymunk.engine.neighbours import build_list, moved, prune, together\n\n",
+        "from granswim_pymunk.engine.neighbours import build_list, gap_to_walls, moved, near_walls\n",
+        "from granswim_pymunk.engine.neighbours import prune, to_wall, together\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
         "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
         "INLINE = dict(cache=True, error_model='numpy', nogil=True, inline='never')\n",
@@ -608,7 +672,7 @@ def interpolate(t, times, values, first, last):
         "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, run_starts, blocks, mask,\n"
         "    near_i, near_j, near_shift, near_touch, near_mass, near_starts, near_seam, scalars, chains, input_t,\n"
         "    input_v, input_at, which, work, kick_mass, inverse_moment, kept,\n"
-        f"    {LINKS}"
+        f"    {LINKS}, {WALLS}"
     )
     pair_sums = []
     for law in pairs:
@@ -623,6 +687,7 @@ def interpolate(t, times, values, first, last):
     chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
     constraint_codes = [codes[law.name] for law in laws if law.kind == "constraint"]
     parts.append(_TWICE)
+    parts.append(_wall_text([law for law in pairs if not law.reach], codes))
     parts.append(f'''
 
 @njit(**PLAIN)
@@ -656,6 +721,9 @@ def add_forces(from_list, constrained, {arguments}):
                 half_kick(blocks[b], blocks[b + 1], 0.5 * dt, state, kick_mass, inverse_moment, kept)
             else:
                 until = final
+        elif wall_starts[b + 1] > wall_starts[b]:
+            add_walls(wall_starts[b], wall_starts[b + 1], t, dt, state, inverse_mass, radius, parameters, uses, mask, scalars,
+                      walls, wall_i, wall_k)
         swapped = together and again != 0
         fresh = 1.0 if again == 0 else 0.0
         for u in range(damped if again != 0 else 0, until):
@@ -884,6 +952,8 @@ def verlet_step(constraint, space):
                     old_y[i] = place_y[i]
             prune(place_x, place_y, reaching, inverse_mass, radius, starts, blocks, pair_i, pair_j, pair_shift, near_i,
                   near_j, near_shift, near_touch, near_mass, near_starts, near_seam, {ROW})
+            if I[N_WALLS] > 0:
+                near_walls(place_x, place_y, reaching, mobile, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
@@ -913,6 +983,11 @@ def contact_presolve(arbiter, space, data):
         return  # no law of pairs: nothing to keep
     a = row_of(load_int(arbiter + {o.body_a}), I[FIRST_BODY], n, table_keys, table_values)
     b = row_of(load_int(arbiter + {o.body_b}), I[FIRST_BODY], n, table_keys, table_values)
+    if a == {WALL} or b == {WALL}:
+        i = max(a, b)  # a ghost's original meets the image of the wall itself
+        if i >= 0 and mobile[i]:
+            wall_met[i] = 1
+        return
     if a == -1 or b == -1 or (a < 0 and b < 0):
         return  # a body of the user's own, or two ghosts, whose originals meet elsewhere
     i = a if a >= 0 else -a - 2
@@ -995,6 +1070,13 @@ def chipmunk_step(constraint, space):
                 state[j, TORQUE] += contact_tj[c]
         first = last
     I[N_CONTACTS] = 0
+    if I[N_WALLS] > 0:
+        for i in range(n_mobile):
+            place_x[i] = state[i, X]
+            place_y[i] = state[i, Y]
+        near_walls(place_x, place_y, radius, wall_met, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
+        for i in range(n_mobile):
+            wall_met[i] = 0
     add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion)

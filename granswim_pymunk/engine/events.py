@@ -53,10 +53,65 @@ def _time_to_contact(addresses, radius, group, apart, touching, mobile, position
 
 
 @njit(cache=True, nogil=True)
+def _enters(px, py, ux, uy, touch):
+    """When a point that moves straight from (px, py) enters a circle about the origin; infinite where it does not."""
+    b = px * ux + py * uy
+    c = px * px + py * py - touch * touch
+    root = b * b - (ux * ux + uy * uy) * c
+    if b >= 0.0 or c <= 0.0 or root < 0.0:
+        return math.inf
+    return c / (-b + math.sqrt(root))
+
+
+@njit(cache=True, nogil=True)
+def _time_to_wall(px, py, ux, uy, along_x, along_y, touch):
+    """Time until a point that moves straight is ``touch`` away from a segment from the origin; infinite where never.
+
+    That is when it enters a rectangle about the segment, or a circle about one of its ends.
+    """
+    length = math.sqrt(along_x * along_x + along_y * along_y)
+    ex = along_x / length
+    ey = along_y / length
+    foot = px * ex + py * ey
+    away = py * ex - px * ey
+    beyond = foot - min(max(foot, 0.0), length)
+    if beyond * beyond + away * away <= touch * touch:
+        return math.inf  # touching already: Chipmunk has seen it
+    soonest = min(_enters(px, py, ux, uy, touch), _enters(px - along_x, py - along_y, ux, uy, touch))
+    side = 1.0 if away > 0.0 else -1.0
+    closing = -side * (uy * ex - ux * ey)
+    if side * away > touch and closing > 0.0:
+        when = (side * away - touch) / closing
+        there = foot + (ux * ex + uy * ey) * when
+        if 0.0 <= there <= length:
+            soonest = min(soonest, when)
+    return soonest
+
+
+@njit(cache=True, nogil=True)
+def _time_to_walls(addresses, radius, touching, mobile, position, velocity, walls, most):
+    """Shortest time [engine units] below ``most`` until a disk touches one of the straight ``walls`` (W, 5)."""
+    soonest = most
+    for i in range(addresses.shape[0] if walls.shape[0] > 0 else 0):
+        if not (touching[i] and mobile[i]):
+            continue
+        x = load_float(addresses[i] + position)
+        y = load_float(addresses[i] + position + 8)
+        ux = load_float(addresses[i] + velocity)
+        uy = load_float(addresses[i] + velocity + 8)
+        for k in range(walls.shape[0]):
+            when = _time_to_wall(
+                x - walls[k, 0], y - walls[k, 1], ux, uy, walls[k, 2], walls[k, 3], radius[i] + walls[k, 4]
+            )
+            soonest = min(soonest, when)
+    return soonest
+
+
+@njit(cache=True, nogil=True)
 def advance_to(
     step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
     slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
-    last, fx, fy, inverse_mass, chosen, out,
+    last, walls, fx, fy, inverse_mass, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
@@ -70,6 +125,7 @@ def advance_to(
             until = _time_to_contact(
                 addresses, radius, group, apart, touching, mobile, position, velocity, step / time_unit
             )
+            until = _time_to_walls(addresses, radius, touching, mobile, position, velocity, walls, until)
             until *= time_unit
             hair = SHORTEST * dt
             if until < step:

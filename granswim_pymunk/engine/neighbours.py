@@ -227,3 +227,65 @@ def moved(x, y, old_x, old_y, n, way, less):
         limit = way - less[i]
         far += 0 if dx * dx + dy * dy <= limit * limit else 1
     return far > 0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def to_wall(x, y, walls, k, length):
+    """The way (dx, dy) [m] from a place to the nearest one on the middle line of wall k.
+
+    ``walls`` (W, 5): begin x, y, the way to the end x, y, radius [m]. ``length``: the period along x, 0 for none; of
+    the images of a wall the nearest counts.
+    """
+    along_x = walls[k, 2]
+    along_y = walls[k, 3]
+    square = along_x * along_x + along_y * along_y
+    px = x - walls[k, 0]
+    py = y - walls[k, 1]
+    if length <= 0.0:
+        share = min(max((px * along_x + py * along_y) / square, 0.0), 1.0)
+        return share * along_x - px, share * along_y - py
+    px -= length * math.floor((px - 0.5 * along_x) / length + 0.5)
+    dx = math.inf
+    dy = 0.0
+    for image in range(3):
+        qx = px - (length if image == 1 else -length if image == 2 else 0.0)
+        share = min(max((qx * along_x + py * along_y) / square, 0.0), 1.0)
+        ex = share * along_x - qx
+        ey = share * along_y - py
+        if ex * ex + ey * ey < dx * dx + dy * dy:
+            dx = ex
+            dy = ey
+    return dx, dy
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def gap_to_walls(x, y, radius, walls, length):
+    """Gap [m] between a disk and the nearest wall, infinite where there is none."""
+    gap = math.inf
+    for k in range(walls.shape[0]):
+        dx, dy = to_wall(x, y, walls, k, length)
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - radius - walls[k, 4])
+    return gap
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def near_walls(x, y, room, mobile, walls, length, blocks, wall_i, wall_k, wall_starts):
+    """Bodies and walls that are closer than ``room`` (n,) and the wall's radius [m], in the order of the bodies.
+
+    ``blocks`` (b + 1,): where blocks of bodies begin; in ``wall_starts`` (b + 1,) where the meetings of theirs do.
+    """
+    count = 0
+    for b in range(blocks.shape[0] - 1):
+        wall_starts[b] = count
+        for i in range(blocks[b], blocks[b + 1] if walls.shape[0] > 0 else blocks[b]):
+            if not mobile[i]:
+                continue
+            for k in range(walls.shape[0]):
+                dx, dy = to_wall(x[i], y[i], walls, k, length)
+                limit = room[i] + walls[k, 4]
+                if dx * dx + dy * dy < limit * limit:
+                    wall_i[count] = i
+                    wall_k[count] = k
+                    count += 1
+    wall_starts[blocks.shape[0] - 1] = count
+    return count

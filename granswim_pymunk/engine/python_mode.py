@@ -14,8 +14,8 @@ import pymunk
 
 from ..errors import SimulationError
 from ..scene import LawUse
-from .callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS
-from .neighbours import together
+from .callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS, WALL
+from .neighbours import gap_to_walls, to_wall, together
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -27,12 +27,13 @@ class PythonCallbacks:
     def __init__(self, simulation: Simulation) -> None:
         s = self.simulation = simulation
         self._pairs: dict[tuple[int, int], tuple[float, float, float, float]] = {}
+        self._met: set[int] = set()  # rows that Chipmunk has found to touch a straight wall
         self._summed_step = -1
         n = s._n
         self._fx = np.zeros(n)
         self._fy = np.zeros(n)
         self._torque = np.zeros(n)
-        self._row = {body.id: k for k, body in enumerate(s._bodies)}
+        self._row = self._rows_by_id()
         self._encoded = [
             dict(
                 zip(
@@ -55,7 +56,12 @@ class PythonCallbacks:
     def _pre_solve(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         arbiter.process_collision = False  # else Chipmunk's impulses act too
         a, b = (self._row.get(shape.body.id) if shape.body else None for shape in arbiter.shapes)
-        if a is None or b is None or (a < 0 and b < 0):
+        if a is None or b is None:
+            return
+        if WALL in (a, b):
+            self._met |= {row for row in (a, b) if row >= 0}
+            return
+        if a < 0 and b < 0:
             return
         i, j = sorted((a if a >= 0 else -a - 2, b if b >= 0 else -b - 2))
         arrays = self.simulation._a
@@ -75,6 +81,10 @@ class PythonCallbacks:
             pymunk.Body.update_velocity(body, (0.0, 0.0), 1.0, dt)
 
         return update
+
+    def _rows_by_id(self) -> dict[int, int]:
+        s = self.simulation
+        return {body.id: k for k, body in enumerate(s._bodies)} | {s._wall_body.id: WALL}
 
     # ---- forces, in SI ----------------------------------------------------------------------------
 
@@ -143,6 +153,33 @@ class PythonCallbacks:
             tj += mj - rj * ft
         return fx, fy, ti, tj
 
+    def _add_walls(self, i: int, t: float) -> None:
+        """Add the forces of straight walls on row i: as of a disk that stands where the wall is nearest."""
+        s = self.simulation
+        a = s._a
+        x, y, vx, vy, spin = self._row_state(i)
+        radius = float(a["radius"][i])
+        for k in range(len(a["walls"])):
+            dx, dy = to_wall(x, y, a["walls"], k, s.scene.periodic_x or 0.0)
+            distance = math.hypot(dx, dy)
+            thick = float(a["walls"][k, 4])
+            gap = distance - (radius + thick)
+            if gap >= 0.0 or distance == 0.0:
+                continue
+            nx, ny = dx / distance, dy / distance
+            available = {
+                "t": t, "gap": gap, "distance": distance, "vn": -vx * nx - vy * ny,
+                "vt": vx * ny - vy * nx - spin * radius, "reduced_mass": 1.0 / float(a["inverse_mass"][i]),
+                "reduced_radius": radius, "radius_i": radius, "radius_j": thick, "spin_i": spin, "spin_j": 0.0,
+            }  # fmt: skip
+            for u, item in enumerate(s._uses):
+                if item.law.kind != "pair" or item.law.reach or not a["mask"][u, i]:
+                    continue
+                fn, ft, *torques = self._call(item, u, available)
+                self._fx[i] -= fn * nx - ft * ny
+                self._fy[i] -= fn * ny + ft * nx
+                self._torque[i] += (torques[0] if torques else 0.0) - radius * ft
+
     def _call(self, item: LawUse, u: int, available: dict[str, Any]) -> Any:
         a = self.simulation._a
         given = {**available, **self._encoded[u], "r0": float(a["parameters"][a["uses"][u, 1] - 1])}
@@ -175,6 +212,9 @@ class PythonCallbacks:
             torque[i] += ti
             torque[j] += tj
         self._pairs.clear()
+        for i in sorted(self._met):
+            self._add_walls(i, t)
+        self._met.clear()
         state = np.array([(*self._row_state(k), s._bodies[k].angle) for k in range(s._n)])
         exact = in_step and s._scheme != HALF_STEP
         if not exact:
@@ -301,7 +341,9 @@ class PythonCallbacks:
         return {
             "t": t, "dt": s.dt, "x": x, "y": y, "vx": vx, "vy": vy, "mass": float(a["mass"][k]),
             "radius": float(a["radius"][k]), "given_inertia": float(a["given_inertia"][k]), "fx": self._fx[k],
-            "fy": self._fy[k], "command": command, "gx": gx, "gy": gy, "g": g, "mean_mass": mean_mass,
+            "fy": self._fy[k], "command": command,
+            "wall_gap": gap_to_walls(x, y, float(a["radius"][k]), a["walls"], s.scene.periodic_x or 0.0),
+            "gx": gx, "gy": gy, "g": g, "mean_mass": mean_mass,
         }  # fmt: skip
 
     # ---- time -------------------------------------------------------------------------------------
@@ -323,6 +365,7 @@ class PythonCallbacks:
         def accelerations(v: np.ndarray, constrained: bool, in_step: bool = False) -> np.ndarray:
             set_state(v)
             self._pairs = {(i, j): self.pair_force(i, j, s.t) for i, j in touching}
+            self._met = set(range(n)) if s.scene.walls else set()
             self._summed_step = -1
             self._sum(constrained, in_step)
             return weight * np.column_stack([self._fx, self._fy, self._torque])[:n]
@@ -381,7 +424,7 @@ class PythonCallbacks:
         if not s.scene.periodic_x:
             return
         s._lay_out_seam()
-        self._row = {body.id: k for k, body in enumerate(s._bodies)}
+        self._row = self._rows_by_id()
         originals = {ghost.id: k for (ghost, _), k in zip(s._ghosts, s._ghost_originals, strict=True)}
         period = s.scene.periodic_x / s.units.length
         for ghost, _ in s._ghosts:

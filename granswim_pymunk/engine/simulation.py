@@ -20,6 +20,7 @@ from ..errors import InputError, SimulationError
 from ..joints import angles_of
 from ..laws import Law
 from ..scene import Body, LawUse, Scene
+from ..walls import table_of
 from . import events, neighbours, stepping
 from .advice import advise_dt
 from .callbacks import (
@@ -36,6 +37,8 @@ from .callbacks import (
     SCALARS,
     TOGETHER,
     USE_COLUMNS,
+    WALL,
+    WALLS,
     WORK,
     Kernel,
     compile_laws,
@@ -63,6 +66,7 @@ log = logging.getLogger("granswim")
 
 # callbacks are compiled and installed by one thread at a time; runs are free
 _BUILDING = threading.RLock()
+MOST_SURFACES = 8
 IMMOVABLE = 1e15  # times its mass, a body that is carried along is to Chipmunk
 
 _SLOT = {name: k for k, name in enumerate(INTS)}
@@ -401,6 +405,11 @@ class Simulation:
         self._skin = skin if skin is not None else 0.4 * smallest
         self._room = (max(16 * n, 64) if n > 60 else n * n) if has_pairs else 0
         self._allocate_lists(a)
+        a["walls"] = table_of(scene.walls)
+        meetings = int(a["mobile"].sum()) * len(scene.walls)
+        a["wall_i"], a["wall_k"] = np.zeros((2, meetings), dtype=np.uint32)
+        a["wall_starts"] = np.zeros(len(blocks), dtype=np.int64)
+        a["wall_met"] = np.zeros(n, dtype=np.uint8)  # bodies that Chipmunk has found to touch a wall
         a["heads"] = np.zeros(4 * n + 256, dtype=np.int64)
         a["nexts"] = np.zeros(n, dtype=np.int64)
         a["starts"] = np.zeros(n + 1, dtype=np.int64)
@@ -560,6 +569,11 @@ class Simulation:
         touching = set(self.scene.ids) if not self.impulse else set()
         for item in self.impulse:
             touching |= set(item.bodies or self.scene.ids)
+        # how bodies bounce and rub: a bit for each way, which tells Chipmunk the segments they meet
+        ways = list(dict.fromkeys((restitution[b.id], friction[b.id]) for b in self.scene.bodies if b.mobile))
+        self._surfaces = {way: 1 << (31 - k) for k, way in enumerate(ways if self.scene.walls else ())}
+        if len(self._surfaces) > MOST_SURFACES:
+            raise InputError(f"beside straight walls bodies may have {MOST_SURFACES} restitutions, got {len(ways)}")
         self._bodies: list[pymunk.Body] = []
         self._circles: list[pymunk.Circle] = []
         release = releaser(self._memory) if self._memory is not None else None
@@ -584,11 +598,13 @@ class Simulation:
             circle.friction = friction[body.id]
             group = max(int(a["group"][k]), 0)
             if body.id in touching:
-                circle.filter = self._shape_filter(k, group)
+                surface = self._surfaces.get((restitution[body.id], friction[body.id]), 0)
+                circle.filter = self._shape_filter(k, group, surface)
             else:
                 circle.filter = pymunk.ShapeFilter(group=group, categories=0, mask=0)
             self._circles.append(circle)
         space.add(*self._bodies)
+        self._lay_walls(space)
         self._shapes_in = False
         self._space = space
         a["bodies"][:] = [address(b._body) for b in self._bodies]
@@ -601,25 +617,50 @@ class Simulation:
         if self.impulse or self.mode in ("chipmunk", "python"):
             self._add_shapes()
 
-    def _shape_filter(self, k: int, group: int) -> pymunk.ShapeFilter:
-        """Chipmunk's filter of inner row k: joined bodies have a bit each, which their partners do not see."""
+    def _shape_filter(self, k: int, group: int, surface: int) -> pymunk.ShapeFilter:
+        """Chipmunk's filter of inner row k, of a body with the bit ``surface``.
+
+        Joined bodies have a bit each, which their partners do not see; bits of surfaces are those of segments.
+        """
+        every = pymunk.ShapeFilter.ALL_MASKS()
+        surfaces = sum(self._surfaces.values())
+        mask = every & ~surfaces | surface
         members = sorted({row for pair in self._apart for row in pair})
         if k not in members:
-            return pymunk.ShapeFilter(group=group)
-        if len(members) > 31:
-            raise InputError(f"at most 31 bodies may be joined where Chipmunk finds contacts, got {len(members)}")
+            return pymunk.ShapeFilter(group=group, categories=every & ~surfaces, mask=mask)
+        most = 31 - len(self._surfaces)
+        if len(members) > most:
+            raise InputError(f"at most {most} bodies may be joined where Chipmunk finds contacts, got {len(members)}")
         bit = {row: 1 << m for m, row in enumerate(members)}
         hidden = sum(bit[other] for pair in self._apart if k in pair for other in pair if other != k)
-        return pymunk.ShapeFilter(categories=bit[k], mask=pymunk.ShapeFilter.ALL_MASKS() & ~hidden)
+        return pymunk.ShapeFilter(categories=bit[k], mask=mask & ~hidden)
+
+    def _lay_walls(self, space: pymunk.Space) -> None:
+        """Chipmunk's segments of the straight walls, in one static body; with a period, their images beside them."""
+        self._segments: list[pymunk.Segment] = []
+        self._wall_body = pymunk.Body(body_type=pymunk.Body.STATIC)
+        if not self.scene.walls:
+            return
+        space.add(self._wall_body)
+        u, period = self.units.length, self.scene.periodic_x or 0.0
+        for wall in self.scene.walls:
+            for shift in (-period, 0.0, period) if period else (0.0,):
+                ends = [((x + shift) / u, y / u) for x, y in (wall.begin, wall.end)]
+                # Chipmunk takes the product of two: a segment for each way in which bodies bounce and rub
+                for (bounce, rub), bit in self._surfaces.items():
+                    segment = pymunk.Segment(self._wall_body, ends[0], ends[1], wall.radius / u)
+                    segment.elasticity, segment.friction = bounce, rub
+                    segment.filter = pymunk.ShapeFilter(categories=bit)
+                    self._segments.append(segment)
 
     def _add_shapes(self) -> None:
         if not self._shapes_in:
-            self._space.add(*self._circles)
+            self._space.add(*self._circles, *self._segments)
             self._shapes_in = True
 
     def _remove_shapes(self) -> None:
         if self._shapes_in:
-            self._space.remove(*self._circles)
+            self._space.remove(*self._circles, *self._segments)
             self._shapes_in = False
 
     def _context(self) -> np.ndarray:
@@ -634,6 +675,7 @@ class Simulation:
             "n_cells": len(a["heads"]), "n_table": len(a["table_keys"]), "n_chains": len(a["chains"]),
             "n_joints": len(a["joints"]), "n_joint_of": len(a["joint_of"]), "n_links": len(a["link_kind"]),
             "n_linked": len(a["linked"]), "n_held": len(a["link_gap"]), "n_apart": len(a["apart"]),
+            "n_walls": len(a["walls"]), "n_meetings": len(a["wall_i"]),
         }  # fmt: skip
         for name, value in counts.items():
             ints[_SLOT[name]] = value
@@ -752,9 +794,9 @@ class Simulation:
         if self._offsets is None:
             return
         a = self._a
-        entries = ghosts
+        entries = ghosts | {address(self._wall_body._body): WALL}
         if self._memory is None:
-            entries = {int(key): k for k, key in enumerate(a["bodies"])} | ghosts
+            entries |= {int(key): k for k, key in enumerate(a["bodies"])}
         size = 64
         while size < 3 * len(entries):
             size *= 2
@@ -804,6 +846,10 @@ class Simulation:
                 a["pair_j"], a["pair_shift"], a["near_i"], a["near_j"], a["near_shift"], a["near_touch"],
                 a["near_mass"], a["near_starts"], a["near_seam"], ROW,
             )  # fmt: skip
+            neighbours.near_walls(
+                x, y, a["radius"], a["mobile"], a["walls"], self.scene.periodic_x or 0.0, a["blocks"], a["wall_i"],
+                a["wall_k"], a["wall_starts"],
+            )  # fmt: skip
         self._forget_lists()
         plain = a["scalars"].copy()  # forces of this moment, not of a step
         plain[SCALARS.index("share")] = 0.0
@@ -814,7 +860,7 @@ class Simulation:
             a["parameters"], a["uses"], a["runs"], a["run_starts"], a["blocks"], a["mask"], a["near_i"], a["near_j"],
             a["near_shift"], a["near_touch"], a["near_mass"], a["near_starts"], a["near_seam"], plain,
             a["chains"], a["input_t"], a["input_v"], a["input_at"], a["which"], a["work"], a["kick_mass"],
-            a["inverse_moment"], a["kept"], *(a[name.strip()] for name in LINKS.split(",")),
+            a["inverse_moment"], a["kept"], *(a[name.strip()] for name in f"{LINKS}, {WALLS}".split(",")),
         )  # fmt: skip
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
 
@@ -999,7 +1045,7 @@ class Simulation:
             self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
             _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], a["apart"], touching, a["mobile"],
             self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step,
-            a["fx"], a["fy"],
+            a["walls"] / self.units.length, a["fx"], a["fy"],
             a["inverse_mass"], a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)

@@ -59,6 +59,7 @@ STATE: dict[str, dict[str, str]] = {
         "vy": "velocity [m/s]",
         "mass": "mass [kg]",
         "radius": "radius [m]",
+        "wall_gap": "gap to the nearest straight wall [m], infinite where there is none",
         "r0": "mean radius of the bodies the law acts on [m]",
         "mean_mass": "mean mass of the grains [kg]",
         "g": "size of gravity [m/s^2], 9.81 where the scene has none",

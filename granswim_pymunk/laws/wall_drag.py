@@ -1,11 +1,11 @@
-"""Drag near the walls below and above."""
+"""Drag near the walls below and above, and near straight walls wherever they are."""
 
 from .base import AUTOMATIC, Parameter, law
 
 
 @law(
     kind="body",
-    expression="F_i = -c v_i while the gap to the wall below or above is below the range",
+    expression="F_i = -c v_i while the gap to the wall below or above, or to a straight wall, is below the range",
     reference="Faxen 1922, Ann. Phys. 373, 89 (drag grows near a wall); doi:10.1002/andp.19223731003",
     parameters=[
         Parameter("c", "kg/s", "drag coefficient near a wall", low=0.0, typical=1.0),
@@ -33,8 +33,8 @@ from .base import AUTOMATIC, Parameter, law
     strength=("c",),
     candidate="named",
 )
-def wall_drag(y, vx, vy, radius, c, range, bottom, top):
-    gap = min(y - bottom, top - y) - radius
+def wall_drag(y, vx, vy, radius, wall_gap, c, range, bottom, top):
+    gap = min(min(y - bottom, top - y) - radius, wall_gap)
     if gap < range:
         return -c * vx, -c * vy
     return 0.0, 0.0

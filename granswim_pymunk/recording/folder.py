@@ -81,7 +81,7 @@ def _read(folder: Path) -> Recording:
         raise InputError(f"cannot read it: {error}", file=repr(str(folder))) from None
     file = folder / "recording.toml"
     data = read_toml(file)
-    for key in ("body", "law", "adjustable"):
+    for key in ("body", "wall", "law", "adjustable"):
         if not isinstance(data.get(key, []), list) or not all(
             isinstance(i, Mapping) for i in data.get(key, [])
         ):
@@ -480,8 +480,9 @@ def _write_files(recording: Recording, folder: Path, tracks: str | None) -> None
     laws = data["law"]
     if scene.laws and scene.laws[0].name == "gravity" and scene.laws[0].bodies is None and any(scene.gravity):
         laws = laws[1:]  # scene.gravity says it; the reader puts the law back in this place
-    tables = {"body": data.pop("body", []), "law": laws, "adjustable": data.pop("adjustable", [])}
     del data["law"]
+    tables = {"body": data.pop("body", []), "wall": data.pop("wall", []), "law": laws}
+    tables["adjustable"] = data.pop("adjustable", [])
     text = [tomli_w.dumps(head | data)]
     text += [f"[[{name}]]\n{tomli_w.dumps(table)}" for name, items in tables.items() for table in items]
     (folder / "recording.toml").write_text("\n".join(text), encoding="utf-8")
@@ -524,7 +525,7 @@ def _version(recording: Recording, data: Mapping[str, Any]) -> int:
     missing = np.isnan(recording.xy)
     new = (
         any(getattr(recording, key) is not None for key in NEW_KEYS)
-        or "wall" in data
+        or bool(recording.scene.walls)
         or data.get("time", {}).get("scheme") == "half_step"
         or any(item.name in NEW_LAWS for item in recording.scene.laws)
         or bool(np.any(missing[..., 0] != missing[..., 1]))

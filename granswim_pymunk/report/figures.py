@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -31,6 +31,7 @@ from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
 from ..joints import arm_of
 from ..laws import Law
+from ..walls import outline
 from .style import (
     COLOURS,
     FLOOR,
@@ -310,6 +311,11 @@ def _draw_plane(axis: Axes, diagnosis: Diagnosis, case: Case, names: Sequence[st
         assert wall.initial is not None
         disks.append(Circle((wall.initial[0] * factor, wall.initial[1] * factor), wall.radius * factor))
     axis.add_collection(PatchCollection(disks, facecolor="#cfcfcf", edgecolor="none", zorder=0))
+    corners = [factor * outline(wall) for wall in scene.walls]
+    grey = "#cfcfcf"
+    axis.add_collection(
+        PolyCollection(corners, facecolors=grey, edgecolors=grey, linewidths=1.5, zorder=0), autolim=False
+    )
     for item in scene.laws:
         anchor = item.values.get("anchor")
         if anchor is not None:
