@@ -616,3 +616,15 @@ def test_friction_of_a_joint_and_of_the_substrate_are_one_law_for_a_pendulum():
     ]  # fmt: skip
     change = np.abs(seen[0] - fit.vector(case, Hypothesis(), np.zeros(0), starts)).max()
     assert np.abs(seen[0] - seen[1]).max() < 1e-4 * change and change > 10
+
+
+def test_a_drag_on_a_table_that_is_not_level_is_no_stream():
+    """-c v + m a is -c (v - u): a stream slow beside the bodies is told as drag and tilt, itself as their equal."""
+    one = replace(table(), bodies=table().bodies[:1])
+    truth = replace(one, laws=(use("linear_drag", c=0.012), use("uniform_force", a=(0.012, -0.008))))
+    found = diagnose_bodies([filmed(truth, one, SHORT, np.random.default_rng(30))])
+    verdict = verdict_dict(found)
+    assert [m["name"] for m in verdict["mechanisms"]] == ["linear_drag", "uniform_force"]
+    c = verdict["mechanisms"][0]["parameters"]["c"]
+    assert c["low"] < 0.012 < c["high"]
+    assert next(r for r in verdict["rivals"] if r["name"] == "ambient_flow")["indistinguishable"]

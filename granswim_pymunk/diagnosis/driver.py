@@ -33,7 +33,7 @@ from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_
 from .intervals import with_limits
 from .name import InnerSplit, Trial, is_apparatus, label_of, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
-from .pairs import Exchange, pair_of, rivals_of_pair, second_law, settled, third_law
+from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
 from .signatures import Bank, make_bank
 from .steps import time_steps
 
@@ -406,6 +406,10 @@ def _explained(
         )  # fmt: skip
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
+    if not study.late(0.7):
+        found, revised = drag_and_push(
+            found, revised, recalibrated, fitter, tried.terms, inner, scores, training
+        )
     others: list[Exchange] = []
     if len(found) == 2 and not study.late(0.7):
         found, revised, others = settled(

@@ -10,11 +10,12 @@ from itertools import chain
 import numpy as np
 
 from ..laws import all_laws
+from .candidates import fastest_of
 from .choose import ALARM, SAME, choose, worth
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
-from .name import InnerSplit, Trial, is_part, label_of, pair_gains, refit, spread_of
+from .name import InnerSplit, Trial, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls
 from .signatures import Signature, make_bank
 
@@ -70,6 +71,57 @@ def third_law(
     gain = recalibrated.chi2 - fit.chi2
     inner_scores[label_of(*two, best)] = best.inner
     return [replace(t, fit=fit, gain=gain, inner=best.inner) for t in (*two, best)], fit
+
+
+def drag_and_push(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
+    inner_scores: dict[str, float], training: Sequence[Case],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """A stream that hardly moves told as what it is then: a drag in still air, and a steady push.
+
+    -c (v - u) is -c v + c u. Where u is small beside the speeds of the bodies the law is a drag, with a correction that
+    a table which is not level makes as well. Both are kept where the data cannot prefer the stream.
+    """
+    laws = all_laws()
+    for k, stream in enumerate(found):
+        law = laws.get(stream.term.law)
+        moved = [a for p in law.parameters if p.within == "speed" for a in p.arguments] if law is not None else []
+        if not moved or len(found) > 2 or any(t.mechanism in PUSHES for t in found if t is not stream):
+            continue
+        at = len(recalibrated.values) + sum(t.numbers for t in found[:k])
+        own = zip(stream.term.free, revised.values[at : at + stream.numbers], strict=True)
+        speed = [float(v) for f, v in own if f.name.split(".")[-1] in moved]
+        if not speed or math.hypot(*speed) > STILL * fastest_of(training):
+            continue
+        others = [t for t in found if t is not stream]
+        keep = [revised.values[: len(recalibrated.values)]]
+        if others:
+            begin = len(recalibrated.values) + (stream.numbers if k == 0 else 0)
+            keep.append(revised.values[begin : begin + others[0].numbers])
+        plain = [t for t in terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
+        pushes = [t for t in terms if t.mechanism == "uniform_force" and not is_part(t, terms)]
+        best: tuple[Fit, Signature, Signature] | None = None
+        for term in plain if pushes else []:
+            hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), term)
+            drag = make_bank(fitter, recalibrated, [term])
+            alone = fitter.fit(hypothesis, np.concatenate([*keep, revised.values[at : at + 1]]), revised.starts)
+            push = make_bank(fitter, alone, pushes[:1]).signatures[0]
+            fit = refit(fitter, alone, push, (1.0,))
+            if best is None or fit.chi2 < best[0].chi2:
+                best = fit, drag.signatures[0], push
+        if best is None or (best[0].chi2 - revised.chi2) / spread_of(best[0], training) > SAME:
+            continue
+        fit, drag_, push = best
+        score, _ = inner.score(fit)
+        gain = recalibrated.chi2 - fit.chi2
+        two = [Trial(replace(drag_, term=fit.hypothesis.terms[-2]), fit, gain, score), Trial(push, fit, gain, score)]
+        now = [*(replace(t, fit=fit, gain=gain, inner=score) for t in others), *two]
+        inner_scores[label_of(*now)] = score
+        return now, fit
+    return found, revised
+
+
+STILL = 0.15  # of the fastest body, below which a stream is rather a correction to a drag than a stream
 
 
 def price(candidates: int, numbers: int) -> float:
