@@ -5,11 +5,15 @@ import math
 import numpy as np
 import pytest
 
+import granswim_pymunk as gs
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.recording import film, read_recording, write_recording
+from granswim_pymunk.recording import Recording, film, read_recording, write_recording
+from granswim_pymunk.run import run_scene
 from granswim_pymunk.scene import Body, Scene, Wall, read_scene, scene_from_dict, use, write_scene
+from granswim_pymunk.validation.hard_disks import Physics, Table
+from granswim_pymunk.validation.hard_disks import run as fly
 from granswim_pymunk.validation.reference import Reference
 from granswim_pymunk.walls import gap_to_wall, outline, way_to_wall
 
@@ -303,6 +307,30 @@ class TestFiles:
         write_scene(scene, tmp_path / "scene.toml")
         with pytest.raises(InputError, match=r"overlaps wall floor by 0.015 m, more than half a radius"):
             read_scene(tmp_path / "scene.toml")
+
+
+def test_restitution_of_a_box_is_found(tmp_path):
+    """A puck that meets all four walls, filmed by a code that is not the engine: the restitution that was believed is
+    not the one it has."""
+    corners = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)]
+    sides = tuple(zip(corners, [*corners[1:], corners[0]], strict=True))
+    table = Table(np.array([0.03]), np.array([0.1]), np.array([False]), sides)
+    t = 0.2 + np.arange(200) / 240
+    flight = fly(table, Physics(restitution=0.9), np.array([[0.1, 0.08, 0.9, 0.65]]), t)
+    assert {touch[2] for touch in flight.touches} == {1, 2, 3, 4}
+    seen = flight.xy + 3e-4 * np.random.default_rng(3).normal(size=flight.xy.shape)
+    walls = tuple(Wall(*side) for side in sides)
+    scene = Scene((Body("puck", "free", 0.03, 0.1),), (use("contact_elastic", restitution=0.95),), walls=walls)
+    recording = Recording("box", scene, t, ("puck",), seen, sampling=240.0, position_noise=3e-4)
+    write_recording(recording, tmp_path / "box")
+    verdict = gs.diagnose(tmp_path / "box", seed=1, out=tmp_path / "out").verdict
+    assert verdict["verdict"] == "missing_physics"
+    assert [m["name"] for m in verdict["mechanisms"]] == ["restitution"]
+    found = verdict["mechanisms"][0]["parameters"]["restitution"]
+    assert found["low"] < 0.9 < found["high"] and found["high"] - found["low"] < 0.01
+    revised = read_scene(tmp_path / "out" / "revised.toml")
+    assert revised.walls == walls
+    run_scene(revised, tmp_path / "again", frames=2, quiet=True)
 
 
 def test_pictures(tmp_path):
