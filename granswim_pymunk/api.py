@@ -281,8 +281,6 @@ def _scene(
     said = {key: list(v) if isinstance(v, tuple) else v for key, v in box.items() if v is not None}
     if template is None:
         gravity = box["gravity"] or (0.0, 0.0)
-        if any(gravity) and not any(item.name == "gravity" for item in laws):
-            laws = [use("gravity"), *laws]
         return Scene(tuple(bodies), tuple(laws), gravity=gravity, periodic_x=box["periodic_x"])
     if template not in TEMPLATES:
         raise InputError(f"should be a Scene or one of {', '.join(TEMPLATES)}, got {template!r}", where="scene")

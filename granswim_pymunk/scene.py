@@ -210,6 +210,7 @@ class Scene:
 
     ``bodies`` in file order; the order of a swimmer's disks is their order here, head first.
     ``walls``: straight ones, beside bodies with the role wall.
+    ``gravity`` [m/s^2] acts on all bodies where it is not zero: the law of that name need not be listed.
     ``inputs`` maps a body to (t [s], value) of its command, linear between rows.
     """
 
@@ -238,6 +239,9 @@ class Scene:
             twice = Counter(ids).most_common(1)[0][0]
             raise InputError("this id is used twice", where=f"body {twice}")
         check_walls(self.walls, len(ids), ids, self.periodic_x)
+        if any(self.gravity) and not any(item.name == "gravity" for item in self.laws):
+            # whoever says how strong it is means that it acts
+            object.__setattr__(self, "laws", (use("gravity"), *self.laws))
         known = set(ids)
         for item in self.laws:
             for name in item.bodies or ():
@@ -1010,8 +1014,6 @@ def scene_from_dict(
 
     walls = [_read_wall(item, reader) for item in reader.tables(data.get("wall", []), "wall")]
     laws = [_read_law(item, reader) for item in reader.tables(data.get("law", []), "law")]
-    if any(gravity) and not any(item.name == "gravity" for item in laws):
-        laws.insert(0, use("gravity"))
     adjustable = [
         _read_adjustable(item, reader, laws) for item in reader.tables(data.get("adjustable", []), "adjustable")
     ]

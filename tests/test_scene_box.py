@@ -63,3 +63,11 @@ def test_plot(tmp_path):
     assert (tmp_path / "start.png").read_bytes()[:4] == b"\x89PNG"
     with pytest.raises(InputError, match="no initial place"):
         scene.add(Body("lost", "free", radius=0.01, mass=0.1)).plot()
+
+
+def test_gravity_that_is_said_acts():
+    """A size without the law of that name, as a script writes it."""
+    scene = Scene((ball(),), gravity=(0.0, -9.81))
+    assert Simulation(scene).sample([1.0])[0, 0, 1] == pytest.approx(0.05 - 9.81 / 2, rel=1e-6)
+    assert scene == Scene((ball(),), (use("gravity"),), gravity=(0.0, -9.81))
+    assert not Scene((ball(),)).laws
