@@ -27,7 +27,8 @@ class Moving:
 
     t : (F,) times [s];  panels : name -> (F, n, 2) places [m], NaN where there are none; "seen" is the recording
     names, radius : of the points, an empty name for one that is only an end of a line;  (n,) [m]
-    fixed : (k, 3) disks that never move, x, y, radius [m];  walls : (k, 4) straight ones, from x, y to x, y [m]
+    fixed : (k, 3) disks that never move, x, y, radius [m];  walls : (k, 5) straight ones, from x, y to
+        x, y, and their radius [m]
     lines : pairs of points joined by a line; a pair of a point and a place (x, y) hangs from that place
     held : (F,) whether a frame was held out
     """
@@ -38,7 +39,7 @@ class Moving:
     radius: np.ndarray
     held: np.ndarray
     fixed: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    walls: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    walls: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
     lines: Sequence[tuple[int, int | tuple[float, float]]] = ()
 
     def thinned(self) -> Moving:
@@ -57,7 +58,8 @@ def box(moving: Moving) -> tuple[float, float, float, float] | None:
 
     A simulation that flies away does not make the recording a dot: it is cut at twice the recording's size.
     """
-    seen = np.concatenate([moving.panels["seen"].reshape(-1, 2), moving.fixed[:, :2], moving.walls.reshape(-1, 2)])
+    still = np.concatenate([moving.fixed[:, :2], moving.walls[:, :4].reshape(-1, 2)])
+    seen = np.concatenate([moving.panels["seen"].reshape(-1, 2), still])
     hung = [place for _, place in moving.lines if not isinstance(place, int)]
     seen = np.concatenate([seen, np.array(hung, dtype=float).reshape(-1, 2)])
     seen = seen[np.isfinite(seen).all(axis=1)]
@@ -185,7 +187,8 @@ function draw() {
     pen.fillStyle = css.getPropertyValue("--tint"); pen.fillRect(px, py, w, h);
     pen.fillStyle = pen.strokeStyle = soft; pen.lineWidth = 2; pen.globalAlpha = 0.5;
     for (const [x, y, r] of film.fixed) { disk(k, x, y, r, 1); pen.fill(); }
-    for (const [x, y, u, v] of film.walls) {
+    for (const [x, y, u, v, r] of film.walls) {
+      pen.lineWidth = Math.max(2 * r * layout.scale, 2); pen.lineCap = "round";
       pen.beginPath(); pen.moveTo(...spot(k, x, y)); pen.lineTo(...spot(k, u, v)); pen.stroke();
     }
     pen.strokeStyle = own; pen.lineWidth = 1; pen.globalAlpha = 0.35;
