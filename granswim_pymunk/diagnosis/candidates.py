@@ -25,8 +25,10 @@ from .hypothesis import Free, Term
 
 TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
 SCALE_OFF = DEFAULT.verdict.scale_off
+FEWEST_PLACES = 20  # from which the middle of a picture is told
+FARTHEST = 3.0  # of the extent of all tracks: how far from their mean the middle of a lens is looked for
 FEW = 6  # bodies that a push on a single one is looked for among
-APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias")
+APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias", "lens_distortion")
 
 
 def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
@@ -275,7 +277,45 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
                  (Free("camera.bias_x", "m", -1.0, 1.0, 0.0, 1e-4), Free("camera.bias_y", "m", -1.0, 1.0, 0.0, 1e-4)),
                  put("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
         )  # fmt: skip
-    return terms
+    return terms + _lens_terms(cases)
+
+
+def _lens_terms(cases: Sequence[Case]) -> list[Term]:
+    """A lens that bends the picture about the mean of all tracks; and about a place that is sought, too.
+
+    Its bounds: at the farthest place that was seen the picture is off by no more than a scale may be.
+    """
+    seen = [c.recording.xy.reshape(-1, 2) for c in cases]
+    places = np.concatenate(seen) if seen else np.zeros((0, 2))
+    places = places[np.isfinite(places).all(axis=1)]
+    if any(c.recording.scene.periodic_x for c in cases) or len(places) < FEWEST_PLACES:
+        return []
+    middle = places.mean(axis=0)
+    away = np.hypot(*(places - middle).T)
+    extent = float(away.max())
+    if not extent > 0:
+        return []
+
+    def apply(scene, camera, values):
+        about = tuple(map(float, values[1:])) if len(values) > 1 else tuple(map(float, middle))
+        return scene, {**camera, "distortion": float(values[0]), "middle": about}
+
+    most = SCALE_OFF / extent**2
+    k = Free("camera.distortion", "1/m^2", -most, most, 0.0, 1e-3 / extent**2)
+    o = [
+        Free(
+            f"camera.middle_{axis}", "m", m - FARTHEST * extent, m + FARTHEST * extent, m, 0.1 * extent, None, m,
+            inner=True,
+        )
+        for axis, m in zip("xy", map(float, middle), strict=True)
+    ]  # fmt: skip
+    name, expression = "lens_distortion", "seen = o + (true - o)(1 + k |true - o|^2)"
+    fixed = {"o": ([float(m) for m in middle], "m")}
+    both = (("k", (0,)), ("o", (1, 2)))
+    return [
+        Term(name, name, (k,), apply, expression=expression, groups=both[:1], fixed=fixed),
+        Term(name, f"{name}, its middle sought", (k, *o), apply, expression=expression, groups=both),
+    ]
 
 
 def _is_simple(law: Law) -> bool:

@@ -20,7 +20,9 @@ from ..scene import Scene
 from .data import Case
 from .start import StartBody, numbers_at, states, turning_angle
 
-NO_CAMERA: dict[str, Any] = {"scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0)}
+NO_CAMERA: dict[str, Any] = {
+    "scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0, "middle": (0.0, 0.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ class Predictor:
             why = f"a body is not within {ESCAPED:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
-        seen = see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
+        seen = see(xy, **{key: camera[key] for key in ("scale", "tilt", "bias", "distortion", "middle")})
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):

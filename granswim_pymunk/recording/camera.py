@@ -1,4 +1,7 @@
-"""What a simulation looks like filmed: seen = s R(+angle) true + b, at the frame's time plus an offset."""
+"""What a simulation looks like filmed: seen = s R(+angle) L(true) + b, at the frame's time plus an offset.
+
+L is the lens: L(true) = o + (true - o)(1 + k |true - o|^2).
+"""
 
 from __future__ import annotations
 
@@ -14,14 +17,33 @@ from ..scene import Scene
 from .recording import Recording
 
 
+def bent(xy: np.ndarray, k: float, middle: Sequence[float]) -> np.ndarray:
+    """Positions (..., 2) [m] as a lens shows them: o + (true - o)(1 + k |true - o|^2).
+
+    k [1/m^2], above zero where the corners of a picture are drawn outwards (pincushion);  middle o : (2,) [m]
+    Source: Brown 1966, Photogrammetric Engineering 32, 444 (the first radial term); the contract's lens_distortion.
+    """
+    away = np.asarray(xy, dtype=float) - np.asarray(middle, dtype=float)
+    return np.asarray(middle) + away * (1.0 + k * np.sum(away**2, axis=-1, keepdims=True))
+
+
 def see(
-    xy: np.ndarray, *, scale: float = 1.0, tilt: float = 0.0, bias: Sequence[float] = (0.0, 0.0)
+    xy: np.ndarray,
+    *,
+    scale: float = 1.0,
+    tilt: float = 0.0,
+    bias: Sequence[float] = (0.0, 0.0),
+    distortion: float = 0.0,
+    middle: Sequence[float] = (0.0, 0.0),
 ) -> np.ndarray:
-    """Positions as the camera shows them: seen = s R(+tilt) true + b.
+    """Positions as the camera shows them: seen = s R(+tilt) L(true) + b.
 
     xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
-    bias b : (2,) [m]. Returns (..., 2) [m]. Source: the contract's camera_scale, camera_tilt, tracking_bias.
+    bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``. Returns (..., 2) [m].
+    Source: the contract's camera_scale, camera_tilt, tracking_bias.
     """
+    if distortion:
+        xy = bent(xy, distortion, middle)
     c, s = scale * math.cos(tilt), scale * math.sin(tilt)
     seen = np.empty_like(xy, dtype=float)
     seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
@@ -52,6 +74,8 @@ def film(
     tilt: float = 0.0,
     time_offset: float = 0.0,
     bias: Sequence[float] = (0.0, 0.0),
+    distortion: float = 0.0,
+    middle: Sequence[float] | None = None,
     drop: float | np.ndarray = 0.0,
     positions: bool = True,
     wrap: bool = False,
@@ -64,6 +88,7 @@ def film(
     times : (T,) stamps of the frames [s], rising; a frame stamped t shows the state at t + time_offset
     noise [m], angle_noise [rad] : one standard deviation, drawn from ``rng``
     scale, tilt [rad], bias (2,) [m] : as in ``see``; a pinned body's angle is seen turned by the tilt too
+    distortion [1/m^2], middle (2,) [m] : of the lens; its middle is the mean of all true places where not given
     drop : share of sightings that are lost at random, or (T, n) True where a body is not seen
     positions : False leaves angles only (an encoder);  wrap : fold x into the periodic box
     Raises InputError where nothing is observed or random numbers are asked for without a generator.
@@ -84,7 +109,10 @@ def film(
     asked = list(dict.fromkeys((*rows.tolist(), *turning)))
     sampled = simulation.sample(times + time_offset, asked)
     true = sampled[:, : len(rows)]
-    xy = see(true, scale=scale, tilt=tilt, bias=bias)
+    if distortion and scene.periodic_x:
+        raise InputError("a lens does not show unwrapped positions", where=f"recording {name}")
+    about = tuple(true.reshape(-1, 2).mean(axis=0).tolist()) if middle is None and true.size else middle or (0.0, 0.0)
+    xy = see(true, scale=scale, tilt=tilt, bias=bias, distortion=distortion, middle=about)
     angle = np.full(shape, np.nan)
     at = {scene.bodies[row].id: column for column, row in enumerate(rows)}
     for pin in scene.laws_named("pin"):

@@ -51,6 +51,7 @@ _APPARATUS_MEANING = {
     "camera_tilt": "turn of the picture against the scene's axes",
     "time_offset": "a frame stamped t shows the state at t + offset",
     "tracking_bias": "shift of all positions",
+    "lens_distortion": "how far the lens bends the picture, and about which place",
 }
 NOISE = 1.3  # an error below this many noise floors is called noise
 

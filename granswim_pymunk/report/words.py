@@ -47,6 +47,7 @@ _SPOKEN = {
     "camera_tilt": "the tilt of the camera",
     "time_offset": "an offset of the clock",
     "tracking_bias": "a bias of the tracker",
+    "lens_distortion": "a lens that bends the picture",
 }
 
 
