@@ -48,8 +48,8 @@ def bed(small: bool = False) -> BedSetup:
     return adjustable(setup, [("bending", "stiffness")])
 
 
-def make(row: Row, number: int, folder: Path, small: bool = False) -> list[Path]:
-    """The recordings of a row, written where they are not there. Raises SimulationError where a run fails."""
+def make(row: Row, number: int, folder: Path, small: bool = False, only: int | None = None) -> list[Path]:
+    """The recordings of a row, or film ``only`` of it, written where not there. Raises SimulationError."""
     seed = SEED + 1 + number
     setup = bed(small)
     if row.known:
@@ -59,7 +59,7 @@ def make(row: Row, number: int, folder: Path, small: bool = False) -> list[Path]
     belief = with_adjusted(setup.scene, {"bending.stiffness": digits(stiffness * off)})
     true = with_adjusted(setup.scene, {name: f * float(setup.scene.parameter(name)) for name, f in row.moved})
     written = []
-    for d in range(len(setup.drives)):
+    for d in range(len(setup.drives)) if only is None else (only - 1,):
         target = folder / f"{number:02d}" / f"film-{d + 1}"
         written.append(target)
         if (target / "recording.toml").exists():
@@ -88,8 +88,7 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
         args.out = Path(args.out) / f"film-{args.film}"
 
     def wanted(row: Row, number: int, folder: Path) -> list[Path]:
-        every = make(row, number, films, args.small)
-        return every if args.film is None else [every[args.film - 1]]
+        return make(row, number, films, args.small, args.film)
 
     return tell(table(ROWS, run_rows(args, ROWS, wanted, say), TITLE, "unseen_effects", ABOUT), args.page, say)
 

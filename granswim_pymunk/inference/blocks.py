@@ -277,9 +277,12 @@ class Explained:
 
 def explained(
     after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria = DEFAULT.blocks,
-    beyond: float = DEFAULT.verdict.beyond,
+    beyond: float = DEFAULT.verdict.beyond, few: bool = False,
 ) -> Explained:  # fmt: skip
-    """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed."""
+    """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed.
+
+    few : the floor is the mean of so few replicates that its own error widens the interval: they are drawn anew, too
+    """
     units = [u for u in before.sums if u in after.sums]
     if not units:
         return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)
@@ -302,7 +305,13 @@ def explained(
         return np.where(rest > LEAST_DRAWN * abs(whole), value, np.nan)
 
     drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
-    shares = share(s1[drawn], s0[drawn], f[drawn])
+    floor = f[drawn]
+    if few and len(floors) > 1:
+        # a bootstrap of n is too narrow by n/(n - 1) (Efron & Tibshirani 1993, ch. 5)
+        count = rng.multinomial(len(floors), np.full(len(floors), 1 / len(floors)), size=criteria.bootstrap)
+        weights = 1 / len(floors) + (count / len(floors) - 1 / len(floors)) * math.sqrt(len(floors) / (len(floors) - 1))
+        floor = np.take_along_axis(weights @ floors, drawn, axis=1)
+    shares = share(s1[drawn], s0[drawn], floor)
     low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
     total = float(n.sum())
     before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)

@@ -12,6 +12,7 @@ from ..hypothesis import Failed, Hypothesis
 from ..kept import Store
 from .signatures import Noise, ensemble_noise, twin_noise
 from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
+from .work import Work
 
 Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that were not asked for
 Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
@@ -22,8 +23,9 @@ class Bench:
 
     def __init__(
         self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS, store: Store | None = None,
-        cut: bool = True,
+        cut: bool = True, work: Work | None = None,
     ) -> None:  # fmt: skip
+        self.work = work or Work()
         self.beds = list(beds)
         self.members = members
         self.twins = twins
@@ -75,6 +77,8 @@ class Bench:
                     continue
                 jobs.append(Job(predictor, hypothesis, np.asarray(values, dtype=float), chosen, members, first))
                 owner.append((k, b))
+                looked = len(self.beds[b].starts) if chosen is None else len(chosen)
+                self.work.seconds += looked * (members or self.members) * predictor.member_cost
         found = dict(zip(owner, predict_all(jobs), strict=True))
         result: list[Prediction | None] = []
         for k in range(len(wanted)):
@@ -95,6 +99,7 @@ class Bench:
     def weigh(self, hypothesis: Hypothesis, values: np.ndarray) -> Prediction | None:
         """Grains count from now on by how well they are predicted; what all windows show, None where a run failed."""
         found = predict_all([Job(p, hypothesis, values, weigh=True) for p in self.predictors])
+        self.work.seconds += sum(len(p.bed.starts) * max(self.members, 2) * p.member_cost for p in self.predictors)
         self.seen = [p.seen() for p in self.predictors]
         shown = [f for f in found if f is not None]
         return shown if len(shown) == len(found) else None
@@ -157,6 +162,9 @@ class Bench:
         tasks = self._twin_tasks()
         done = [0]
         self.twin_scene, self._films = (hypothesis, values), {}
+        for b, _ in tasks:
+            p = self.predictors[b]
+            self.work.seconds += p.film_cost + len(p.bed.starts) * max(self.members, 2) * p.member_cost
 
         def one(task: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
             b, k = task
@@ -233,6 +241,8 @@ class Bench:
             return out
 
         tasks = [(b, k) for b, k in self._twin_tasks() if len(windows[b])]
+        for b, _ in tasks:
+            self.work.seconds += len(wanted) * len(windows[b]) * members * self.predictors[b].member_cost
         found = dict(zip(tasks, POOL.map(one, tasks), strict=True))
         beds = [b for b in range(len(self.beds)) if len(windows[b])]
         return np.stack([np.concatenate([found[b, k] for b in beds]) for k in range(self.twins)])

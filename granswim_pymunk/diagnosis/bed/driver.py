@@ -10,7 +10,7 @@ import gc
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,13 +58,14 @@ from .weigh import (
     rival_gains,
     weighed,
 )
-from .windows import MEMBERS, MOST_WINDOWS, THREADS, BedCase, bed_case
+from .windows import MEMBERS, MOST_WINDOWS, BedCase, bed_case
+from .work import CORES, Work
 
 CLEAR_GAIN = 400.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
 DOUBTFUL = 400.0  # chi2 below which the leaders' gains are held against what twins give them
 TRIES = 3  # laws that are fitted to the end, one after the other, until one stands
 LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
-GAUGE = 4  # members that are timed
+GAUGE = 4  # windows that show whether the scene can be run
 
 
 @dataclass
@@ -127,6 +128,7 @@ class BedDiagnosis:
 class Beginning:
     """What is known before anything is fitted: the scene as believed, and what can be afforded."""
 
+    began: float  # s, by the machine's clock
     bench: Bench
     plan: Plan
     clock: Clock
@@ -304,7 +306,7 @@ def _concluded(f: Found, seed: int, progress: Progress) -> BedDiagnosis:
         bench, verdict, start.naive.terms, start.naive_values, search.values, answer.values[:adjusted],
         answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null.gains,
         null.case, p, seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
-        excess, notes, clock.spent, bench.runs, seed, strayed, f.level,
+        excess, notes, time.monotonic() - start.began, bench.runs, seed, strayed, f.level,
         judged=told.judgement(verdict), complete=complete, remains=remains, heldout=seen.heldout,
         closest=told.closest, withdrawn=seen.withdrawn, withdrawn_gain=seen.withdrawn_gain, rival_gains=gains,
     )  # fmt: skip
@@ -318,8 +320,13 @@ def begin(
     candidates: Sequence[str] | None, plan: Plan | None, cut: bool, notes: list[str],
 ) -> Beginning:  # fmt: skip
     """Windows, candidates, and as much of a plan as the budget allows."""
+    began = time.monotonic()
     beds = windows_of(recordings, hold_out, seed, MOST_WINDOWS)
     for bed in beds:
+        unsure = {"radii of grains": bed.recording.radius_error, "masses": bed.recording.mass_error}
+        told = [f"{what} to {100 * error:.2g} %" for what, error in unsure.items() if error]
+        if told:
+            notes.append(f"{bed.name}: {' and '.join(told)}: its twins are as far off, and errors as much wider")
         if any(bed.repaired):
             notes.append(f"{bed.name}: {bed.repaired[0]} labels put back, {bed.repaired[1]} sightings left out")
     # of held-out recordings, too, but for what only they have: nothing could tell it
@@ -339,30 +346,18 @@ def begin(
 
     # what a member of a window costs decides how many there are
     bench = Bench(beds, 1, 1, cut=cut)
-    gauge = [w[: max(GAUGE // len(beds), THREADS)] for w in bench.every]
+    gauge = [w[:GAUGE] for w in bench.every]
     check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
     gc.freeze()  # what imports and the compiler left is not walked through again and again
-    # the first run compiled the laws, once for all times: that is not counted
-    clock = Clock(minutes)
-    times = []
-    for _ in range(3):
-        began = time.monotonic()
-        bench.predict([(hypothesis, values)], gauge, 1)
-        times.append(time.monotonic() - began)
-    cost = float(np.median(times)) / sum(len(w) for w in gauge)
+    clock = Clock(minutes, Work())
+    cost = sum(p.member_cost * len(p.bed.starts) for p in bench.predictors) / sum(len(b.starts) for b in beds) / CORES
     windows = sum(len(b.starts) for b in beds)
     training = sum(int(b.training.sum()) for b in beds)
     given = plan is not None
     store = Store("bed", *((b.film.t, b.film.xy, b.scene.hash) for b in beds), minutes, seed, twins, candidates, cut)
     if plan is None:
-        kept = store.get("plan", (5,))
-        # an interrupted diagnosis goes on with what it had planned: only then are its runs the same
-        if kept is not None:
-            plan = Plan(*map(int, kept))
-        else:
-            whole = max(p.whole for p in bench.predictors)
-            plan = make_plan(cost, windows, training, len(terms), clock.seconds - clock.spent, twins, whole)
-        store.put("plan", np.array(astuple(plan), dtype=float))
+        whole = max(p.whole for p in bench.predictors)
+        plan = make_plan(cost, windows, training, len(terms), clock.seconds, twins, whole)
     if plan.windows < max(len(b.starts) for b in beds):
         beds = windows_of(recordings, hold_out, seed, plan.windows)
     if not given and plan != Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS) and (
@@ -372,7 +367,7 @@ def begin(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, {plan.twins} twins, "
             f"at most {plan.windows} windows of a recording, {plan.leaders} laws refitted"
         )
-    bench = Bench(beds, plan.twins, plan.members, store, cut)
+    bench = Bench(beds, plan.twins, plan.members, store, cut, clock.work)
     for bed, predictor in zip(beds, bench.predictors, strict=True):
         if predictor.cut is not None:
             notes.append(
@@ -380,7 +375,7 @@ def begin(
                 f"swimmer (within {1e3 * REACH:g} mm) were simulated in windows, {len(predictor.cut.wall)} around "
                 "them carried along as seen"
             )
-    return Beginning(bench, plan, clock, store, naive, values, hypothesis, wrong, terms)
+    return Beginning(began, bench, plan, clock, store, naive, values, hypothesis, wrong, terms)
 
 
 @dataclass

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from .chance import LEANING
 from .windows import MEMBERS, MOST_WINDOWS
+from .work import CORES, Work
 
 TWINS = 8
 LEADERS = 7
@@ -14,15 +14,15 @@ MINUTES = 10.0  # where no budget is given
 
 
 class Clock:
-    """The budget: how much of it is spent."""
+    """The budget, in seconds of ``CORES`` idle cores: how much of it is spent."""
 
-    def __init__(self, minutes: float | None) -> None:
-        self.began = time.monotonic()
+    def __init__(self, minutes: float | None, work: Work) -> None:
         self.seconds = 60.0 * (minutes or MINUTES)
+        self.work = work
 
     @property
     def spent(self) -> float:
-        return time.monotonic() - self.began
+        return self.work.seconds / CORES
 
     def late(self, share: float) -> bool:
         return self.spent > share * self.seconds
@@ -42,7 +42,7 @@ class Plan:
 def make_plan(
     cost: float, windows: int, training: int, terms: int, seconds: float, twins: int, whole: float = 1.0
 ) -> Plan:
-    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window, all threads busy.
+    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window on ``CORES``.
 
     Every step is counted, though few recordings ask for all of them.
 

@@ -35,6 +35,7 @@ class Noise:
     residuals: np.ndarray
     twins: np.ndarray
     parts: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict, repr=False)  # roots of what was seen
+    others: list[Noise] = field(default_factory=list, repr=False)  # see ``by_others``
 
     def whiten(self, innovations: np.ndarray, windows: Sequence[int] | np.ndarray | None = None) -> np.ndarray:
         """Innovations or their changes (W, D) [m] of some windows in standard deviations, (w, D).
@@ -56,6 +57,13 @@ class Noise:
                     root = self.parts[key] = np.linalg.cholesky(part @ part.T)
                 out[k, seen] = solve_triangular(root, row[seen], lower=True)
         return out
+
+
+    def by_others(self) -> list[Noise]:
+        """For each twin the noise that all others tell: its own would flatter it."""
+        if not self.others:
+            self.others.extend(twin_noise(np.delete(self.twins, k, axis=0)) for k in range(len(self.twins)))
+        return self.others
 
 
 def ensemble_noise(predicted: np.ndarray, windows: np.ndarray, sigma: float) -> Noise:
@@ -207,8 +215,7 @@ def whole_films(noises: Sequence[Noise], used: Sequence[np.ndarray]) -> np.ndarr
 
 def _judged_by_others(noise: Noise, windows: np.ndarray) -> np.ndarray:
     """(N, w, D)"""
-    others = [twin_noise(np.delete(noise.twins, k, axis=0)) for k in range(len(noise.twins))]
-    return np.stack([o.whiten(t - o.bias) for o, t in zip(others, noise.twins, strict=True)])[:, windows]
+    return np.stack([o.whiten(t - o.bias) for o, t in zip(noise.by_others(), noise.twins, strict=True)])[:, windows]
 
 
 def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:

@@ -19,7 +19,7 @@ from .bench import Bench, Prediction, Windows
 from .judge import UNEXPLAINED, disks_of, errors, noise_floor
 from .places import maps
 from .search import Search
-from .signatures import make_signature, off, whole_films
+from .signatures import Noise, make_signature, off
 from .trial import BedTrial, first_order
 
 if TYPE_CHECKING:
@@ -30,48 +30,71 @@ RIVALS = 3  # of which held-out windows are predicted
 NOTHING = "nothing that was tried"
 
 
-def twins_of(bench: Bench, judge: Bench, windows: Windows) -> np.ndarray:
-    """(n, N) innovations of the twins of ``judge``, whitened as those of the film are in ``bench``.
+def squares_of(noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, twin: int | None) -> np.ndarray:
+    """(windows,) squares of innovations (W, D) [m] of each bed, by what the twins but one tell of the noise.
 
-    The bench's own twins are each whitened by the others: their own covariance would flatter them.
+    twin : the one that is left out, None for the mean over all. A film is judged by as many twins as each twin is by
+    the others: their covariance, which few samples tell, would otherwise be another for the two.
     """
-    if judge is bench:
-        return whole_films(bench.noises, windows)
-    number = min(len(noise.residuals) for noise in judge.noises)
-    parts = [
-        np.stack([metric.whiten(film, chosen).ravel() for film in noise.residuals[:number]])
-        for metric, noise, chosen in zip(bench.noises, judge.noises, windows, strict=True)
-    ]
-    return np.concatenate(parts, axis=1).T
+    out = []
+    for noise, own, chosen in zip(noises, rows, windows, strict=True):
+        every = noise.by_others()
+        metrics = every if twin is None else [every[twin % len(every)]]
+        out.append(np.mean([np.sum(m.whiten(own, chosen) ** 2, axis=1) for m in metrics], axis=0))
+    return np.concatenate(out)
 
 
 def scores_of(
-    bench: Bench, judge: Bench, rows: Prediction, windows: Windows, further: np.ndarray | None = None
+    bench: Bench, judge: Bench, rows: Prediction, windows: Windows, columns: np.ndarray | None = None
 ) -> Scores:
     """Squared whitened innovations of each window, with the estimator's bias in the twins of ``judge``; its floor.
 
-    One covariance, that of ``bench``, whatever the scene: otherwise S of two scenes could not be compared.
-    further : (windows,) what is added to the sums, see ``by_others``
+    One covariance, that of ``bench``, whatever the scene: otherwise S of two scenes could not be compared. Twins of
+    ``judge`` start with the noise of those of ``bench`` that have their number: each is judged by the others.
+    columns : (n, p) whitened, of the numbers that were fitted: each window then counts with numbers from all others,
+    in the film and in the twins, to which as many numbers are fitted
     """
+    sizes = sizes_of(bench, windows)
+    innovations = judge.innovations(rows)
+    squares = squares_of(bench.noises, innovations, windows, None)
+    if columns is not None:
+        squares = squares + by_others(columns, judge.white(rows, windows), sizes)
+    floor = []
+    for k in range(min(len(noise.residuals) for noise in judge.noises)):
+        twin = [noise.residuals[k] for noise in judge.noises]
+        floor.append(squares_of(bench.noises, twin, windows, k))
+        if columns is not None:
+            floor[-1] = floor[-1] + fitted_by_others(columns, _white(bench.noises, twin, windows, k), sizes)
     sums: dict[tuple[int, str], float] = {}
     counts: dict[tuple[int, str], int] = {}
     residuals: dict[int, np.ndarray] = {}
-    floor: list[np.ndarray] = []
-    twins = twins_of(bench, judge, windows)
-    at, unit = 0, 0
-    for bed, metric, innovations, chosen in zip(
-        bench.beds, bench.noises, judge.innovations(rows), windows, strict=True
-    ):
-        white = metric.whiten(innovations, chosen)
-        for w, own in zip(chosen, white, strict=True):
-            key = unit, bed.name
-            sums[key] = float(own @ own) + (0.0 if further is None else float(further[unit]))
-            counts[key] = int(np.isfinite(innovations[w]).sum())
-            residuals[unit] = disks_of(innovations[w], bed)
-            floor.append(np.sum(twins[at : at + bed.size] ** 2, axis=0))
-            at += bed.size
-            unit += 1
-    return Scores(sums, counts, residuals, np.array(floor).T.reshape(twins.shape[1], unit))
+    for bed, own, chosen in zip(bench.beds, innovations, windows, strict=True):
+        for w in chosen:
+            unit = len(sums)
+            sums[unit, bed.name] = float(squares[unit])
+            counts[unit, bed.name] = int(np.isfinite(own[w]).sum())
+            residuals[unit] = disks_of(own[w], bed)
+    return Scores(sums, counts, residuals, np.array(floor).reshape(-1, len(sums)))
+
+
+def _white(noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, twin: int) -> np.ndarray:
+    """(n,) innovations (W, D) [m] of each bed, whitened by what the twins but one tell."""
+    every = [noise.by_others() for noise in noises]
+    parts = [m[twin % len(m)].whiten(own, w).ravel() for m, own, w in zip(every, rows, windows, strict=True)]
+    return np.concatenate(parts)
+
+
+def fitted_by_others(columns: np.ndarray, white: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
+    """(windows,) how the squares of each window change where numbers are fitted to r, to each from all other windows.
+
+    columns : (n, p);  white : (n,) r;  sizes : how many of the n rows each window has
+    """
+    if len(sizes) < 2 or not columns.shape[1]:
+        return np.zeros(len(sizes))
+    rest = white - columns @ np.linalg.lstsq(columns, white, rcond=1e-10)[0]
+    at = np.cumsum(sizes)[:-1]
+    change = [float(b @ b - a @ a) for a, b in zip(np.split(white, at), np.split(rest, at), strict=True)]
+    return np.array(change) + by_others(columns, rest, sizes)
 
 
 def by_others(columns: np.ndarray, white: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
@@ -103,7 +126,7 @@ def share_of(after: Scores, before: Scores, rng: np.random.Generator) -> Explain
     """See ``explained``; few twins know their spread badly: Student's t in place of the normal, and of their mean."""
     number = max(len(before.floor), 2)
     student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
-    return explained(after, before, rng, beyond=DEFAULT.verdict.beyond * student)
+    return explained(after, before, rng, beyond=DEFAULT.verdict.beyond * student, few=True)
 
 
 @dataclass
@@ -128,8 +151,7 @@ class Weighed:
 
 def before_of(search: Search) -> Scores:
     """S of the recalibrated scene."""
-    further = by_others(search.nuisance, search.white, sizes_of(search.bench, search.used))
-    return scores_of(search.bench, search.bench, search.base, search.used, further)
+    return scores_of(search.bench, search.bench, search.base, search.used, search.nuisance)
 
 
 def explained_by(search: Search, answer: Answer, before: Scores, rng: np.random.Generator) -> Explained | None:
@@ -139,10 +161,7 @@ def explained_by(search: Search, answer: Answer, before: Scores, rng: np.random.
         rows = judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
     if rows is None:
         return None
-    further = None
-    if answer.columns is not None:
-        further = by_others(answer.columns, judge.white(rows, search.used), sizes_of(bench, search.used))
-    return share_of(scores_of(bench, judge, rows, search.used, further), before, rng)
+    return share_of(scores_of(bench, judge, rows, search.used, answer.columns), before, rng)
 
 
 def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.random.Generator) -> Explained | None:
@@ -155,11 +174,10 @@ def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.
     rows = bench.predict([beside(search, trial)], used)[0]
     if rows is None:
         return None
-    further = None
+    columns = None
     if len(trial.signature.columns) == len(search.nuisance):
         columns = np.hstack([search.nuisance, trial.signature.columns])
-        further = by_others(columns, bench.white(rows, used), sizes_of(bench, used))
-    return share_of(scores_of(bench, bench, rows, used, further), before, rng)
+    return share_of(scores_of(bench, bench, rows, used, columns), before, rng)
 
 
 def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:

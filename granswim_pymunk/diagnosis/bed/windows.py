@@ -27,6 +27,7 @@ from ..kept import Store, digest
 from .cut import carried_paths, cut_out
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
+from .work import BODY_START, BODY_STEP
 
 LENGTH = 0.016  # s, of a window
 MEMBERS = 3
@@ -186,6 +187,25 @@ def placed(scene: Scene, xy: np.ndarray, v: np.ndarray | None) -> Scene:
     return replace(scene, bodies=bodies)
 
 
+def off_by(scene: Scene, recording: Recording, rng: np.random.Generator) -> Scene:
+    """The scene with masses, and the radii of grains, off by as much as the recording says that they may be.
+
+    Each by a factor of its own, exp(s z - s^2/2) with s the relative error and z a normal number within 2.5. The disks
+    of a swimmer hang together at distances that are seen: those stay.
+    """
+    errors = recording.radius_error or 0.0, recording.mass_error or 0.0
+    if not any(errors):
+        return scene
+    z = np.clip(rng.normal(size=(len(scene.bodies), 2)), -2.5, 2.5)
+    factors = np.exp(np.array(errors) * z - 0.5 * np.array(errors) ** 2)
+    bodies = tuple(
+        replace(b, radius=b.radius * (float(f[0]) if b.role == "grain" else 1.0), mass=b.mass * float(f[1]))
+        if b.mobile else b
+        for b, f in zip(scene.bodies, factors, strict=True)
+    )  # fmt: skip
+    return replace(scene, bodies=bodies)
+
+
 def _plain(camera: Mapping[str, Any]) -> bool:
     """Whether places are shown as they are."""
     return camera["scale"] == 1.0 and camera["tilt"] == 0.0 and not any(camera["bias"])
@@ -237,6 +257,17 @@ class BedPredictor:
     def whole(self) -> float:
         """How many times the bodies of a window the whole bed has."""
         return 1.0 if self.cut is None else len(self.bed.scene.bodies) / len(self.cut.rows)
+
+    @property
+    def member_cost(self) -> float:
+        """Seconds of a core [s] that a member of a window takes, about."""
+        bodies = len(self.bed.scene.bodies) if self.cut is None else len(self.cut.rows)
+        return bodies * (BODY_START + BODY_STEP * self.bed.span / self.bed.dt)
+
+    @property
+    def film_cost(self) -> float:
+        """Seconds of a core [s] that the whole film of a twin takes, about."""
+        return len(self.bed.scene.bodies) * BODY_STEP * float(np.ptp(self.bed.film.t)) / self.bed.dt
 
     def pace(self) -> np.ndarray:
         """(2,) rms speed [m/s] at the starts of training windows, of the swimmer's disks and of the grains."""
@@ -325,11 +356,12 @@ class BedPredictor:
         camera: Mapping[str, Any] = NO_CAMERA,
         rows: np.ndarray | None = None,
         held: tuple[np.ndarray, np.ndarray] | None = None,
+        shapes: Shapes | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """A state (n, 2), (n, 2) drawn from what the frames around ``frame`` say; ``numbers`` seed the draw.
 
         ``rows`` of the scene's bodies, all if not given: others are left at nought.  ``held``: rows, and the places
-        (k, 2) [m] where they stay.
+        (k, 2) [m] where they stay.  ``shapes``: of other bodies than the scene's.
         """
         bed = self.bed
         # one draw for all hypotheses, so that their differences are physics
@@ -347,7 +379,8 @@ class BedPredictor:
                 xy[k], v[k] = b.initial[:2], 0.0
         if held is not None:
             xy[held[0]] = held[1]
-        xy[chosen] = take_apart(xy[chosen], bed.shapes.part(chosen, () if held is None else held[0]))
+        shapes = bed.shapes if shapes is None else shapes
+        xy[chosen] = take_apart(xy[chosen], shapes.part(chosen, () if held is None else held[0]))
         return xy, v
 
     def _wall_path(self, window: int, camera: Mapping[str, Any]) -> np.ndarray:
@@ -385,20 +418,17 @@ class BedPredictor:
         bed = self.bed
         return digest(
             [what, bed.name, scene.hash, sorted(camera.items()), bed.starts, bed.looks, bed.dt, bed.seed, self.weighed,
-             *numbers]
+             bed.recording.radius_error, bed.recording.mass_error, *numbers]
         )
 
-    def simulation(
-        self, hypothesis: Hypothesis, values: np.ndarray, whole: bool = False
-    ) -> tuple[Simulation, Mapping[str, Any]]:
+    def simulation(self, hypothesis: Hypothesis, values: np.ndarray) -> tuple[Simulation, Mapping[str, Any]]:
         """A simulation under a hypothesis, ready to be restarted anywhere, and its camera. Raises Failed.
 
-        ``whole``: of all bodies, else of the cut where there is one.
+        Of the cut where there is one, else of all bodies.
         """
         scene, camera = hypothesis.scene(self.bed.case, values)
-        cut = None if whole else self.cut
-        xy, v = self.start_at(int(self.bed.starts[0]), (0, 0)) if whole else self.start(0, 0)
-        only, carried = (None, ()) if cut is None else (cut.rows, cut.wall)
+        xy, v = self.start(0, 0)
+        only, carried = (None, ()) if self.cut is None else (self.cut.rows, self.cut.wall)
         try:
             started = placed(replace(scene, adjustable=()), xy, v)
             return Simulation(started, dt=self.bed.dt, only=only, carried=carried), camera
@@ -474,17 +504,25 @@ class BedPredictor:
         return np.concatenate([disks.ravel(), grains])
 
     def twin(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
-        """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed."""
+        """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed.
+
+        Its bodies are off as the recording says that radii and masses may be, those of each twin in another way: what
+        the windows then show is what a scene with the wrong ones leaves.
+        """
         bed = self.bed
-        simulation, camera = self.simulation(hypothesis, values, whole=True)
+        scene, camera = hypothesis.scene(bed.case, values)
+        scene = off_by(replace(scene, adjustable=()), bed.recording, np.random.default_rng((bed.seed, 8, number)))
+        shapes = bed.shapes if scene.bodies == bed.scene.bodies else Shapes.of(scene)
         rng = np.random.default_rng((bed.seed, 7, number))
-        xy, v = self.start_at(HALF, (3, number), camera)
+        first = self.start_at(int(bed.starts[0]), (0, 0), shapes=shapes)
+        xy, v = self.start_at(HALF, (3, number), camera, shapes=shapes)
         t = bed.film.t[HALF:]
         offset = float(camera["time_offset"])
         try:
+            simulation = Simulation(placed(scene, *first), dt=bed.dt)
             simulation.restart(xy, v, float(t[0]) + offset)
             true = simulation.sample(t + offset)
-        except SimulationError as error:
+        except (InputError, SimulationError) as error:
             raise Failed(str(error)) from None
         seen = np.full(bed.film.xy.shape, np.nan)
         seen[HALF:] = _shown(true, camera)
