@@ -48,7 +48,7 @@ def test_closed_solution(mu):
 def test_without_friction_nothing_turns():
     run = Simulation(glancing(0.0))
     run.advance(1500)
-    assert not run.state().spin.any()
+    assert np.abs(run.state().spin).max() < 1e-13  # rounding of the point of contact; rad/s
     assert abs(run.state().v[1, 1]) > 0.1
 
 
@@ -57,4 +57,4 @@ def test_some_bodies_rub():
     only = Scene(scene.bodies, (scene.laws[0], use("contact_friction", mu=0.3, bodies=["a"])), time=scene.time)
     run = Simulation(only)
     run.advance(1500)
-    assert not run.state().spin.any()
+    assert np.abs(run.state().spin).max() < 1e-13  # rounding of the point of contact; rad/s

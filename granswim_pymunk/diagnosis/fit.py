@@ -156,10 +156,13 @@ class Fitter:
         self.stop = stop
         criteria = replace(DEFAULT.segments, frames=10**9) if whole else DEFAULT.segments
         self.segments = {c.name: make_segments(c, self.frames[c.name], criteria) for c in self.cases}
+        # (n, q) of each recording, derivatives by its starts at the fit that came last
+        self._by_start: dict[str, np.ndarray] = {}
 
     def tightened(self, share: float) -> Fitter:
         """The same with the spread of steps at impacts multiplied by a share."""
         other = copy.copy(self)
+        other._by_start = {}  # its rows of steps are others
         other.segments = {
             name: tuple(replace(s, tie=np.where(np.isfinite(s.limit), share * s.tie, s.tie)) for s in segments)
             for name, segments in self.segments.items()
@@ -263,11 +266,21 @@ class Fitter:
         numbers = {c.name: self._begin(c.name, starts) for c in self.cases}
         if self.segmented:
             active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
-            x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, near)
-            return self._finish(hypothesis, x, numbers, fixed, near)
+            known = self._known(near)
+            x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
+            return self._finish(hypothesis, x, numbers, fixed, known)
         for share in stages:
             x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
+
+    def _known(self, near: Fit | None) -> dict[str, np.ndarray]:
+        """Derivatives by the starts from a fit nearby, of each recording (n, q), where there are any.
+
+        Over a segment they hardly hang on the law that is fitted: those of the last fit will do for the next one, which
+        takes them anew where it gets on badly.
+        """
+        given = {} if near is None else {name: by_start for name, (_, by_start) in near.jacobian.items()}
+        return self._by_start | given
 
     @property
     def segmented(self) -> bool:
@@ -293,7 +306,7 @@ class Fitter:
 
     def _descend(
         self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
-        evaluations: int, near: Fit | None,
+        evaluations: int, known: dict[str, np.ndarray],
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
         """The numbers that are ``active`` and all starts, by ``solve.descend``."""
         low, high = hypothesis.bounds
@@ -309,11 +322,8 @@ class Fitter:
             return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
 
         held = [k for k in range(len(x)) if k not in set(active)]
-        kept: dict[str, np.ndarray] = {}
-        normal: dict[str, np.ndarray] = {}
-        if near is not None:
-            kept = {name: by_start for name, (_, by_start) in near.jacobian.items()}
-            normal = {name: by_start.T @ by_start for name, by_start in kept.items()}
+        kept = known
+        normal = {name: by_start.T @ by_start for name, by_start in kept.items()}
 
         def differentiate(
             part: np.ndarray, starts: list[np.ndarray], here: list[np.ndarray], starts_too: bool
@@ -337,7 +347,7 @@ class Fitter:
         try:
             with np.errstate(all="ignore"):
                 part, starts = descend(
-                    evaluate, differentiate, loss, begin, (low[at], high[at]), stale=near is not None,
+                    evaluate, differentiate, loss, begin, (low[at], high[at]), stale=bool(known),
                     evaluations=evaluations, stop=self.stop,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
@@ -639,7 +649,7 @@ class Fitter:
         result *= roots[:, None]
         return result[:, :p], result[:, p:]
 
-    def _finish(self, hypothesis, x, numbers, fixed, near: Fit | None = None) -> Fit:
+    def _finish(self, hypothesis, x, numbers, fixed, known: dict[str, np.ndarray] | None = None) -> Fit:
         innovations, white, jacobian, steps = {}, {}, {}, {}
         p = len(hypothesis.free)
         chi2, count = 0.0, 0
@@ -651,11 +661,12 @@ class Fitter:
             innovations[c.name] = self._raw(c, full, numbers[c.name])
             seen = full[np.isfinite(full)]
             here = np.concatenate([seen, steps[c.name]])
-            kept = None if near is None else near.jacobian.get(c.name, (None, None))[1]
+            kept = (known or {}).get(c.name)
             anew = kept is None or kept.shape != (len(here), len(numbers[c.name]))
             by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, (), anew)
             roots = self._roots(c, here)[:, None]
             jacobian[c.name] = (by_value * roots, by_start * roots if anew or kept is None else kept)
+            self._by_start[c.name] = jacobian[c.name][1]
             chi2 += self._loss(c, here)
             count += len(seen)
         covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))

@@ -21,6 +21,7 @@ from ..walls import gap_to_wall
 from .data import Case
 from .start import StartBody, describe_starts
 
+AT_ONCE = 3  # frames, within which minima of a gap are those of one meeting
 CONTACTS = ("contact_elastic", "contact_linear", "contact_hertz")
 
 
@@ -51,12 +52,16 @@ class Impact:
     """Bodies that met: ``row`` of the closest frame, ``apart`` the first after it in which they are clear.
 
     kick : |change of velocity| of each [m/s]
+    place, speed : spread of the place [m] and of the velocity [m/s] of each right after it, where a rigid impact that
+        was not quite where it is believed to be is followed
     """
 
     row: int
     apart: int
     bodies: tuple[str, ...]
     kick: dict[str, float]
+    place: dict[str, float]
+    speed: dict[str, float]
 
 
 def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria = DEFAULT.segments) -> tuple[Segment, ...]:
@@ -77,11 +82,21 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria = DE
     for k, (begin, end) in enumerate(pairwise(edges)):
         mask = np.zeros(len(case.t), dtype=bool)
         mask[rows[begin:end]] = True
-        starts = describe_starts(case, mask)
+        starts = describe_starts(_until_met(case, rows[begin], impacts), mask)
         until = float(case.t[rows[end]]) if end < len(rows) else None
         tie, limit = _tie(starts, cuts[k - 1][1] if k else None, criteria)
         segments.append(Segment(mask, starts, until, tie, limit))
     return tuple(segments)
+
+
+def _until_met(case: Case, begin: int, impacts: Sequence[Impact]) -> Case:
+    """The recording with each body unseen from where it is struck next: what comes later tells nothing of its start."""
+    values = case.values.copy()
+    for impact in impacts:
+        for k, channel in enumerate(case.channels):
+            if channel.body in impact.bodies and impact.row - begin >= 2:
+                values[impact.row :, k] = np.nan
+    return replace(case, values=values)
 
 
 def _tie(
@@ -91,11 +106,12 @@ def _tie(
     spreads, limits = [np.zeros(0)], [np.zeros(0)]
     for start in starts if impacts is not None else ():
         spread = criteria.narrow * np.where(start.scale > 0, start.scale, 1.0)
-        kick = sum(i.kick.get(start.body, 0.0) for i in impacts or ())
-        met = kick > 0 and start.form in ("free", "rail")
+        mine = [i for i in impacts or () if i.kick.get(start.body, 0.0) > 0]
+        met = bool(mine) and start.form in ("free", "rail")
         if met:
-            speeds = np.arange(len(spread)) >= 2
-            spread = np.maximum(spread, np.where(speeds, criteria.impulse * kick, criteria.lateness * kick))
+            place = float(np.hypot.reduce([i.place[start.body] for i in mine]))
+            speed = float(np.hypot.reduce([i.speed[start.body] for i in mine]))
+            spread = np.maximum(spread, np.where(np.arange(len(spread)) >= 2, speed, place))
         spreads.append(spread[start.free])
         limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
     return np.concatenate(spreads), np.concatenate(limits)
@@ -120,35 +136,76 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
         if {"x", "y"} <= set(c)
     }
     names = list(paths)
-    met: list[tuple[int, int, tuple[str, ...]]] = []
+    met: list[tuple[int, int, tuple[str, str], float]] = []
     for k, a in enumerate(names):
-        for bodies, noise, size, gap in _met_by(a, names[k + 1 :], paths, scene):
-            near = criteria.near * (scene.body(a).radius + size)
+        for b, noise, size, gap in _met_by(a, names[k + 1 :], paths, scene):
+            near = criteria.near * (scene.body(a).radius + (size if np.isfinite(size) else 0.0))
             spread = float(np.hypot(paths[a][1], noise))
-            met += [(row, _apart(gap, row, 2 * spread), bodies) for row in _minima(gap, 4 * spread + near)]
+            met += [(row, _apart(gap, last, 2 * spread), (a, b), size) for row, last in _minima(gap, 4 * spread + near)]
+    met.sort(key=lambda m: m[:2])
     found = []
-    for row, apart, bodies in sorted(met):
-        kick = {b: _kick(case.t, paths[b][0], paths[b][1], (row, apart), criteria) for b in bodies}
+    for row, apart, pair, size in met:
+        bodies = tuple(b for b in pair if b in paths)
+        told = {}
+        for b in bodies:
+            # no other meeting of this body lies in the frames that tell of this one
+            first = max((m[1] for m in met if b in m[2] and m[0] < row), default=0)
+            last = min((m[0] for m in met if b in m[2] and m[0] > row), default=len(case.t))
+            told[b] = _kick(case.t, *paths[b], (min(first, row), row, apart, max(last, apart)), criteria)
+        kick = {b: size for b, (size, _) in told.items()}
+        if len(bodies) > 1 and any(kick.values()):
+            # of one that meets others just then, by what the partner's momentum changes
+            given = max(kick[b] * scene.body(b).mass for b in bodies)
+            kick = {b: size or given / scene.body(b).mass for b, size in kick.items()}
         if any(size > 0 for size in kick.values()):
-            found.append(Impact(row, apart, bodies, kick))
+            speed = float(np.linalg.norm(told[bodies[0]][1] - (told[bodies[1]][1] if len(bodies) > 1 else 0.0)))
+            noise = float(np.hypot.reduce([paths[b][1] for b in bodies]))
+            found.append(Impact(row, apart, bodies, kick, *_followed(scene, size, kick, speed, noise, criteria)))
     return found
 
 
 def _met_by(
     body: str, others: Sequence[str], paths: Mapping[str, tuple[np.ndarray, float]], scene: Scene
-) -> Iterator[tuple[tuple[str, ...], float, float, np.ndarray]]:
-    """What a body may meet: the bodies that move, the other's noise and radius [m], and the gap (T,) [m]."""
+) -> Iterator[tuple[str, float, float, np.ndarray]]:
+    """What a body may meet: its name, the noise of its track and its radius [m], and the gap (T,) [m].
+
+    A straight wall has no name, and a radius without end.
+    """
     xy, radius = paths[body][0], scene.body(body).radius
     for name in others:
         other, noise = paths[name]
         size = scene.body(name).radius
-        yield (body, name), noise, size, np.linalg.norm(xy - other, axis=1) - radius - size
+        yield name, noise, size, np.linalg.norm(xy - other, axis=1) - radius - size
     for post in scene.bodies:
         if not post.mobile and post.initial is not None:
             gap = np.linalg.norm(xy - np.array(post.initial[:2]), axis=1) - radius - post.radius
-            yield (body,), 0.0, post.radius, gap
+            yield post.id, 0.0, post.radius, gap
     for wall in scene.walls:
-        yield (body,), 0.0, wall.radius, gap_to_wall(xy, radius, wall, scene.periodic_x)
+        yield "", 0.0, np.inf, gap_to_wall(xy, radius, wall, scene.periodic_x)
+
+
+def _followed(
+    scene: Scene, size: float, kick: Mapping[str, float], speed: float, noise: float, criteria: SegmentCriteria
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Spread of place [m] and velocity [m/s] of bodies after a rigid impact at a relative ``speed``.
+
+    kick : of those that move;  size : radius [m] of what the first of them met, without end for a straight wall
+
+    An impact at an angle theta to the line of centres strikes R cos(theta)^2/2 deep into the sum R of the radii. An
+    error b of that depth changes the kick by the share b/(R cos(theta)^2), at most all of it, and the impact comes
+    b/(u cos(theta)) too early or late.
+    """
+    mass = {b: scene.body(b).mass for b in kick}
+    radius = scene.body(next(iter(kick))).radius
+    reach = radius + size
+    depth = float(np.hypot(criteria.depth * (reach if np.isfinite(reach) else radius), noise / np.sqrt(criteria.around)))
+    reduced = 1.0 / sum(1.0 / m for m in mass.values())
+    # (1 + e) times the closing speed, e between 0.5 and 1
+    closing = max(kick[b] * mass[b] / reduced for b in kick) / 1.8
+    cosine = float(np.clip(closing / max(speed, 1e-12), 1e-6, 1.0))
+    share = min(float(np.hypot(criteria.impulse, depth / (reach * cosine**2))), 1.0)
+    late = float(np.hypot(criteria.lateness, depth / closing)) if closing > 0 else criteria.lateness
+    return {b: k * late for b, k in kick.items()}, {b: k * share for b, k in kick.items()}
 
 
 def _apart(gap: np.ndarray, row: int, clear: float) -> int:
@@ -159,35 +216,48 @@ def _apart(gap: np.ndarray, row: int, clear: float) -> int:
     return len(gap) - 1
 
 
-def _minima(gap: np.ndarray, near: float) -> list[int]:
-    """Rows of the minima of a gap (T,) that are below ``near`` or what is covered between two frames."""
+def _minima(gap: np.ndarray, near: float) -> list[tuple[int, int]]:
+    """Rows of the minima of a gap (T,) that are below ``near`` or what is covered between two frames.
+
+    Those that follow at once are taken together, as where a third body throws two at each other again: first and last.
+    """
     seen = np.flatnonzero(np.isfinite(gap))
     if len(seen) < 5:
         return []
     values = gap[seen]
     steps = np.abs(np.diff(values))
     between = np.concatenate([[steps[0]], np.maximum(steps[1:], steps[:-1]), [steps[-1]]])
-    rows = []
-    for k in range(1, len(seen) - 1):
-        window = values[max(k - 3, 0) : k + 4]
-        if values[k] == window.min() and values[k] < near + between[k]:
-            rows.append(int(seen[k]))
+    inside = (values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:]) & (values < near + between)[1:-1]
+    rows: list[tuple[int, int]] = []
+    for row in seen[1:-1][inside].tolist():
+        if rows and row - rows[-1][1] <= AT_ONCE:
+            rows[-1] = (rows[-1][0], row)
+        else:
+            rows.append((row, row))
     return rows
 
 
 def _kick(
-    t: np.ndarray, xy: np.ndarray, sigma: float, span: tuple[int, int], criteria: SegmentCriteria
-) -> float:
-    """|change of velocity| [m/s] across a span of rows, from lines through frames beside it; 0 where it is noise."""
-    n, (row, apart) = criteria.around, span
-    speeds: list[np.ndarray] = []
-    spreads: list[float] = []
-    for rows in (np.arange(max(row - n, 0), row), np.arange(apart, min(apart + n, len(t)))):
-        rows = rows[np.isfinite(xy[rows]).all(axis=1)]
-        if len(rows) < 3:
-            return 0.0
-        s = t[rows] - t[rows].mean()
-        speeds.append(s @ xy[rows] / float(s @ s))
-        spreads.append(sigma / float(np.sqrt(s @ s)))
-    size = float(np.linalg.norm(speeds[1] - speeds[0]))
-    return size if size > criteria.kick * float(np.hypot(spreads[0], spreads[1])) else 0.0
+    t: np.ndarray, xy: np.ndarray, sigma: float, span: tuple[int, int, int, int], criteria: SegmentCriteria
+) -> tuple[float, np.ndarray]:
+    """|change of velocity| [m/s] between two rows, 0 where it is noise, and the velocity (2,) [m/s] before.
+
+    Lines through the frames beside, as few as show it. span : first row of those before, rows, end of those after
+    """
+    first, row, apart, last = span
+    before = np.zeros(2)
+    for n in (criteria.around * 2**k for k in range(criteria.wider + 1)):
+        speeds: list[np.ndarray] = []
+        spreads: list[float] = []
+        for rows in (np.arange(max(row - n, first), row), np.arange(apart, min(apart + n, last))):
+            rows = rows[np.isfinite(xy[rows]).all(axis=1)]
+            if len(rows) < 3:
+                return 0.0, before
+            s = t[rows] - t[rows].mean()
+            speeds.append(s @ xy[rows] / float(s @ s))
+            spreads.append(sigma / float(np.sqrt(s @ s)))
+        before = speeds[0]
+        size = float(np.linalg.norm(speeds[1] - speeds[0]))
+        if size > criteria.kick * float(np.hypot(*spreads)):
+            return size, before
+    return 0.0, before

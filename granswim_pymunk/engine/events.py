@@ -13,18 +13,28 @@ from ..compiled import njit
 from .native import call_step, load_float, store_float
 from .neighbours import together
 
-# of a step: how short the one across an impact is; the normal of the impact is off by half of it
-SHORTEST = 0.001
-# of a step: from where the time of contact is computed again; moving straight over a whole step is off by
-# acceleration, and a step that ends inside the other disk gives the impact too late
-NEAR = 0.03
+# short steps across an impact: after so many the disks are clear of one another, and what hangs on velocities is found
+# anew before the next step
+SETTLE = 20.0
+# of a step: how short the one across an impact is; the normal of the impact and its time are off by half of it
+SHORTEST = 1e-6
+ROUNDS = 4  # of Newton's method for the time of contact
+# of the time to contact, where longer steps are allowed: what acts between near disks changes over their gap
+CLOSER = 0.2
 
 
 @njit(cache=True, nogil=True)
-def _time_to_contact(addresses, radius, group, apart, touching, mobile, position, velocity, most):
-    """Shortest time [engine units] below ``most`` until two approaching disks touch, moving straight."""
+def _ahead(
+    addresses, radius, group, apart, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, most
+):  # fmt: skip
+    """Shortest time [engine units] below ``most`` until two disks touch, and the least |gap|/speed of all pairs.
+
+    A step of s moves a body by s (v + (s - last) a/2), v the velocity of the middle of the last step: the time of
+    contact is the root of that gap, so that the step which goes there ends at contact whatever acts.
+    kick : turns force over mass into velocity over time, engine units
+    """
     n = addresses.shape[0]
-    soonest = most
+    soonest, room = most, math.inf
     for i in range(n):
         if not touching[i]:
             continue
@@ -35,21 +45,33 @@ def _time_to_contact(addresses, radius, group, apart, touching, mobile, position
             dy = load_float(addresses[j] + position + 8) - load_float(addresses[i] + position + 8)
             ux = load_float(addresses[j] + velocity) - load_float(addresses[i] + velocity)
             uy = load_float(addresses[j] + velocity + 8) - load_float(addresses[i] + velocity + 8)
-            b = dx * ux + dy * uy
-            if b >= 0.0:
-                continue
             touch = radius[i] + radius[j]
-            c = dx * dx + dy * dy - touch * touch
-            if c <= 0.0:
-                continue  # touching already: Chipmunk has seen it
-            a = ux * ux + uy * uy
-            root = b * b - a * c
+            square, speed = dx * dx + dy * dy, ux * ux + uy * uy
+            c = square - touch * touch
+            if speed > 0.0:
+                room = min(room, abs(math.sqrt(square) - touch) / math.sqrt(speed))
+            b = dx * ux + dy * uy
+            # touching already, and Chipmunk has seen it, or moving apart
+            if b >= 0.0 or c <= 0.0:
+                continue
+            root = b * b - speed * c
             if root < 0.0:
                 continue
             when = c / (-b + math.sqrt(root))
-            if when < soonest:
+            if when > 2.0 * soonest:
+                continue
+            ax = kick * (fx[j] * inverse_mass[j] * mobile[j] - fx[i] * inverse_mass[i] * mobile[i])
+            ay = kick * (fy[j] * inverse_mass[j] * mobile[j] - fy[i] * inverse_mass[i] * mobile[i])
+            vx, vy = ux - 0.5 * last * ax, uy - 0.5 * last * ay
+            for _ in range(ROUNDS):
+                x, y = dx + when * (vx + 0.5 * when * ax), dy + when * (vy + 0.5 * when * ay)
+                slope = 2.0 * (x * (vx + when * ax) + y * (vy + when * ay))
+                if slope >= 0.0:
+                    break
+                when -= (x * x + y * y - touch * touch) / slope
+            if 0.0 <= when < soonest:
                 soonest = when
-    return soonest
+    return soonest, room
 
 
 @njit(cache=True, nogil=True)
@@ -89,9 +111,10 @@ def _time_to_wall(px, py, ux, uy, along_x, along_y, touch):
 
 
 @njit(cache=True, nogil=True)
-def _time_to_walls(addresses, radius, touching, mobile, position, velocity, walls, most):
-    """Shortest time [engine units] below ``most`` until a disk touches one of the straight ``walls`` (W, 5)."""
-    soonest = most
+def _ahead_of_walls(
+    addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, walls, soonest, room
+):  # fmt: skip
+    """As ``_ahead``, with what that found: the straight ``walls`` (W, 5) taken in."""
     for i in range(addresses.shape[0] if walls.shape[0] > 0 else 0):
         if not (touching[i] and mobile[i]):
             continue
@@ -99,42 +122,60 @@ def _time_to_walls(addresses, radius, touching, mobile, position, velocity, wall
         y = load_float(addresses[i] + position + 8)
         ux = load_float(addresses[i] + velocity)
         uy = load_float(addresses[i] + velocity + 8)
+        ax, ay = kick * fx[i] * inverse_mass[i], kick * fy[i] * inverse_mass[i]
+        speed = math.sqrt(ux * ux + uy * uy)
         for k in range(walls.shape[0]):
-            when = _time_to_wall(
-                x - walls[k, 0], y - walls[k, 1], ux, uy, walls[k, 2], walls[k, 3], radius[i] + walls[k, 4]
-            )
+            px, py, touch = x - walls[k, 0], y - walls[k, 1], radius[i] + walls[k, 4]
+            square = walls[k, 2] ** 2 + walls[k, 3] ** 2
+            foot = min(max((px * walls[k, 2] + py * walls[k, 3]) / square, 0.0), 1.0)
+            gap = math.sqrt((px - foot * walls[k, 2]) ** 2 + (py - foot * walls[k, 3]) ** 2) - touch
+            if speed > 0.0:
+                room = min(room, abs(gap) / speed)
+            when = _time_to_wall(px, py, ux, uy, walls[k, 2], walls[k, 3], touch)
+            for _ in range(ROUNDS):
+                if when > 2.0 * soonest:
+                    break
+                # at the velocity that a step of this length would have
+                shift = 0.5 * (when - last)
+                when = _time_to_wall(px, py, ux + shift * ax, uy + shift * ay, walls[k, 2], walls[k, 3], touch)
             soonest = min(soonest, when)
-    return soonest
+    return soonest, room
 
 
 @njit(cache=True, nogil=True)
 def advance_to(
     step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
     slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
-    last, walls, fx, fy, inverse_mass, chosen, out,
+    last, walls, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
+
+    stretch : how many times longer a step may be where disks are far from one another
 
     Positions of the bodies at ``chosen`` addresses are written to ``out`` (T, k, 2) [m]. Returns the time reached
     and the length of the last step [s].
     """
-    t = start
+    t, met = start, False
     for s in range(ends.shape[0]):
         while ends[s] - t > 1e-12 * dt + 1e-15 * abs(t):
-            step = min(dt, ends[s] - t)
-            until = _time_to_contact(
-                addresses, radius, group, apart, touching, mobile, position, velocity, step / time_unit
+            until, room = _ahead(
+                addresses, radius, group, apart, touching, mobile, position, velocity, fx, fy, inverse_mass,
+                time_unit / velocity_unit, last / time_unit, stretch * dt / time_unit,
             )
-            until = _time_to_walls(addresses, radius, touching, mobile, position, velocity, walls, until)
+            until, room = _ahead_of_walls(
+                addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass,
+                time_unit / velocity_unit, last / time_unit, walls, until, room,
+            )
             until *= time_unit
+            step = min(max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t)
             hair = SHORTEST * dt
             if until < step:
                 # up to just before the contact, then a short step across it: Chipmunk takes the velocity of
                 # the middle of a step for that of the impact
-                if until > NEAR * dt:
-                    step = until - 0.5 * NEAR * dt
-                else:
-                    step = until - 0.5 * hair if until > hair else min(step, hair)
+                met = until <= hair
+                step = min(step, hair) if met else until - 0.5 * hair
+            elif met:
+                met, step = False, min(step, SETTLE * hair)
             # the velocity belongs to the middle of the coming step, whatever its length
             shift = 0.5 * (step - last) / velocity_unit
             if shift != 0.0:

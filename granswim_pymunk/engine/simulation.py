@@ -123,6 +123,8 @@ class Simulation:
     carried : rows that move at the velocities they are given, whatever pushes them: walls that move. Mode verlet
     averaged : a contact's dashpot, and a force that ends at a reach, count in their first and last step by the share
         of the step that they last, so that no moment is rounded to steps. Mode verlet, in others without effect
+    stretch : beside ``contact_elastic``, how many times longer than ``dt`` a step may be where no disks are near each
+        other: a fifth of the time in which the nearest two cover their gap
 
     Scheme: positions drift with v, forces at the new positions with the last half-step velocity in the
     dampings, velocities kick (leapfrog). Where the scene's ``time.scheme`` is "exact", drags and friction of substrate
@@ -143,6 +145,7 @@ class Simulation:
         only: Sequence[int] | np.ndarray | None = None,
         carried: Sequence[int] | np.ndarray = (),
         averaged: bool = False,
+        stretch: float = 1.0,
     ) -> None:
         if mode not in MODES:
             raise InputError(f"unknown mode {mode!r}; expected one of {', '.join(MODES)}")
@@ -155,6 +158,7 @@ class Simulation:
                 raise InputError("needs initial = [x, y, vx, vy]", where=f"body {body.id}")
         self.scene = scene
         self.averaged = averaged
+        self.stretch = float(stretch)  # of dt, how long a step may be where an impact is far
         self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
         if self.impulse and scene.periodic_x:
             raise InputError(
@@ -1046,7 +1050,7 @@ class Simulation:
             _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], a["apart"], touching, a["mobile"],
             self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step,
             a["walls"] / self.units.length, a["fx"], a["fy"],
-            a["inverse_mass"], a["bodies"][rows].copy(), out,
+            a["inverse_mass"], self.stretch, a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
         self.step = max(round((reached - self.scene.time.start) / self.dt), 1)

@@ -34,7 +34,8 @@ class SegmentCriteria:
     """Where tracks are cut, and how closely their segments join.
 
     near : of the sum of two radii, a gap below which they may have met. Choice: radii are known to a few per cent
-    around : frames on either side from which a change of velocity is told;  kick : its standard deviations
+    around : frames on either side from which a change of velocity is told, doubled so many times as ``wider`` says: a
+        glancing impact shows over a long time;  kick : its standard deviations
     frames : the least of a segment
     narrow : spread of a step where nothing met, of what the first nine frames tell of the start. Choice: a fiftieth
         is, beside what a segment as a whole tells, no freedom
@@ -42,17 +43,21 @@ class SegmentCriteria:
         radii that are off by half a per cent turn the line of centres by as much
     lateness : s, of an impact: it lasts. Source: discs of plastic or steel touch for 0.05 to 0.2 ms
         (Goldsmith 1960, Impact)
+    depth : of the sum of two radii, how well it is known. Choice: half a per cent. How deep a glancing impact strikes,
+        and with it the whole kick, hangs on that and on the noise: so much wider is the step after one
     robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
         a run that misses a glancing impact is no evidence of that size
     """
 
     near: float = 0.03
     around: int = 6
+    wider: int = 2
     kick: float = 6.0
-    frames: int = 5
+    frames: int = 4
     narrow: float = 0.02
     impulse: float = 0.01
     lateness: float = 1e-4
+    depth: float = 0.005
     robust: float = 4.0
 
 
