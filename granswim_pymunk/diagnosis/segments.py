@@ -10,7 +10,7 @@ Phys. Rev. E 69, 036122.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -198,7 +198,8 @@ def _followed(
     mass = {b: scene.body(b).mass for b in kick}
     radius = scene.body(next(iter(kick))).radius
     reach = radius + size
-    depth = float(np.hypot(criteria.depth * (reach if np.isfinite(reach) else radius), noise / np.sqrt(criteria.around)))
+    believed = criteria.depth * (reach if np.isfinite(reach) else radius)
+    depth = float(np.hypot(believed, noise / np.sqrt(criteria.around)))
     reduced = 1.0 / sum(1.0 / m for m in mass.values())
     # (1 + e) times the closing speed, e between 0.5 and 1
     closing = max(kick[b] * mass[b] / reduced for b in kick) / 1.8
@@ -258,6 +259,6 @@ def _kick(
             spreads.append(sigma / float(np.sqrt(s @ s)))
         before = speeds[0]
         size = float(np.linalg.norm(speeds[1] - speeds[0]))
-        if size > criteria.kick * float(np.hypot(*spreads)):
+        if size > criteria.kick * float(np.hypot(spreads[0], spreads[1])):
             return size, before
     return 0.0, before
