@@ -14,6 +14,7 @@ from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
 from .innovations import inflation
+from .segments import find_impacts
 from .signatures import FAR, Bank, Signature
 
 LED = 0.5  # of the best gain: laws of a bent valley that come as near are searched to its end
@@ -86,7 +87,7 @@ class InnerSplit:
             if not case.training.any():
                 continue
             at = np.flatnonzero(case.training)
-            cut = max(int(len(at) * INNER_SHARE), min(6, len(at)))
+            cut = max(_cut_among_impacts(case, at) or int(len(at) * INNER_SHARE), min(6, len(at)))
             first[case.name] = np.zeros(len(case.t), dtype=bool)
             rest[case.name] = np.zeros(len(case.t), dtype=bool)
             first[case.name][at[:cut]] = True
@@ -121,6 +122,19 @@ class InnerSplit:
             return float("inf"), by_case
         value = (total + _open(whole, first)) / count
         return (value if np.isfinite(value) else float("inf")), by_case
+
+
+def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
+    """How many of the frames ``rows`` come before as large a share of the impacts as of the frames has passed.
+
+    What acts in impacts alone is not tested by a rest without any. None where the usual cut leaves enough of them, or
+    where there are fewer than two.
+    """
+    met = np.unique([i.row for i in find_impacts(case) if rows[0] < i.row < rows[-1]])
+    early = int(np.ceil(INNER_SHARE * len(met)))
+    if early == len(met) or (met > rows[int(len(rows) * INNER_SHARE)]).sum() >= len(met) - early:
+        return None
+    return int(np.searchsorted(rows, (met[early - 1] + met[early] + 1) // 2))
 
 
 def _open(whole: Fit, first: Fit) -> float:

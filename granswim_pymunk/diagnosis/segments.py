@@ -141,7 +141,8 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
         for b, noise, size, gap in _met_by(a, names[k + 1 :], paths, scene):
             near = criteria.near * (scene.body(a).radius + (size if np.isfinite(size) else 0.0))
             spread = float(np.hypot(paths[a][1], noise))
-            met += [(row, _apart(gap, last, 2 * spread), (a, b), size) for row, last in _minima(gap, 4 * spread + near)]
+            near += 4 * spread
+            met += [(row, _apart(gap, last, 2 * spread), (a, b), size) for row, last in _minima(gap, near, spread)]
     met.sort(key=lambda m: m[:2])
     found = []
     for row, apart, pair, size in met:
@@ -217,10 +218,11 @@ def _apart(gap: np.ndarray, row: int, clear: float) -> int:
     return len(gap) - 1
 
 
-def _minima(gap: np.ndarray, near: float) -> list[tuple[int, int]]:
+def _minima(gap: np.ndarray, near: float, spread: float) -> list[tuple[int, int]]:
     """Rows of the minima of a gap (T,) that are below ``near`` or what is covered between two frames.
 
     Those that follow at once are taken together, as where a third body throws two at each other again: first and last.
+    spread : one standard deviation of the gap [m]; between two minima it has risen by more than noise
     """
     seen = np.flatnonzero(np.isfinite(gap))
     if len(seen) < 5:
@@ -228,13 +230,16 @@ def _minima(gap: np.ndarray, near: float) -> list[tuple[int, int]]:
     values = gap[seen]
     steps = np.abs(np.diff(values))
     between = np.concatenate([[steps[0]], np.maximum(steps[1:], steps[:-1]), [steps[-1]]])
-    inside = (values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:]) & (values < near + between)[1:-1]
+    low = (values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:]) & (values < near + between)[1:-1]
     rows: list[tuple[int, int]] = []
-    for row in seen[1:-1][inside].tolist():
-        if rows and row - rows[-1][1] <= AT_ONCE:
-            rows[-1] = (rows[-1][0], row)
-        else:
-            rows.append((row, row))
+    for k in (1 + np.flatnonzero(low)).tolist():
+        if rows and seen[k] - rows[-1][1] <= AT_ONCE:
+            last = int(np.searchsorted(seen, rows[-1][1]))
+            if values[last : k + 1].max() > max(values[last], values[k]) + 4 * spread:
+                rows[-1] = (rows[-1][0], int(seen[k]))
+            continue
+        if values[k] == values[max(k - AT_ONCE, 0) : k + AT_ONCE + 1].min():
+            rows.append((int(seen[k]), int(seen[k])))
     return rows
 
 
