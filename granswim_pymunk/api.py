@@ -348,7 +348,7 @@ def diagnose(
     Traceback (most recent call last):
     granswim_pymunk.errors.InputError: no such thing: no such folder, and no shipped recording; shipped: ...
     """
-    from .diagnosis.diagnose import ProgressLine, verdict_of
+    from .diagnosis.diagnose import ProgressLine
     from .diagnosis.diagnose import diagnose as explain
 
     told = {"radius": radius, "mass": mass, "gravity": gravity, "names": names, "scene": scene, "laws": laws or None}
@@ -364,7 +364,7 @@ def diagnose(
         _made(training, stem, said), out, hold_out=_made(held, f"{stem}_held_out", said), minutes=minutes, seed=seed,
         progress=ProgressLine() if progress is True else progress or None,
     )  # fmt: skip
-    return Result(verdict_of(found), found, out)
+    return Result(found.verdict, found, out)
 
 
 def _given(items: Any) -> bool:

@@ -18,8 +18,7 @@ from .errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .diagnosis.driver import Diagnosis
-    from .diagnosis.outcome import Outcome
+    from .inference.result import Diagnosis
 
 MOST_BODIES = 8  # named one by one
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
@@ -45,12 +44,12 @@ class Result(Mapping[str, Any]):
     """What ``diagnose`` found, or what ``load_verdict`` read. A mapping: its items are those of the verdict.
 
     verdict : the content of verdict.json, plain numbers and texts
-    found : what the diagnosis worked with (a ``Diagnosis`` or an ``Outcome``), None where it was read from a file
+    found : the whole result, with what its figures are drawn from; None where it was read from a file
     out : folder with report and figures, None where nothing was written
     """
 
     def __init__(
-        self, verdict: Mapping[str, Any], found: Diagnosis | Outcome | None = None, out: str | Path | None = None
+        self, verdict: Mapping[str, Any], found: Diagnosis | None = None, out: str | Path | None = None
     ) -> None:
         self.verdict = dict(verdict)
         self.found = found
@@ -159,13 +158,9 @@ class Result(Mapping[str, Any]):
             files = sorted(folder.glob("*.png")) if folder is not None and folder.is_dir() else []
             files.sort(key=lambda file: file.stem != "overlay")
             return {file.stem: (lambda file=file: _picture(file)) for file in files}
-        from .diagnosis.outcome import Outcome
+        from .report import pictures
 
-        if isinstance(self.found, Outcome):
-            return {name: (lambda figure=figure: figure) for name, (figure, _) in self.found.figures.items()}
-        from .report.figures import figures
-
-        return dict(figures(self.found))
+        return {name: drawing.draw for name, drawing in pictures(self.found).items()}
 
 
 def load_verdict(path: str | Path) -> Result:
@@ -173,7 +168,7 @@ def load_verdict(path: str | Path) -> Result:
 
     Raises InputError where there is none, or where it is not of the contract's form.
     """
-    from .diagnosis.outcome import FORMAT, check_verdict
+    from .inference.result import FORMAT, check_verdict
 
     file = Path(path)
     if file.is_dir():

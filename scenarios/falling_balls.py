@@ -7,7 +7,7 @@ about the drag of the bowling ball should not hang on that.
 import sys
 from pathlib import Path
 
-from granswim_pymunk.diagnosis import diagnose, verdict_dict
+from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.recording import shipped
 from granswim_pymunk.recording.importers import import_recording
 
@@ -15,8 +15,7 @@ from granswim_pymunk.recording.importers import import_recording
 def main(out: str = "out/falling_balls") -> None:
     for ounces in (81, 208):
         recordings = import_recording(shipped("falling_balls") / "source", "falling_balls", bowling_ball=ounces)
-        found = diagnose(recordings, Path(out) / f"bowling_ball_{ounces}_oz")
-        verdict = verdict_dict(found)
+        verdict = diagnose(recordings, Path(out) / f"bowling_ball_{ounces}_oz").verdict
         named = ", ".join(body for entry in verdict["mechanisms"] for body in entry["bodies"])
         print(f"{ounces} oz: {verdict['verdict']}, {verdict['mechanisms'][0]['name']} on {named}")
         for note in verdict["notes"]:

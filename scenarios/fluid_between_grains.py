@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from granswim_pymunk import Result
 from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.packing import pack
@@ -42,11 +43,9 @@ swim = film(
 bodies = tuple(replace(b, initial=None) if b.mobile else b for b in believed.bodies)
 swim = replace(swim, scene=replace(believed, bodies=bodies, time=replace(believed.time, dt=None)))
 
-outcome = diagnose([*pushes, swim], out, minutes=minutes, progress=ProgressLine())
-print(outcome.headline)
-for question, answer in outcome.answers:
-    print(f"{question} {answer}")
-for entry in outcome.verdict["mechanisms"]:
+found = diagnose([*pushes, swim], out, minutes=minutes, progress=ProgressLine())
+print(Result(found.verdict).summary())
+for entry in found.verdict["mechanisms"]:
     c = entry["parameters"].get("c")
     if c:
         print(f"{entry['name']}: c = {c['value']:.3g} kg/s, 95 % {c['low']:.3g} to {c['high']:.3g} (true: {drag})")

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from granswim_pymunk.diagnosis import diagnose
-from granswim_pymunk.diagnosis.diagnose import verdict_of
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
@@ -37,9 +36,9 @@ filmed = film(
 )
 bodies = (replace(believed.bodies[0], initial=None),)
 
-outcome = verdict_of(diagnose([replace(filmed, scene=replace(believed, bodies=bodies))], out))
-print(outcome["verdict"])
-for entry in outcome["mechanisms"]:
+verdict = diagnose([replace(filmed, scene=replace(believed, bodies=bodies))], out).verdict
+print(verdict["verdict"])
+for entry in verdict["mechanisms"]:
     for name, value in entry["parameters"].items():
         print(f"{entry['name']} of the {entry['bodies'][0]}: {name} = {value['value']:.4g} {value['unit']}, "
               f"95 % {value['low']:.4g} to {value['high']:.4g} (true: {lag} s)")  # fmt: skip

@@ -18,7 +18,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose, verdict_of
+from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.packing import pack
 from granswim_pymunk.proof.world import Effect, World
@@ -96,7 +96,7 @@ def main(out: str = "out/masked_fluid", minutes: float | None = None) -> None:
         [folders[f] for f in TRAINING], folder / "diagnosis", hold_out=[folders[f] for f in UNSEEN], minutes=minutes,
         progress=ProgressLine(),
     )  # fmt: skip
-    verdict = verdict_of(found)
+    verdict = found.verdict
     print(f"verdict: {verdict['verdict']}")
     laws = []
     for entry in verdict["mechanisms"]:

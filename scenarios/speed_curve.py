@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import diagnose, verdict_of
+from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, write_recording
@@ -51,7 +51,7 @@ def main(out: str = "out/speed_curve", scene: str = "swim") -> None:
     def tell(text: str, share: float) -> None:
         print(f"[{100 * share:3.0f} %] {text}", end="\r", flush=True)
 
-    verdict = verdict_of(diagnose([Path(out) / "curve"], Path(out) / "diagnosis", progress=tell))
+    verdict = diagnose([Path(out) / "curve"], Path(out) / "diagnosis", progress=tell).verdict
     print(f"\nverdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
         print(f"  {entry['name']}: {entry['expression']}")

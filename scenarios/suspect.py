@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from granswim_pymunk.diagnosis import diagnose
-from granswim_pymunk.diagnosis.diagnose import verdict_of
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene
@@ -45,7 +44,7 @@ recording = Recording(
     name="table", scene=Scene((disk,)), t=t, ids=("disk",), xy=xy[:, None, :], position_noise=2e-5, sampling=100.0
 )
 
-verdict = verdict_of(diagnose([recording], out))
+verdict = diagnose([recording], out).verdict
 print(verdict["verdict"])
 for entry in verdict["mechanisms"]:
     k = entry["parameters"].get("k", {})

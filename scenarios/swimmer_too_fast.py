@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from granswim_pymunk import Result
 from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.packing import pack
@@ -36,8 +37,6 @@ bodies = tuple(replace(b, initial=None) if b.mobile else b for b in believed.bod
 recording = replace(filmed, scene=replace(believed, bodies=bodies, time=replace(believed.time, dt=None)))
 write_recording(recording, out / "recording")
 
-outcome = diagnose([out / "recording"], out / "diagnosis", minutes=minutes, progress=ProgressLine())
-print(outcome.headline)
-for question, answer in outcome.answers:
-    print(f"{question} {answer}")
+found = diagnose([out / "recording"], out / "diagnosis", minutes=minutes, progress=ProgressLine())
+print(Result(found.verdict).summary())
 print(f"report: {out / 'diagnosis' / 'report.html'}")

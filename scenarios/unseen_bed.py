@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import diagnose, verdict_of
+from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import film, write_recording
 from granswim_pymunk.run import find_scene
@@ -52,7 +52,7 @@ def main(out: str = "out/unseen_bed", scene: str = "swim") -> None:
         print(f"[{100 * share:3.0f} %] {text}", end="\r", flush=True)
 
     found = diagnose(recordings, Path(out) / "diagnosis", progress=tell)
-    verdict = verdict_of(found)
+    verdict = found.verdict
     print(f"\nverdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:
         print(f"  {entry['name']}: {entry['expression']}")

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,8 +19,10 @@ import granswim_pymunk as gs
 import granswim_pymunk.api
 import granswim_pymunk.result
 from granswim_pymunk.diagnosis.diagnose import METHODS
-from granswim_pymunk.diagnosis.outcome import Outcome, empty_verdict, mechanism_entry, mismatch_entry
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, mismatch_entry
+from granswim_pymunk.report.page import SECTIONS
+from granswim_pymunk.report.style import Drawing
 
 T = np.linspace(0.0, 1.0, 11)
 XY = np.stack([np.stack([0.3 * T, 0 * T], -1), np.stack([0 * T, 1 + 0.2 * T], -1)], axis=1)  # (11, 2, 2)
@@ -175,7 +178,7 @@ def seen(monkeypatch):
 
     def method(training, held, *, minutes, seed, progress):
         calls.append(([r.name for r in training], [r.name for r in held], seed, training))
-        return Outcome(empty_verdict("no_mismatch"), {}, "nothing", [], notes=["a note"])
+        return Diagnosis("bodies", empty_verdict("no_mismatch") | {"notes": ["a note"]})
 
     monkeypatch.setitem(METHODS, "bodies", method)
     return calls
@@ -283,11 +286,15 @@ def test_a_result_is_a_mapping_and_its_copy_is_a_copy(verdict):
     assert result["mechanisms"] and json.dumps(result.to_dict())
 
 
-def test_figures_of_an_outcome(verdict):
-    figures = {name: (Figure(), "caption") for name in ("map", "null")}
-    result = gs.Result(verdict, Outcome(verdict, {}, "found", [], figures))
-    assert result.parts == ("map", "null") and result.plot() is figures["map"][0]
-    assert result.plot("null") is figures["null"][0]
+def test_figures_of_a_result(verdict, monkeypatch):
+    figures = {name: Figure() for name in ("map", "null")}
+    module = SimpleNamespace(
+        pictures=lambda found: {name: Drawing(lambda f=f: f, SECTIONS[0], "told") for name, f in found.items()}
+    )
+    monkeypatch.setattr("granswim_pymunk.report.page._module", lambda kind: module)
+    result = gs.Result(verdict, Diagnosis("bed", verdict, evidence=figures))
+    assert result.parts == ("map", "null") and result.plot() is figures["map"]
+    assert result.plot("null") is figures["null"]
     with pytest.raises(InputError, match="no figure 'nul'; there are: map, null"):
         result.plot("nul")
     with pytest.raises(InputError, match="has no figures"):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from copy import copy
 from dataclasses import replace
 from functools import cache
@@ -24,10 +25,8 @@ from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_m
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import BedDiagnosis, diagnose_windows, plainer_of, windows_of
 from granswim_pymunk.diagnosis.bed.hand_over import (
-    answers_of,
-    headline_of,
-    outcome_of,
     parameters_of,
+    result_of,
     revised_scene,
     verdict_of,
 )
@@ -52,14 +51,16 @@ from granswim_pymunk.diagnosis.choose import ALARM
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.diagnosis.kept import Store, load_array, store_array
-from granswim_pymunk.diagnosis.outcome import check_verdict
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.blocks import Explained
 from granswim_pymunk.inference.judge import Judgement, Remains
+from granswim_pymunk.inference.result import Diagnosis, check_verdict
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
+from granswim_pymunk.report import pictures
+from granswim_pymunk.report.sentences import answers, headline
 from granswim_pymunk.result import standing
 from granswim_pymunk.scene import Scene, read_scene
 
@@ -538,9 +539,11 @@ def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
     scene, camera = revised_scene(found, 0)
     assert not camera and scene.laws_named("weak_joint")[0].values["joint"] == 4
     assert np.isfinite(Simulation(scene).sample([scene.time.start + 0.002])).all()
-    outcome = outcome_of(found)
-    assert {"map", "along", "cycle", "candidates", "null", "held_out", "overlay"} == set(outcome.figures)
-    assert "joint 4" in outcome.headline
+    result = result_of(found)
+    drawn = pictures(result)
+    assert {"map", "along", "cycle", "candidates", "null", "held_out", "overlay"} == set(drawn)
+    assert all(drawing.draw().axes for drawing in drawn.values())
+    assert "joint 4" in headline(result)
     (shown,) = maps(found.bench, found.predicted["recalibrated"])
     assert shown.disks.shape == (len(found.beds[0].starts), 7)
 
@@ -629,7 +632,7 @@ def test_whole_recordings_are_held_out():
     assert [m["name"] for m in verdict["mechanisms"]] == ["weak_joint"]
     held = verdict["fit"]["heldout"]
     assert 0 < held["noise_floor"] < held["recalibrated"] and held["revised"] < held["recalibrated"]
-    assert set(outcome_of(found).revised) == {recording.name, "other"}
+    assert set(result_of(found).revised) == {recording.name, "other"}
     # the held-out recording is simulated with the stiffness that was learnt from the other
     scenes = [revised_scene(found, k)[0] for k in (0, 1)]
     first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)
@@ -873,6 +876,10 @@ def finished(verdict: str, **more) -> BedDiagnosis:
     return BedDiagnosis(**{**fields, **more})
 
 
+def told(verdict: dict) -> Diagnosis:
+    return Diagnosis("bed", verdict)
+
+
 def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first():
     trial = drag_trial()
     found = finished("unmodelled", withdrawn=[trial], withdrawn_gain=-12.0, heldout="fails", complete=False)
@@ -883,7 +890,7 @@ def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first():
         "name": "linear_drag", "gain_heldout": -12.0, "indistinguishable": False, "withdrawn": True,
     }  # fmt: skip
     assert verdict["fit"]["window"] == 0.016
-    assert headline_of(found).startswith("Withdrawn")
+    assert headline(told(verdict)).startswith("Withdrawn")
     assert standing(verdict)[0].startswith("withdrawn")
 
 
@@ -900,9 +907,10 @@ def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far():
     assert verdict["explained"] == {"share": 0.7, "low": 0.6, "high": 0.8, "best_free_form": 0.5}
     assert not verdict["complete"] and verdict["remains"]["times_floor"] == 1.6
     assert verdict["rivals"][0]["gain_heldout"] is None  # its held-out windows were not simulated
-    assert headline_of(found).startswith("The best approximation so far: the scene lacks")
-    told = dict(answers_of(found))
-    assert "70 % (60 % to 80 %)" in told["How much is explained?"] and "1.6 times" in told["What is left?"]
-    assert "do not decide" in told["Does it hold?"]
+    assert headline(told(verdict)).startswith("The best approximation so far: the scene leaves out linear drag")
+    said = {question: re.sub("<[^>]*>", "", text).replace("\u00a0", " ") for question, text in answers(told(verdict))}
+    assert "70 % (60 % to 80 %)" in said["How much is explained?"] and "1.6 times" in said["What is left?"]
+    assert "do not decide" in said["How much better?"]
     near = finished("unmodelled", closest=[(trial, 0.3)], complete=False)
-    assert verdict_of(near)["rivals"][0]["share"] == 0.3 and "explains 30 % of it" in headline_of(near)
+    verdict = verdict_of(near)
+    assert verdict["rivals"][0]["share"] == 0.3 and "explains 30\u00a0% of it" in headline(told(verdict))

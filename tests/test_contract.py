@@ -180,8 +180,8 @@ class TestRail:
         xy[..., 1] = math.nan
         seen = Recording("cart", scene, r.t, r.ids, xy, sampling=30.0, position_noise=1e-4)
         write_recording(seen, tmp_path / "cart")
-        from granswim_pymunk.diagnosis.diagnose import diagnose, verdict_of
+        from granswim_pymunk.diagnosis.diagnose import diagnose
 
-        found = verdict_of(diagnose([tmp_path / "cart"], tmp_path / "out", minutes=0.3))
+        found = diagnose([tmp_path / "cart"], tmp_path / "out", minutes=0.3).verdict
         assert found["verdict"] == "no_mismatch"
         assert found["fit"]["train"]["recalibrated"] == pytest.approx(1e-4, rel=0.3)

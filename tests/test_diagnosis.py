@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import choose, diagnose_bodies, nulls, revised_scene, verdict_dict, write_verdict
+from granswim_pymunk.diagnosis import (
+    choose,
+    diagnose_bodies,
+    nulls,
+    result_of,
+    revised_scene,
+    verdict_dict,
+    write_verdict,
+)
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
@@ -569,7 +577,7 @@ def test_the_same_seed_gives_the_same_verdict_file(tmp_path):
     record = filmed(cart(use("linear_drag", c=0.02)), cart(), SHORT, np.random.default_rng(12), noise=1e-4)
     texts = []
     for name in ("one", "two"):
-        write_verdict(diagnose_bodies([record], seed=5), tmp_path / name)
+        write_verdict(result_of(diagnose_bodies([record], seed=5)), tmp_path / name)
         texts.append((tmp_path / name / "verdict.json").read_text())
     assert texts[0] == texts[1]
 

@@ -1,70 +1,97 @@
-"""What diagnoses of beds hand over: a verdict of the contract, scenes that run, a page that needs nothing beside it."""
+"""What a diagnosis hands over: a verdict of the contract, scenes that run, a page that needs nothing beside it."""
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from granswim_pymunk.diagnosis.diagnose import grouped, kind_of, verdict_of
-from granswim_pymunk.diagnosis.outcome import (
-    Outcome,
+from granswim_pymunk.diagnosis.diagnose import grouped, kind_of
+from granswim_pymunk.diagnosis.together import combined, diagnose_together
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.result import (
+    TRAINING,
+    Diagnosis,
     Table,
+    Used,
     check_verdict,
     empty_verdict,
     mechanism_entry,
     mismatch_entry,
-    write_outcome,
+    with_camera,
 )
-from granswim_pymunk.diagnosis.together import combined, diagnose_together
-from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording
+from granswim_pymunk.report import write_diagnosis
+from granswim_pymunk.report.page import PICTURES, SECTIONS, _module
+from granswim_pymunk.report.sentences import headline
+from granswim_pymunk.report.style import Drawing
 from granswim_pymunk.scene import Bed, Body, Scene, read_scene, swimmer, use
 
 
 @pytest.fixture
-def outcome() -> Outcome:
+def found(monkeypatch) -> Diagnosis:
     verdict = empty_verdict("missing_physics")
     flow = ([0.1, 0.2], [0.0, 0.1], [0.2, 0.3], "m/s")
     parameters = {"mu": (0.3, 0.28, 0.32, "1"), "p": (0, None, None, "1"), "u": flow}
     verdict["mechanisms"] = [
         mechanism_entry("contact_friction", "F_t = -mu F_n sign(v_t)", ["0", "1"], parameters, 0.9, np.float64(12.5))
     ]
-    verdict["mismatch"] = [mismatch_entry(["6"], np.float64(9.0), 1e-9, region="tail", phase=(0.1, 0.3))]
+    verdict["mismatch"] = [mismatch_entry(["6"], np.float64(9.0), 1e-9, region="<tail>", phase=(0.1, 0.3))]
     verdict["fit"]["train"]["naive"] = 1e-4
     verdict["fit"]["heldout"]["revised"] = float("nan")
     verdict["rivals"] = [{"name": "linear_drag", "gain_heldout": 3.0, "indistinguishable": False}]
     verdict["null"] = {"p_false_alarm": 0.01, "replicates": 99}
+    verdict["notes"] = ["a note", "a note"]
     figure = Figure()
     figure.subplots().plot([0, 1], [1, 0])
+    drawings = {"map": Drawing(lambda: figure, SECTIONS[2], "Where it is. Red is much.")}
+    module = SimpleNamespace(pictures=lambda evidence: drawings if evidence else {}, NAMES=("map", "null"))
+    monkeypatch.setattr("granswim_pymunk.report.page._module", lambda kind: module)
     scene = Scene((Body("a", "free", 1e-3, 1e-4, True, (0.0, 0.0, 0.1, 0.0)),))
-    return Outcome(
-        verdict, {"one": (scene, {}), "two": (scene, {"scale": 1.01})}, "The scene leaves out friction in <contacts>.",
-        [("Where?", "At the tail."), ("How sure?", "Very.")], {"map": (figure, "Where it is. Red is much.")},
-        [Table("Cases", ["name", "z"], [["a & b", "3"]], numeric=(1,))], ["a note"], ["one", "two"], seed=3,
+    return Diagnosis(
+        "bed", verdict, {"one": scene, "two": with_camera(scene, {"scale": 1.01})}, evidence="numbers",
+        tables=(Table("Cases", ["name", "z"], [["a & b", "3"]], numeric=(1,)),),
+        used=tuple(Used(name, TRAINING, 3, 0.2, "0" * 64, dt=1e-5) for name in ("one", "two")),
+        believed={"bending.stiffness": (2e-3, 1e-3, 4e-3)}, seed=3,
     )  # fmt: skip
 
 
-def test_files_of_an_outcome(outcome, tmp_path):
-    write_outcome(outcome, tmp_path)
+def test_files_of_a_diagnosis(found, tmp_path):
+    write_diagnosis(found, tmp_path)
     verdict = json.loads((tmp_path / "verdict.json").read_text())
     assert verdict["fit"]["heldout"]["revised"] is None and verdict["mechanisms"][0]["gain_heldout"] == 12.5
     assert verdict["notes"] == ["a note"] and verdict["mismatch"][0]["when"]["phase"] == [0.1, 0.3]
     assert read_scene(tmp_path / "revised" / "two.toml").camera == {"scale": 1.01}
     assert read_scene(tmp_path / "revised.toml").bodies[0].id == "a"
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for text in ("&lt;contacts&gt;", "a &amp; b", "At the tail.", "[95 %: ", "tail", "Rivals"):
+    for text in ("&lt;tail&gt;", "a &amp; b", "so far: the scene leaves out friction in contacts on body 0 and body 1.",
+                 "[95 %: ", "in none of 99 tries", "body 6", "Rivals"):  # fmt: skip
         assert text in page
     assert "http" not in page and page.count("<img") == 1 and "None" not in page
     assert [p.name for p in (tmp_path / "figures").iterdir()] == ["map.png"]
-    # a later outcome leaves nothing of this one
-    write_outcome(replace(outcome, figures={}), tmp_path)
+    # a later one leaves nothing of this one
+    write_diagnosis(replace(found, evidence=None), tmp_path)
     assert not list((tmp_path / "figures").iterdir())
 
 
-def test_verdicts_that_say_too_little_are_refused(outcome):
-    check_verdict(verdict_of(outcome))
+def test_a_result_is_frozen_and_its_numbers_are_plain(found):
+    with pytest.raises(AttributeError):
+        found.seed = 4
+    assert type(found.verdict["mechanisms"][0]["gain_heldout"]) is float
+    assert found.training == ["one", "two"] and found.held_out == []
+    # what moved is told from what did not by its interval
+    verdict = empty_verdict("recalibrate")
+    verdict["recalibrated"] = {
+        "bending.stiffness": {"value": 3e-3, "low": 2.9e-3, "high": 3.1e-3}, "other": {"value": 1, "low": 0, "high": 2},
+    }  # fmt: skip
+    text = headline(replace(found, verdict=verdict))
+    assert text == "Nothing is missing from the scene; bending.stiffness needs another value."
+
+
+def test_verdicts_that_say_too_little_are_refused(found):
+    check_verdict(found.verdict)
     for change in (
         {"verdict": "perhaps"},
         {"mechanisms": []},
@@ -72,14 +99,24 @@ def test_verdicts_that_say_too_little_are_refused(outcome):
         {"mismatch": [mismatch_entry([], 3.0, 0.1)]},
     ):
         with pytest.raises(ValueError):
-            check_verdict({**outcome.verdict, **change})
+            check_verdict({**found.verdict, **change})
 
 
-def test_folder_that_cannot_be_written_to_is_named(outcome, tmp_path):
+def test_folder_that_cannot_take_pictures_is_named_and_the_verdict_is_kept(found, tmp_path):
     (tmp_path / "figures").write_text("a file where a folder should be")
     with pytest.raises(InputError, match="cannot be written"):
-        write_outcome(outcome, tmp_path)
-    assert not (tmp_path / "verdict.json").exists()
+        write_diagnosis(found, tmp_path)
+    assert json.loads((tmp_path / "verdict.json").read_text()) == found.verdict
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_diagnosis(found, tmp_path / "file" / "out")
+
+
+def test_figures_of_all_kinds_have_names_and_sections():
+    for kind in PICTURES:
+        module = _module(kind)
+        assert callable(module.pictures)
+        assert kind == "together" or len(set(module.NAMES)) == len(module.NAMES) > 5
 
 
 def test_kinds_of_recordings():
@@ -131,15 +168,15 @@ def method_of(truth: dict[str, float], value: float = 1e-4, half: float = 1e-5, 
             verdict["mismatch"].append(mismatch_entry(["a"], 100.0 * truth.get(k, 0.05), 1e-9))
         verdict["null"] = {"p_false_alarm": 0.004, "replicates": 249}
         revised = scene.with_laws(*(use(k, c=c) for k, c in missing.items()))
-        return Outcome(verdict, {r.name: (revised, {}) for r in training}, "found", [])
+        return Diagnosis("bodies", verdict, {r.name: revised for r in training})
 
     return diagnosed, calls
 
 
-def together(**methods) -> Outcome:
+def together(**methods) -> Diagnosis:
     groups = {kind: ([one_body(kind)], []) for kind in methods}
     found = diagnose_together(groups, {k: m for k, (m, _) in methods.items()}, minutes=3.0)
-    check_verdict(verdict_of(found))
+    check_verdict(found.verdict)
     return found
 
 
@@ -150,7 +187,6 @@ def test_a_law_seen_in_two_kinds_is_one_law_with_both_measurements():
     c = entry["parameters"]["c"]
     assert c["value"] == pytest.approx((1e-4 * 4 + 1.1e-4) / 5) and c["high"] - c["low"] < 2e-5
     assert f"c = {c['value']:.4g}" in entry["expression"]  # the number of both, not that of one
-    assert entry["expression"] in dict(found.answers)["What is wrong?"]
     assert entry["gain_heldout"] == 20.0 and found.verdict["verdict"] == "missing_physics"
     assert found.verdict["null"] == {"p_false_alarm": 0.008, "replicates": 249}
     assert set(found.revised) == {"bodies", "bed"}
@@ -161,7 +197,7 @@ def test_what_one_kind_shows_explains_what_another_misnames():
     found = together(bodies=method_of({"linear_drag": 0.2}), unseen=(weak, calls))
     assert [m["name"] for m in found.verdict["mechanisms"]] == ["linear_drag"]
     assert calls == [[], ["linear_drag"]]
-    assert found.notes == ["linear_drag, found in bodies without a bed, explains a bed that is not seen too"]
+    assert found.verdict["notes"] == ["linear_drag, found in bodies without a bed, explains a bed that is not seen too"]
 
 
 def test_two_laws_that_two_kinds_show_are_both_kept():
@@ -173,14 +209,14 @@ def test_two_laws_that_two_kinds_show_are_both_kept():
 def test_a_law_that_does_not_act_in_the_other_kind_is_not_forced_on_it():
     found = together(bodies=method_of({"linear_drag": 0.2}), bed=method_of({}))
     assert found.verdict["verdict"] == "missing_physics"
-    assert "does not act in a bed that is seen" in found.notes[0]
-    assert not found.revised["bed"][0].laws and found.revised["bodies"][0].laws_named("linear_drag")
+    assert "does not act in a bed that is seen" in found.verdict["notes"][0]
+    assert not found.revised["bed"].laws and found.revised["bodies"].laws_named("linear_drag")
 
 
 def test_kinds_that_show_nothing_say_so(tmp_path):
     found = together(bodies=method_of({}), bed=method_of({}))
     assert found.verdict["verdict"] == "no_mismatch" and not found.verdict["mechanisms"]
-    write_outcome(found, tmp_path)
+    write_diagnosis(found, tmp_path)
     assert "a bed that is seen" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

@@ -14,7 +14,6 @@ from unseen_world import STIFFNESS, World, filmed, world_candidates
 
 from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.diagnosis.hypothesis import Free
-from granswim_pymunk.diagnosis.outcome import write_outcome
 from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.candidates import dimension, suspects_of
 from granswim_pymunk.diagnosis.unseen.conclude import pair_gains, price, search_and_conclude
@@ -31,6 +30,7 @@ from granswim_pymunk.laws.base import _REGISTRY
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
 from granswim_pymunk.recording.recording import CURVE
+from granswim_pymunk.report import pictures, write_diagnosis
 from granswim_pymunk.scene import Scene, read_scene, use
 from granswim_pymunk.validation.unseen_cases import toy_scene
 
@@ -450,9 +450,9 @@ def test_dry_friction_is_named_and_the_files_are_there(few_suspects, tmp_path):
     assert mu["low"] < 0.3 < mu["high"] and mu["high"] - mu["low"] < 0.3
     assert verdict["fit"]["heldout"]["revised"] < 0.8 * verdict["fit"]["heldout"]["naive"]
     assert verdict["null"]["p_false_alarm"] <= 0.01 and verdict["mismatch"]
-    write_outcome(found, tmp_path)
+    write_diagnosis(found, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "coulomb substrate" in page and page.count("<img") == len(found.figures)
+    assert "dry friction with the substrate" in page and page.count("<img") == len(pictures(found)) > 3
     # the revised scene is one that runs: its bed is packed, the law is in it
     revised = read_scene(tmp_path / "revised.toml")
     assert revised.laws_named("coulomb_substrate") and revised.bed is not None

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
-    from ..diagnosis.diagnose import ProgressLine, diagnose, verdict_of
+    from ..diagnosis.diagnose import ProgressLine, diagnose
     from ..errors import InputError
     from ..result import MOST_BODIES, standing
 
@@ -39,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
         args.recordings, out, hold_out=args.hold_out, minutes=args.minutes, seed=args.seed,
         progress=None if args.quiet else ProgressLine(),
     )
-    verdict = verdict_of(found)
+    verdict = found.verdict
     put_figures(args, verdict)
     print(f"verdict: {verdict['verdict']}")
     for entry in verdict["mechanisms"]:

@@ -9,18 +9,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..inference.result import Diagnosis
 from ..recording import Recording, read_recording, resolve_recording
 from .bed import diagnose_bed
-from .driver import Diagnosis, diagnose_bodies
-from .outcome import Outcome, write_outcome
-from .outcome import verdict_of as verdict_of
 from .together import diagnose_together
 from .unseen import diagnose_unseen
-from .verdict import write_verdict
+from .verdict import diagnose_tracks
 
 # how recordings are compared: each method takes (training, held out, minutes=, seed=, progress=)
-METHODS: dict[str, Callable[..., Diagnosis | Outcome]] = {
-    "bodies": diagnose_bodies,
+METHODS: dict[str, Callable[..., Diagnosis]] = {
+    "bodies": diagnose_tracks,
     "bed": diagnose_bed,
     "unseen": diagnose_unseen,
 }
@@ -83,14 +81,13 @@ def diagnose(
     minutes: float | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
-) -> Diagnosis | Outcome:
+) -> Diagnosis:
     """Explain recordings together by one set of missing laws, and write it down where a folder is given.
 
     recordings, hold_out : Recording objects, folders, or names of shipped recordings
     out : folder for verdict.json, report.html, figures/, revised.toml; None: nothing is written
     minutes : time budget; seed : of the nulls
     Recordings of different kinds are explained together, see ``together``.
-    Bodies without a bed give a Diagnosis, everything else an Outcome; ``verdict_of`` reads either.
     Raises InputError for recordings that cannot be used.
     """
     training = _read(recordings)
@@ -106,26 +103,16 @@ def diagnose(
         out = Path(out)
         _try_to_write(out)
     tell = progress or (lambda text, share: None)
-    diagnosis: Diagnosis | Outcome
     if len(groups) > 1:
         diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
     else:
         method = METHODS[next(iter(groups), "bodies")]
         diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
     if out is not None:
-        _write(diagnosis, out)
+        from ..report import write_diagnosis
+
+        write_diagnosis(diagnosis, out)
     return diagnosis
-
-
-def _write(found: Diagnosis | Outcome, out: Path) -> None:
-    if isinstance(found, Outcome):
-        write_outcome(found, out)
-        return
-    from ..report.page import write_report
-
-    out.mkdir(parents=True, exist_ok=True)
-    write_verdict(found, out)
-    write_report(found, out)
 
 
 def _try_to_write(out: Path) -> None:

@@ -47,8 +47,8 @@ def _silent(text: str, share: float) -> None:
 
 
 @dataclass
-class Diagnosis:
-    """Everything that was found; ``verdict`` is what the report opens with, ``rival_held`` goes by mechanism."""
+class TrackFinding:
+    """Everything that was found in whole tracks; ``rival_held`` goes by mechanism."""
 
     cases: list[Case]
     naive: Fit
@@ -138,7 +138,7 @@ def diagnose_bodies(
     minutes: float | None = None,
     seed: int = 0,
     progress: Progress = _silent,
-) -> Diagnosis:
+) -> TrackFinding:
     """Explain all recordings together by one set of missing laws.
 
     ``minutes``: the budget; when it runs short, pairs, nulls and proposals are cut down and the notes say so.
@@ -220,7 +220,7 @@ def diagnose_bodies(
     failures = study.predictor.failures
     if len(failures) > 0.05 * study.predictor.runs:
         notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
-    return Diagnosis(
+    return TrackFinding(
         cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
         rivals=rivals, trials=tried.alive + tried.untried,
         flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),

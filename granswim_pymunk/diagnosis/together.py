@@ -13,19 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from ..errors import InputError
+from ..inference.result import MODELS, Diagnosis, Progress, Table, empty_verdict
 from ..recording import Recording
-from ..scene import LawUse, Scene
+from ..scene import LawUse
 from .candidates import APPARATUS
-from .driver import Diagnosis
 from .hypothesis import equation_with
-from .outcome import MODELS, Outcome, Table, empty_verdict, verdict_of
-from .verdict import revised_scene
 
-Progress = Callable[[str, float], None]
-Method = Callable[..., Diagnosis | Outcome]
+Method = Callable[..., Diagnosis]
 SPOKEN = {"bodies": "bodies without a bed", "bed": "a bed that is seen", "unseen": "a bed that is not seen"}
 QUIET = ("no_mismatch", "recalibrate")
 
@@ -37,9 +32,12 @@ class Part:
     kind: str
     training: list[Recording]
     held: list[Recording]
-    found: Diagnosis | Outcome
-    verdict: dict[str, Any]
+    found: Diagnosis
     given: tuple[LawUse, ...] = ()  # laws of other kinds that their scenes had
+
+    @property
+    def verdict(self) -> Mapping[str, Any]:
+        return self.found.verdict
 
     @property
     def names(self) -> list[str]:
@@ -51,18 +49,11 @@ class Part:
         """Significance of what was found."""
         return max((float(m["z"]) for m in self.verdict["mismatch"] if m["z"] is not None), default=0.0)
 
-    def scenes(self) -> dict[str, tuple[Scene, Mapping[str, Any]]]:
-        """For each recording its revised scene and camera."""
-        if isinstance(self.found, Outcome):
-            return dict(self.found.revised)
-        scenes = {c.name: revised_scene(self.found, c) for c in self.found.cases}
-        return {name: (scene, scene.camera) for name, scene in scenes.items()}
-
     def laws(self) -> list[LawUse]:
         """The laws that were found missing, with their numbers; ``bodies`` None where they act on all."""
         known = {item.name for r in self.training for item in r.scene.laws}
         new: dict[str, LawUse] = {}
-        for scene, _ in self.scenes().values():
+        for scene in self.found.revised.values():
             every = {b.id for b in scene.bodies if b.mobile}
             for item in scene.laws:
                 if item.name in self.names and item.name not in known:
@@ -80,7 +71,7 @@ def diagnose_together(
     minutes: float | None = None,
     seed: int = 0,
     progress: Progress = lambda text, share: None,
-) -> Outcome:
+) -> Diagnosis:
     """Explain recordings of several kinds together.
 
     groups : kind to (training, held out);  methods : kind to the way it is diagnosed;  minutes : of all together
@@ -113,7 +104,7 @@ def diagnose_together(
             raise InputError("every recording of this kind is held out: nothing is left to learn from", where=kind)
         found = methods[kind](training, held, minutes=share(), seed=seed, progress=tell)
         done += 1
-        return Part(kind, training, held, found, verdict_of(found), given)
+        return Part(kind, training, held, found, given)
 
     alone = [part for kind in groups if (part := diagnosed(kind)) is not None]
     leader = max(alone, key=lambda p: (bool(p.names), p.z))
@@ -147,7 +138,7 @@ def diagnose_together(
             notes.append(f"{SPOKEN[part.kind]} lacks something beside {told}")
             parts.append(again)
     progress("done", 1.0)
-    return _outcome(parts, leader, notes, time.monotonic() - began, seed)
+    return _result(parts, leader, notes, time.monotonic() - began, seed)
 
 
 def _with(recording: Recording, given: Sequence[LawUse]) -> Recording:
@@ -218,14 +209,15 @@ def _verdict(parts: Sequence[Part]) -> str:
     return next(v for v in ("missing_physics", "unmodelled", "measurement", "recalibrate", "no_mismatch") if v in every)
 
 
-def _outcome(parts: list[Part], leader: Part, notes: list[str], seconds: float, seed: int) -> Outcome:
+def _result(parts: list[Part], leader: Part, notes: list[str], seconds: float, seed: int) -> Diagnosis:
     verdict = empty_verdict(_verdict(parts), leader.verdict["fit"]["unit"])
     verdict["mechanisms"] = _mechanisms(parts)
-    verdict["mismatch"] = sorted(
-        (m for p in parts for m in p.verdict["mismatch"]), key=lambda m: -(m["z"] if m["z"] is not None else 0.0)
-    )
+    places = [(m, p.found.places_in[k : k + 1]) for p in parts for k, m in enumerate(p.verdict["mismatch"])]
+    places.sort(key=lambda place: -(place[0]["z"] if place[0]["z"] is not None else 0.0))
+    verdict["mismatch"] = [place for place, _ in places]
     verdict["rivals"] = list(leader.verdict["rivals"])
-    verdict["fit"] = leader.verdict["fit"]
+    for key in ("fit", "explained", "complete", "remains", "heldout"):
+        verdict[key] = leader.verdict[key]
     nulls = [p.verdict["null"] for p in parts if p.verdict["null"]]
     if nulls:
         least = min(n["p_false_alarm"] for n in nulls)
@@ -236,17 +228,23 @@ def _outcome(parts: list[Part], leader: Part, notes: list[str], seconds: float, 
     for p in (leader, *parts):
         verdict["next_experiment"] = verdict["next_experiment"] or p.verdict["next_experiment"]
         verdict["recalibrated"] = {**p.verdict["recalibrated"], **verdict["recalibrated"]}
-    figures: dict[str, tuple[Figure, str]] = {}
-    tables: list[Table] = []
-    revised: dict[str, tuple[Scene, Mapping[str, Any]]] = {}
+    verdict["notes"] = [*notes, *(n for p in parts for n in p.verdict["notes"])]
+    tables = [replace(t, title=f"{t.title}, {SPOKEN[p.kind]}") for p in parts for t in p.found.tables]
+    return Diagnosis(
+        kind="together", verdict=verdict, revised={k: v for p in parts for k, v in p.found.revised.items()},
+        evidence=tuple(p.found for p in parts), tables=(_by_kind(parts), *tables),
+        used=tuple(u for p in parts for u in p.found.used),
+        believed={k: v for p in parts for k, v in p.found.believed.items()},
+        places_in=tuple(name for _, found in places for name in (found or ("",))),
+        right_law=leader.found.right_law, widened=leader.found.widened, seconds=seconds,
+        runs=sum(p.found.runs for p in parts), seed=seed,
+    )  # fmt: skip
+
+
+def _by_kind(parts: Sequence[Part]) -> Table:
+    """What each kind of recording says by itself."""
     rows = []
     for p in parts:
-        revised.update(p.scenes())
-        for name, (figure, caption) in _figures(p).items():
-            figures[f"{p.kind}_{name}"] = (figure, f"{SPOKEN[p.kind].capitalize()}. {caption}")
-        if isinstance(p.found, Outcome):
-            tables += [replace(t, title=f"{t.title}, {SPOKEN[p.kind]}") for t in p.found.tables]
-        notes += [n for n in p.verdict.get("notes", []) if n not in notes]
         fit = p.verdict["fit"]["heldout"]
         told = ", ".join(m["name"] for m in p.verdict["mechanisms"]) or "–"
         rows.append(
@@ -258,61 +256,4 @@ def _outcome(parts: list[Part], leader: Part, notes: list[str], seconds: float, 
         )  # fmt: skip
     header = ("kind", "recordings", "verdict", "found", "taken over from the others",
               *(f"held out, {m.replace('_', ' ')}" for m in MODELS))  # fmt: skip
-    tables.insert(0, Table("What each kind of recording says", header, rows, (5, 6, 7, 8)))
-    return Outcome(
-        verdict=verdict, revised=revised, headline=_headline(verdict), answers=_answers(parts, leader, verdict, notes),
-        figures=figures, tables=tables, notes=notes,
-        training=[r.name for p in parts for r in p.training], held_out=[r.name for p in parts for r in p.held],
-        seconds=seconds, runs=sum(p.found.runs for p in parts if isinstance(p.found, Outcome)), seed=seed,
-    )  # fmt: skip
-
-
-def _figures(part: Part) -> dict[str, tuple[Figure, str]]:
-    if isinstance(part.found, Outcome):
-        return part.found.figures
-    from ..report.figures import figures
-    from ..report.page import captions
-
-    told = captions(part.found)
-    return {name: (draw(), told[name][1]) for name, draw in figures(part.found).items()}
-
-
-def _headline(verdict: Mapping[str, Any]) -> str:
-    from ..report.words import plainly
-
-    physics = list(dict.fromkeys(plainly(m["name"]) for m in verdict["mechanisms"] if m["name"] not in APPARATUS))
-    return {
-        "missing_physics": f"The scenes lack {' and '.join(physics)}",
-        "unmodelled": "Something is missing that no law with a name explains",
-        "measurement": "The apparatus was off",
-        "recalibrate": "The physics is right; what may be adjusted was off",
-        "no_mismatch": "Nothing is missing that these recordings could show",
-    }[verdict["verdict"]]
-
-
-def _answers(
-    parts: Sequence[Part], leader: Part, verdict: Mapping[str, Any], notes: Sequence[str]
-) -> list[tuple[str, str]]:
-    """The leader's answers, with what the others say of it."""
-    found = leader.found
-    own = dict(found.answers) if isinstance(found, Outcome) else {}
-    laws = "; ".join(dict.fromkeys(m["expression"] for m in verdict["mechanisms"]))
-    answers = {"What is wrong?": f"{laws}." if laws else "Nothing that a law would have to explain."}
-    fit = leader.verdict["fit"]["heldout"]
-    if verdict["mechanisms"] and fit["recalibrated"] and fit["revised"]:
-        answers["How much better?"] = (
-            f"In {SPOKEN[leader.kind]}, what was not used is predicted to {fit['revised']:.2g} instead of "
-            f"{fit['recalibrated']:.2g} {leader.verdict['fit']['unit']}."
-        )
-    if any(set(p.names) & set(leader.names) for p in parts if p is not leader):
-        own.pop("What is wrong?", None)  # it has the leader's number, not that of all
-    answers = {**answers, **own} if own else answers
-    said = [n for n in notes if n.startswith(tuple(item.name for item in leader.laws()))] if leader.names else []
-    answers["Do the kinds of recording agree?"] = (
-        ". ".join(s[0].upper() + s[1:] for s in said) + "." if said
-        else "; ".join(f"{SPOKEN[p.kind]}: {p.verdict['verdict'].replace('_', ' ')}" for p in parts) + "."
-    )  # fmt: skip
-    following = verdict["next_experiment"]
-    if following and "What to measure next?" not in answers:
-        answers["What to measure next?"] = f"{following['change']}."
-    return list(answers.items())
+    return Table("What each kind of recording says", header, rows, (5, 6, 7, 8))

@@ -1,28 +1,34 @@
-"""verdict.json and revised.toml of the contract, from a finished diagnosis."""
+"""The result of a diagnosis of whole tracks: the contract's verdict, and the revised scenes."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import tomli_w
-
 from ..inference.judge import explained_dict
+from ..inference.result import (
+    FORMAT,
+    HELD_OUT,
+    PARTLY,
+    TRAINING,
+    Diagnosis,
+    Progress,
+    Used,
+    rival_entries,
+    with_camera,
+)
+from ..recording import Recording
 from ..scene import Scene, Time
 from .candidates import distinct_bodies, owners
 from .data import Case
-from .driver import Diagnosis
+from .driver import TrackFinding, diagnose_bodies
 from .fit import Fit
 from .held_out import Errors
 from .hypothesis import NO_CAMERA, equation_with
 from .name import Trial
 from .start import states
-
-FORMAT = "granswim-verdict/2"
 
 
 def _number(value: float | None) -> float | None:
@@ -39,7 +45,7 @@ def _term_offset(fit: Fit, trial: Trial) -> int:
     raise KeyError(trial.term.label)
 
 
-def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dict[str, Any]]:
+def _entries(diagnosis: TrackFinding, trial: Trial, gain: float | None) -> list[dict[str, Any]]:
     """The entries of ``mechanisms`` for one law: one, or one for each body that has a strength of its own."""
     fit = diagnosis.revised
     offset = _term_offset(fit, trial)
@@ -70,7 +76,7 @@ def _entries(diagnosis: Diagnosis, trial: Trial, gain: float | None) -> list[dic
     return entries
 
 
-def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int]) -> dict[str, Any]:
+def _parameter(diagnosis: TrackFinding, fit: Fit, offset: int, term, rows: list[int]) -> dict[str, Any]:
     found: list[tuple[float, float | None, float | None]] = []
     for r in rows:
         if r < 0:  # a component that these recordings do not show
@@ -88,13 +94,13 @@ def _parameter(diagnosis: Diagnosis, fit: Fit, offset: int, term, rows: list[int
     }  # fmt: skip
 
 
-def _acting(diagnosis: Diagnosis, trial: Trial) -> list[str]:
+def _acting(diagnosis: TrackFinding, trial: Trial) -> list[str]:
     if trial.term.bodies is not None:
         return list(trial.term.bodies)
     return list(distinct_bodies(diagnosis.cases))
 
 
-def heldout_gain(diagnosis: Diagnosis, errors: Errors) -> float | None:
+def heldout_gain(diagnosis: TrackFinding, errors: Errors) -> float | None:
     """Half the fall of chi2 on held-out data, recalibrated less this."""
     before = diagnosis.held["recalibrated"]
     if before.rms is None or errors.rms is None:
@@ -102,7 +108,7 @@ def heldout_gain(diagnosis: Diagnosis, errors: Errors) -> float | None:
     return (before.chi2 - errors.chi2) / 2
 
 
-def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+def verdict_dict(diagnosis: TrackFinding) -> dict[str, Any]:
     """The contents of verdict.json (contract version 2)."""
     d = diagnosis
     mechanisms: list[dict[str, Any]] = []
@@ -152,26 +158,13 @@ def verdict_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     return result
 
 
-def _rivals(d: Diagnosis, gains: dict[str, float | None]) -> list[dict[str, Any]]:
-    """What was named and did not stand comes first, then what does worse or as well."""
-    withdrawn = [
-        {"name": t.mechanism, "gain_heldout": heldout_gain(d, d.withdrawn_held), "indistinguishable": False,
-         "withdrawn": True}
-        for t in d.withdrawn if d.withdrawn_held is not None
-    ]  # fmt: skip
-    near = [
-        {"name": t.mechanism, "gain_heldout": gains.get(t.mechanism), "indistinguishable": False, "share": e.share}
-        for t, e in d.closest
-    ]
-    first = {r["name"] for r in (*withdrawn, *near)}
-    others = [
-        {"name": t.mechanism, "gain_heldout": gains.get(t.mechanism), "indistinguishable": same}
-        for t, same in d.rivals if t.mechanism not in first
-    ]  # fmt: skip
-    return [*withdrawn, *near, *others]
+def _rivals(d: TrackFinding, gains: dict[str, float | None]) -> list[dict[str, Any]]:
+    gone = [] if d.withdrawn_held is None else [(t.mechanism, heldout_gain(d, d.withdrawn_held)) for t in d.withdrawn]
+    near = [(t.mechanism, gains.get(t.mechanism), e.share) for t, e in d.closest]
+    return rival_entries(gone, near, [(t.mechanism, gains.get(t.mechanism), same) for t, same in d.rivals])
 
 
-def _remaining(d: Diagnosis) -> list[str]:
+def _remaining(d: TrackFinding) -> list[str]:
     revised, floor = d.held["revised"].rms, d.floor[1]
     if revised and floor and revised > 1.5 * floor:
         unit = next(c.unit for c in d.cases)
@@ -182,13 +175,13 @@ def _remaining(d: Diagnosis) -> list[str]:
     return []
 
 
-def told_range(diagnosis: Diagnosis) -> str:
+def told_range(diagnosis: TrackFinding) -> str:
     """The smallest and largest held-out error that numbers found from noisy frames leave where the law is right."""
     least, most = float(diagnosis.right_law.min()), float(diagnosis.right_law.max())
     return f"{least:.2g} to {most:.2g}"
 
 
-def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
+def revised_scene(diagnosis: TrackFinding, case: Case) -> Scene:
     """The scene of a recording with what was found added; it runs as it is."""
     fit = diagnosis.revised
     values = (diagnosis.held["revised"].values or {}).get(case.name, fit.values)
@@ -203,33 +196,43 @@ def revised_scene(diagnosis: Diagnosis, case: Case) -> Scene:
         scene = scene.with_initial(states(described, first_numbers(described), scene, t0))
     duration = float(case.t[-1] - case.t[0])
     spacing = duration / max(len(case.t) - 1, 1)
-    shown = {k: v for k, v in camera.items() if v != NO_CAMERA[k]}
-    shown = {k: list(v) if isinstance(v, tuple) else v for k, v in shown.items()}
+    scene = with_camera(scene, {k: v for k, v in camera.items() if v != NO_CAMERA[k]})
     return replace(
         scene,
         time=Time(
             dt=diagnosis.dt[case.name], start=t0, duration=duration, output=spacing, scheme=scene.time.scheme
         ),
-        camera=shown,
-        adjustable=(),
         title=f"{case.recording.title or case.name}, revised",
     )
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write beside, then rename: a reader never sees half a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)
+def diagnose_tracks(
+    training: Sequence[Recording], held: Sequence[Recording] = (), *, minutes: float | None = None, seed: int = 0,
+    progress: Progress = lambda text, share: None,
+) -> Diagnosis:  # fmt: skip
+    """Explain recordings of free, pinned, sprung and colliding bodies by what their scene lacks.
+
+    ``minutes``: the budget;  ``seed``: of the nulls.  Raises InputError for recordings that cannot be used.
+    """
+    return result_of(diagnose_bodies(training, held, minutes=minutes, seed=seed, progress=progress))
 
 
-def write_verdict(diagnosis: Diagnosis, out: Path) -> None:
-    """Write verdict.json, revised.toml and, with several recordings, revised/NAME.toml."""
-    scenes = {case.name: revised_scene(diagnosis, case) for case in diagnosis.cases}
-    first = next(c.name for c in diagnosis.cases)
-    write_text(out / "revised.toml", tomli_w.dumps(scenes[first].to_dict()))
-    if len(scenes) > 1:
-        for name, scene in scenes.items():
-            write_text(out / "revised" / f"{name}.toml", tomli_w.dumps(scene.to_dict()))
-    write_text(out / "verdict.json", json.dumps(verdict_dict(diagnosis), indent=1, allow_nan=False) + "\n")
+def result_of(d: TrackFinding) -> Diagnosis:
+    """Verdict, revised scenes and how each recording was used."""
+    return Diagnosis(
+        kind="bodies", verdict=verdict_dict(d), revised={case.name: revised_scene(d, case) for case in d.cases},
+        evidence=d, used=tuple(_used(d, case) for case in d.cases),
+        believed={f.name: (f.first, f.low, f.high) for f in d.recalibrated.hypothesis.free},
+        places_in=tuple(place.case for place in d.places),
+        right_law=(float(d.right_law.min()), float(d.right_law.max())) if len(d.right_law) else None,
+        widened=math.sqrt(d.spread), seconds=d.seconds, runs=d.runs, seed=d.seed,
+    )  # fmt: skip
+
+
+def _used(d: TrackFinding, case: Case) -> Used:
+    part = HELD_OUT if case.held_out else PARTLY if case.scored.any() else TRAINING
+    sizes = zip(case.sigma, case.channels, strict=True)
+    return replace(
+        Used.of(case.recording, part, d.dt.get(case.name)), frames=len(case.t), length=float(case.t[-1] - case.t[0]),
+        noise=tuple((float(s), "rad" if c.kind == "angle" else "m") for s, c in sizes), estimated=not case.sigma_known,
+    )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from .style import COLOURS, FLOOR, MUTED, NAIVE, RECALIBRATED, REVISED, SEEN, SHADE, WIDTH, legend_above, plain, styled
+from .style import (
+    COLOURS,
+    FLOOR,
+    MUTED,
+    NAIVE,
+    RECALIBRATED,
+    REVISED,
+    SEEN,
+    SHADE,
+    WIDTH,
+    Drawing,
+    legend_above,
+    plain,
+    styled,
+)
 
 if TYPE_CHECKING:
     from ..diagnosis.bed.driver import BedDiagnosis
@@ -296,42 +309,52 @@ def overlay(d: BedDiagnosis, count: int = 4) -> Figure:
     return figure
 
 
-def bed_figures(d: BedDiagnosis) -> dict[str, tuple[Callable[[], Figure], str]]:
-    """Name to (drawing function, caption), in the order of the page."""
+NAMES = ("overlay", "map", "along", "cycle", "candidates", "held_out", "null")
+
+
+def pictures(d: BedDiagnosis) -> dict[str, Drawing]:
+    """The figures of this diagnosis by file name; each is drawn when called."""
     noun = "after recalibration" if _reference_model(d) == "recalibrated" else "of the naive scene"
-    result: dict[str, tuple[Callable[[], Figure], str]] = {
-        "along": (
-            lambda: along_the_body(d),
+    where = "Where the mismatch is"
+    result = {
+        "overlay": Drawing(
+            lambda: overlay(d), "Seen and simulated",
+            "Predicted and seen. The windows with the largest misfit; deviations of the prediction are enlarged.",
+        ),
+        "along": Drawing(
+            lambda: along_the_body(d), where,
             "The misfit along the swimmer. Root mean square of seen less predicted positions of each disk over all "
             "windows of the first recording, the estimator's own bias taken off; the band is what repeats of the "
             "simulation against itself give.",
         ),
-    }
-    if any(b.phases() is not None for b in d.beds):
-        result["cycle"] = (
-            lambda: over_the_cycle(d),
-            f"When in the cycle. Misfit {noun} of each disk by the phase of the drive in the middle of the window, "
-            "over that of twins; 1 is noise.",
-        )
-    result |= {
-        "candidates": (
-            lambda: candidates(d),
+        "candidates": Drawing(
+            lambda: candidates(d), "Candidates",
             "The candidates. How far each law alone lets χ² of the training windows fall after recalibration; the "
             "marks are where 1 % of the nulls reach, farther for laws whose noise is larger; right: the share of its "
             "signature that the adjustable parameters cannot imitate.",
         ),
-        "null": (
-            lambda: null_histogram(d),
+        "held_out": Drawing(
+            lambda: held_out(d), "Held-out errors",
+            "Window by window. Misfit of the swimmer's disks; the shaded windows were used to find or fit nothing.",
+        ),
+        "null": Drawing(
+            lambda: null_histogram(d), "Could it be chance?",
             "Against chance. The best gain of the same search in windows of simulations in which nothing is missing, "
             "put on the scale of the law that leads here, and that of this recording.",
         ),
-        "held_out": (
-            lambda: held_out(d),
-            "Window by window. Misfit of the swimmer's disks; the shaded windows were used to find or fit nothing.",
-        ),
-        "overlay": (
-            lambda: overlay(d),
-            "Predicted and seen. The windows with the largest misfit; deviations of the prediction are enlarged.",
-        ),
-    }
-    return result
+    }  # fmt: skip
+    shown = d.map
+    if shown is not None:
+        result["map"] = Drawing(
+            lambda: map_on_frame(d, *shown), where,
+            "The mismatch on a frame. Each body is coloured by how far it ended from its prediction, in expected "
+            "spreads, in the training window with the largest misfit; about 1 is noise. Grains scatter because the "
+            "bed is chaotic; what repeats over windows is judged in the figures below.",
+        )  # fmt: skip
+    if any(b.phases() is not None for b in d.beds):
+        result["cycle"] = Drawing(
+            lambda: over_the_cycle(d), where,
+            f"When in the cycle. Misfit {noun} of each disk by the phase of the drive in the middle of the window, "
+            "over that of twins; 1 is noise.",
+        )  # fmt: skip
+    return {name: result[name] for name in NAMES if name in result}

@@ -9,7 +9,7 @@ No window system is touched: figures are built without pyplot and saved by the A
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,13 +24,13 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLoc
 
 from ..diagnosis.candidates import APPARATUS
 from ..diagnosis.data import Case
-from ..diagnosis.driver import Diagnosis
+from ..diagnosis.driver import TrackFinding
 from ..diagnosis.fit import Fit
-from ..diagnosis.innovations import WindowMap
+from ..diagnosis.innovations import Whiteness, WindowMap
 from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
 from ..joints import arm_of
-from ..laws import Law
+from ..laws import Law, all_laws
 from ..walls import outline
 from .style import (
     COLOURS,
@@ -40,6 +40,7 @@ from .style import (
     SEEN,
     SHADE,
     WIDTH,
+    Drawing,
     compact,
     legend_above,
     panels,
@@ -48,6 +49,7 @@ from .style import (
     shortened,
     styled,
 )
+from .words import number
 
 MOST = 12  # small panels in one figure
 MANY_TURNS = 14  # turning points of a track beyond which one panel shows it no longer
@@ -76,7 +78,7 @@ HEAT = LinearSegmentedColormap.from_list("mismatch", ["#e9e9e6", "#f5cf7a", "#e8
 # ---- what is drawn ------------------------------------------------------------------------------
 
 
-def models(diagnosis: Diagnosis) -> tuple[str, ...]:
+def models(diagnosis: TrackFinding) -> tuple[str, ...]:
     """Hypotheses that differ: naive, recalibrated if something is adjustable, revised if a law was found."""
     result = ["naive"]
     if diagnosis.recalibrated.hypothesis.terms:
@@ -86,12 +88,12 @@ def models(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(result)
 
 
-def fit_of(diagnosis: Diagnosis, model: str) -> Fit:
+def fit_of(diagnosis: TrackFinding, model: str) -> Fit:
     fits = {"naive": diagnosis.naive, "recalibrated": diagnosis.recalibrated, "revised": diagnosis.revised}
     return fits[model]
 
 
-def predicted(diagnosis: Diagnosis, model: str, case: Case) -> np.ndarray:
+def predicted(diagnosis: TrackFinding, model: str, case: Case) -> np.ndarray:
     """Predicted channels (T, c) [m or rad] of a recording, NaN where there is no prediction."""
     errors = diagnosis.held.get(model)
     if errors is not None and errors.predicted is not None and case.name in errors.predicted:
@@ -102,7 +104,7 @@ def predicted(diagnosis: Diagnosis, model: str, case: Case) -> np.ndarray:
     return case.values - innovations * case.sigma
 
 
-def chosen_cases(diagnosis: Diagnosis, most: int = MOST) -> list[Case]:
+def chosen_cases(diagnosis: TrackFinding, most: int = MOST) -> list[Case]:
     """The recordings a figure shows: held-out ones first, and training ones where all have room."""
     held = [c for c in diagnosis.cases if c.held_out]
     rest = [c for c in diagnosis.cases if not c.held_out]
@@ -184,7 +186,7 @@ def _span_of(values: np.ndarray) -> float:
 
 
 @styled
-def overlay(diagnosis: Diagnosis) -> Figure:
+def overlay(diagnosis: TrackFinding) -> Figure:
     """Track and simulation: free bodies in the plane, disks to scale; angles and coordinates over time."""
     cases = chosen_cases(diagnosis)
     flat = all(in_the_plane(c) for c in cases)
@@ -239,7 +241,7 @@ def _axis_name(case: Case, k: int, factor: float, unit: str) -> str:
 
 
 def _draw_time(
-    axis: Axes, diagnosis: Diagnosis, case: Case, k: int, names: Sequence[str], *, label_time: bool = True,
+    axis: Axes, diagnosis: TrackFinding, case: Case, k: int, names: Sequence[str], *, label_time: bool = True,
     span: tuple[float, float] | None = None,
 ) -> None:  # fmt: skip
     use = np.ones(len(case.t), dtype=bool) if span is None else (case.t >= span[0]) & (case.t <= span[1])
@@ -277,7 +279,7 @@ def _draw_time(
         axis.set_xlabel(f"time [{second}]")
 
 
-def _long_track(diagnosis: Diagnosis, case: Case, k: int, names: Sequence[str], turns: int) -> Figure:
+def _long_track(diagnosis: TrackFinding, case: Case, k: int, names: Sequence[str], turns: int) -> Figure:
     """A long oscillation: all of it, and four swings each at its start, at the split and at its end."""
     figure = Figure(figsize=(WIDTH, 4.8), layout="constrained")
     grid = figure.add_gridspec(2, 3)
@@ -300,7 +302,7 @@ def _long_track(diagnosis: Diagnosis, case: Case, k: int, names: Sequence[str], 
     return figure
 
 
-def _draw_plane(axis: Axes, diagnosis: Diagnosis, case: Case, names: Sequence[str]) -> None:
+def _draw_plane(axis: Axes, diagnosis: TrackFinding, case: Case, names: Sequence[str]) -> None:
     scene = case.recording.scene
     size = max(_span_of(case.values), 1e-12)
     factor, unit = prefixed("m", size)
@@ -382,7 +384,7 @@ def _draw_plane(axis: Axes, diagnosis: Diagnosis, case: Case, names: Sequence[st
 
 
 @styled
-def errors_over_time(diagnosis: Diagnosis) -> Figure:
+def errors_over_time(diagnosis: TrackFinding) -> Figure:
     """Seen minus predicted over time. One channel: with its sign; several: their rms in each frame."""
     cases = chosen_cases(diagnosis)
     names = models(diagnosis)
@@ -403,7 +405,7 @@ def errors_over_time(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _draw_errors(axis: Axes, diagnosis: Diagnosis, case: Case, names: Sequence[str]) -> bool:
+def _draw_errors(axis: Axes, diagnosis: TrackFinding, case: Case, names: Sequence[str]) -> bool:
     errors = {name: case.values - predicted(diagnosis, name, case) for name in names}
     single = len(case.channels) == 1
     unit = "rad" if case.unit == "rad rms" else "m"
@@ -458,7 +460,7 @@ def _draw_errors(axis: Axes, diagnosis: Diagnosis, case: Case, names: Sequence[s
 
 
 @styled
-def innovations(diagnosis: Diagnosis) -> Figure:
+def innovations(diagnosis: TrackFinding) -> Figure:
     """Innovations of the training part [s.d. of the noise], over time and by body, before and after."""
     before = "recalibrated" if diagnosis.recalibrated.hypothesis.terms else "naive"
     pair = [(before, diagnosis.recalibrated)]
@@ -711,7 +713,7 @@ def _draw_places(
 
 
 @styled
-def candidates(diagnosis: Diagnosis, most: int = 18) -> Figure:
+def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
     """Candidates ranked: misfit each takes away, surviving fraction, test inside the training part."""
     trials = list(diagnosis.trials)
     if diagnosis.flexible is not None:
@@ -851,7 +853,7 @@ def _tick(value: float) -> str:
 
 
 @styled
-def held_out(diagnosis: Diagnosis, most: int = 40) -> Figure:
+def held_out(diagnosis: TrackFinding, most: int = 40) -> Figure:
     """Held-out errors by recording; open rings: starts fitted to whole recordings.
 
     Where there is one recording only, its training error stands beside."""
@@ -978,7 +980,7 @@ def p_text(null: Null) -> str:
 
 
 @styled
-def flexible(diagnosis: Diagnosis) -> Figure:
+def flexible(diagnosis: TrackFinding) -> Figure:
     """The force that no named law gives, over the speeds, times or places that the recordings visit.
 
     A curve with its central 95 % where the arm sees velocities only (force over speed) or times only (acceleration);
@@ -1018,7 +1020,7 @@ def _call(law: Law, values: Mapping[str, Any], **state: float) -> tuple[float, f
     return float(fx), float(fy)
 
 
-def _seen_speeds(diagnosis: Diagnosis) -> np.ndarray:
+def _seen_speeds(diagnosis: TrackFinding) -> np.ndarray:
     """Speeds between frames of the training part [m/s], of a pinned body its rod's length times its rate."""
     speeds = []
     for case in diagnosis.cases:
@@ -1038,7 +1040,7 @@ def _seen_speeds(diagnosis: Diagnosis) -> np.ndarray:
 
 
 def _forces(
-    diagnosis: Diagnosis, fit: Fit, case: Case, count: int, states: Sequence[Mapping[str, float]]
+    diagnosis: TrackFinding, fit: Fit, case: Case, count: int, states: Sequence[Mapping[str, float]]
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Force of a fit's last law, which has ``count`` numbers, on a body of the mean radius in each state: (k, 2) [N],
     half of its central 95 % (k, 2), and the mass [kg] of the body."""
@@ -1063,7 +1065,7 @@ def _forces(
     return best, 1.96 * np.sqrt(np.maximum(variance, 0.0)), mass
 
 
-def _time_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figure:
+def _time_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> Figure:
     seen = case.t[case.training]
     t = np.linspace(seen[0], seen[-1], 141)
     best, half, mass = _forces(diagnosis, fit, case, count, [{"t": float(s)} for s in t])
@@ -1081,7 +1083,7 @@ def _time_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figur
     return figure
 
 
-def _speed_curve(diagnosis: Diagnosis, fit: Fit, case: Case, count: int) -> Figure:
+def _speed_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> Figure:
     seen = _seen_speeds(diagnosis)
     top = float(np.quantile(seen, 0.98)) if len(seen) else 1.0
     v = np.linspace(0.0, top, 121)
@@ -1129,7 +1131,7 @@ def _places_of(case: Case) -> np.ndarray:
     return every[np.isfinite(every).all(axis=1)]
 
 
-def _force_field(diagnosis: Diagnosis, law: Law, values: Mapping[str, Any]) -> Figure:
+def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -> Figure:
     training = [c for c in diagnosis.cases if not c.held_out]
     xy = np.concatenate([_places_of(c) for c in training])
     kinds = {c.kind for case in training for c in case.channels}
@@ -1174,24 +1176,86 @@ def _force_field(diagnosis: Diagnosis, law: Law, values: Mapping[str, Any]) -> F
 
 # ---- all of them --------------------------------------------------------------------------------
 
+NAMES = (
+    "overlay", "errors_over_time", "innovations", "windows", "flexible", "candidates", "held_out", "null",
+)  # fmt: skip
 
-def figures(diagnosis: Diagnosis) -> dict[str, Callable[[], Figure]]:
+
+def whiteness_text(white: Whiteness, known: bool) -> str:
+    """How far innovations are from noise (HTML); ``known``: the size of the noise was given."""
+    size = f"χ² {number(white.z, 2)} s.d. from that of noise, " if known else ""
+    p = "p &lt; 10<sup>−16</sup>" if white.p < 1e-16 else f"p = {number(white.p, 2)}"
+    memory = "none" if white.memory < 1.05 else f"{white.memory:.{1 if white.memory < 10 else 0}f} frames"
+    return f"{size}memory {memory}, {p}"
+
+
+def pictures(found: TrackFinding) -> dict[str, Drawing]:
     """The figures of this diagnosis by file name, in the order of the page; each is drawn when called."""
-    result: dict[str, Callable[[], Figure]] = {
-        "overlay": lambda: overlay(diagnosis),
-        "errors_over_time": lambda: errors_over_time(diagnosis),
-        "innovations": lambda: innovations(diagnosis),
-    }
-    found = diagnosis.windows
-    if found is not None and found.rows:
-        result["windows"] = lambda: windows(found, diagnosis.cases)
-    if diagnosis.verdict == "unmodelled" and diagnosis.flexible is not None:
-        result["flexible"] = lambda: flexible(diagnosis)
-    if diagnosis.trials:
-        result["candidates"] = lambda: candidates(diagnosis)
-    if any(e.by_case for e in diagnosis.held.values()):
-        result["held_out"] = lambda: held_out(diagnosis)
-    null = diagnosis.null
+    several = (
+        " The recordings shown are the held-out ones, at most 12, those with the largest naive error."
+        if len(found.cases) > 12
+        else ""
+    )
+    known = all(c.sigma_known for c in found.cases if not c.held_out)
+    before, after = (whiteness_text(white, known) for white in (found.white_recalibrated, found.white_revised))
+    result = {
+        "overlay": Drawing(
+            lambda: overlay(found), "Seen and simulated",
+            "Seen track and simulation. Grey: held out, never looked at before the verdict was fixed. In the plane, "
+            "disks are drawn to scale where they start (open) and where they end (filled; coloured rings: where the "
+            "simulation ends)." + several,
+            "Seen track with the naive and the revised simulation over it",
+        ),
+        "errors_over_time": Drawing(
+            lambda: errors_over_time(found), "Seen and simulated",
+            "Seen minus predicted over time; with several measured numbers in a frame, their root mean square.",
+            "Seen minus predicted over time, before and after",
+        ),
+        "innovations": Drawing(
+            lambda: innovations(found), "Is what remains noise?",
+            "Innovations of the training part: seen minus predicted in standard deviations of the noise, by body. "
+            f"Right: their root mean square; noise alone gives 1. Before: {before}"
+            + (f". After: {after}." if found.found else "."),
+            "Innovations over time and by body in standard deviations, before and after",
+        ),
+    }  # fmt: skip
+    windowed, flexed, null = found.windows, found.flexible, found.null
+    if windowed is not None and windowed.rows:
+        result["windows"] = Drawing(
+            lambda: windows(windowed, found.cases), "Where the mismatch is",
+            "The training part in short windows, each started anew, under the scene as recalibrated: where a body does "
+            "not do what the scene says even over a short time. z is that of χ² against what remains when the physics "
+            "is right.",
+            "Map of short windows coloured by their misfit",
+        )  # fmt: skip
+    if found.verdict == "unmodelled" and flexed is not None:
+        band = " (band: central 95 %)." if drawn_over(all_laws()[flexed.mechanism]) != "place" else "."
+        result["flexible"] = Drawing(
+            lambda: flexible(found), "The force without a name",
+            f"The fitted force without a name, over what the recordings visit{band}",
+            "The force that no named law gives",
+        )  # fmt: skip
+    if found.trials:
+        same = "; ≈ cannot be told apart from the law named" if any(alike for _, alike in found.rivals) else ""
+        result["candidates"] = Drawing(
+            lambda: candidates(found), "Candidates",
+            "Every candidate refitted by simulation, alone. Bars run from the misfit without it to the misfit with it "
+            "(the number: fall in χ²), so the longest takes most away. Surviving fraction: the share of its signature "
+            "that recalibration cannot imitate. Inner test: prediction of a part of the training data that the fit did "
+            "not see; further right is better. The choice rests on both, and on few numbers where candidates are "
+            f"alike. ° apparatus{same}.",
+            "Candidates ranked by gain, with surviving fraction and inner test",
+        )  # fmt: skip
+    if any(e.by_case for e in found.held.values()):
+        result["held_out"] = Drawing(
+            lambda: held_out(found), "Held-out errors", "Errors by recording; the same as in the table, taken apart.",
+            "Held-out errors by recording",
+        )  # fmt: skip
     if null is not None and len(null.gains):
-        result["null"] = lambda: null_histogram(null)
+        result["null"] = Drawing(
+            lambda: null_histogram(null), "Could it be chance?",
+            "The same search on what remains, with its phases shuffled: the best gain it finds in noise of the same "
+            "spectrum.",
+            "Histogram of the best gains found in noise, with this case marked",
+        )  # fmt: skip
     return result

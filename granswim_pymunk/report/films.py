@@ -14,7 +14,7 @@ from .player import MOST_FRAMES, Moving
 
 if TYPE_CHECKING:
     from ..diagnosis.data import Case
-    from ..diagnosis.driver import Diagnosis
+    from ..diagnosis.driver import TrackFinding
 
 Hung = tuple[int, "int | tuple[float, float]"]
 
@@ -68,7 +68,7 @@ def _lines(case: Case) -> list[Hung]:
     return result
 
 
-def film_of(diagnosis: Diagnosis) -> Moving | None:
+def film_of(diagnosis: TrackFinding) -> Moving | None:
     """The recording that the figures show first, and what each model makes of it; None where no place is known."""
     case = max(chosen_cases(diagnosis), key=lambda c: c.scored.sum(), default=None)
     if case is None or len(case.t) < 2:

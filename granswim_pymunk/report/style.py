@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -50,6 +51,19 @@ STYLE: Any = {
 }
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that is drawn when it is wanted: its section of the page, its caption and what stands for it in text.
+
+    caption : HTML;  alt : plain text, the caption's first sentence where it is empty
+    """
+
+    draw: Callable[[], Figure]
+    section: str
+    caption: str
+    alt: str = ""
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:

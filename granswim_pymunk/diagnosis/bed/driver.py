@@ -108,6 +108,7 @@ class BedDiagnosis:
     withdrawn: list[BedTrial] = field(default_factory=list)  # names that held-out windows turned down
     withdrawn_gain: float | None = None
     rival_gains: Mapping[str, float] = field(default_factory=dict)  # by label, see ``weigh.rival_gains``
+    map: tuple[np.ndarray, int] | None = None  # size of each body's innovation where it is largest, and that window
 
     @property
     def beds(self) -> list[BedCase]:

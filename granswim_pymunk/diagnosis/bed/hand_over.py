@@ -1,22 +1,31 @@
-"""What the diagnosis of a bed hands over: verdict, scenes that run, answers in plain words, figures."""
+"""The result of a diagnosis of a bed: the contract's verdict, and scenes that run."""
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...inference.judge import explained_dict
+from ...inference.result import (
+    HELD_OUT,
+    PARTLY,
+    TRAINING,
+    Diagnosis,
+    Table,
+    Used,
+    empty_verdict,
+    mechanism_entry,
+    mismatch_entry,
+    rival_entries,
+    with_camera,
+)
 from ...recording import Recording
-from ...report.bed_figures import bed_figures, map_on_frame
-from ...report.words import bodies, listed, plainly
 from ...scene import Scene, Time
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
-from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
 from .candidates import LawAdder
 from .driver import BedDiagnosis, diagnose_windows
@@ -34,13 +43,13 @@ def diagnose_bed(
     minutes: float | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda text, share: None,
-) -> Outcome:
+) -> Diagnosis:
     """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
 
     ``minutes``: the budget, ten where not given;  ``seed``: of draws, twins and nulls.
     Raises InputError for recordings that cannot be used.
     """
-    return outcome_of(diagnose_windows(training, held, minutes=minutes, seed=seed, progress=progress))
+    return result_of(diagnose_windows(training, held, minutes=minutes, seed=seed, progress=progress))
 
 
 # ---- the verdict -----------------------------------------------------------------------------
@@ -93,6 +102,7 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
     verdict["mismatch"] = _where_it_acts(d) + verdict["mismatch"]
     verdict["rivals"] = _rivals(d)
     verdict["heldout"] = d.heldout
+    verdict["notes"] = list(d.notes)
     verdict["explained"] = None if d.judged is None else explained_dict(d.judged)
     verdict["complete"] = d.complete
     verdict["remains"] = None if d.remains is None else d.remains.as_dict()
@@ -123,22 +133,12 @@ def verdict_of(d: BedDiagnosis) -> dict[str, Any]:
 
 
 def _rivals(d: BedDiagnosis) -> list[dict[str, Any]]:
-    """What was withdrawn or not accepted comes first, then what does worse or as well."""
-    withdrawn = [
-        {"name": t.mechanism, "gain_heldout": d.withdrawn_gain, "indistinguishable": False, "withdrawn": True}
-        for t in d.withdrawn
-    ]
-    near = [
-        {"name": t.mechanism, "gain_heldout": d.rival_gains.get(t.term.label), "indistinguishable": False,
-         "share": share}
-        for t, share in d.closest
-    ]  # fmt: skip
-    first = {r["name"] for r in (*withdrawn, *near)}
-    others = [
-        {"name": t.mechanism, "gain_heldout": d.rival_gains.get(t.term.label), "indistinguishable": same}
-        for t, same in d.rivals if t.mechanism not in first
-    ]  # fmt: skip
-    return [*withdrawn, *near, *others]
+    gains = d.rival_gains
+    return rival_entries(
+        [(t.mechanism, d.withdrawn_gain) for t in d.withdrawn],
+        [(t.mechanism, gains.get(t.term.label), share) for t, share in d.closest],
+        [(t.mechanism, gains.get(t.term.label), same) for t, same in d.rivals],
+    )
 
 
 def _frequencies(d: BedDiagnosis) -> tuple[float, float] | None:
@@ -177,8 +177,8 @@ def _place_of(
     return [mismatch_entry(acting, z, p, region=region, frequency=frequency)]
 
 
-def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any]]:
-    """The scene of a recording with what was found, from a state estimated at its third frame; and its camera."""
+def revised_scene(d: BedDiagnosis, number: int) -> Scene:
+    """The scene of a recording with what was found, from a state estimated at its third frame."""
     bed = d.beds[number]
     hypothesis, values = Hypothesis(d.adjustables), d.values
     for trial in d.laws:
@@ -197,199 +197,9 @@ def revised_scene(d: BedDiagnosis, number: int) -> tuple[Scene, Mapping[str, Any
             output=spacing,
             scheme=scene.time.scheme,
         ),
-        adjustable=(),
         title=f"{bed.recording.title or bed.name}, revised",
     )
-    return scene, {k: x for k, x in camera.items() if x != NO_CAMERA[k]}
-
-
-# ---- words -----------------------------------------------------------------------------------
-
-
-def _number(value: float, digits: int = 3) -> str:
-    return f"{value:.{digits}g}"
-
-
-def _values_in_words(trial: BedTrial) -> str:
-    parts = []
-    for name, (value, low, high, unit) in parameters_of(trial).items():
-        if isinstance(value, str) or low is None or isinstance(value, list):
-            shown = (
-                value
-                if isinstance(value, str)
-                else ", ".join(map(_number, value))
-                if isinstance(value, list)
-                else _number(value)
-            )
-            parts.append(f"{name} = {shown}" + (f" {unit}" if unit not in ("1", "") else ""))
-        else:
-            unit = "" if unit in ("1", "") else f" {unit}"
-            parts.append(f"{name} = {_number(value)}{unit} (95 %: {_number(low)} to {_number(high)})")
-    return "; ".join(parts)
-
-
-def headline_of(d: BedDiagnosis) -> str:
-    if d.verdict == "no_mismatch":
-        return "Nothing is missing that these windows could show"
-    if d.verdict == "recalibrate":
-        return "The physics is right; " + " and ".join(_moved(d)) + " was off"
-    if d.withdrawn:
-        names = " and ".join(map(_law_in_words, d.withdrawn))
-        return f"Withdrawn: held-out windows are predicted worse with {names} than without"
-    if d.verdict == "unmodelled" or d.found is None:
-        text = "Something is missing that no law with a name explains"
-        if d.closest:
-            nearest, share = d.closest[0]
-            text += f"; what comes closest, {_law_in_words(nearest)}, explains {_percent(share)} of it"
-        return text
-    what = " and ".join(map(_law_in_words, d.laws))
-    text = f"the apparatus was off: {what}" if d.verdict == "measurement" else f"the scene lacks {what}"
-    return text[0].upper() + text[1:] if d.complete else f"The best approximation so far: {text}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * max(share, 0.0):.0f} %"
-
-
-def _standing(d: BedDiagnosis) -> list[tuple[str, str]]:
-    """How much is explained, whether anything is left, and what held-out windows say."""
-    answers: list[tuple[str, str]] = []
-    told = None if d.judged is None else explained_dict(d.judged)
-    if told is not None:
-        text = (
-            f"{_percent(told['share'])} ({_percent(told['low'])} to {_percent(told['high'])}) of what the scene "
-            "misses in windows, each predicted without what it told itself"
-        )
-        if told["best_free_form"] is not None and d.verdict != "unmodelled":
-            text += f"; the best force without a name {_percent(told['best_free_form'])}"
-        answers.append(("How much is explained?", text + "."))
-    left = d.remains
-    if left is not None:
-        text = (
-            f"More than in twins: the swimmer's disks end {1e6 * left.rms:.0f} µm rms from where they are predicted, "
-            f"and all that is compared is {left.times_floor:.2g} times as far off as in twins, "
-            f"most at {html.unescape(listed(bodies(left.bodies), 3))}"
-        )
-        like = "" if left.looks_like.startswith("nothing") else f"; it looks like {left.looks_like}"
-        answers.append(("What is left?", text + like + "."))
-    elif d.laws and d.complete:
-        answers.append(("What is left?", "No more than twins of the revised scene leave."))
-    if d.heldout == "undecided" and d.laws:
-        answers.append(("Does it hold?", "Held-out windows do not decide whether it predicts better."))
-    return answers
-
-
-def _law_in_words(trial: BedTrial) -> str:
-    joint = trial.term.choices.get("joint")
-    if joint is not None and trial.mechanism == "weak_joint":
-        return f"{'a weak' if float(trial.values[0]) < 1 else 'a stiff'} joint (joint {joint})"
-    return plainly(trial.mechanism)
-
-
-def _moved(d: BedDiagnosis) -> list[str]:
-    names = [f.name for t in d.adjustables for f in t.free]
-    spread = np.sqrt(np.maximum(np.diag(d.value_covariance), 1e-300))
-    far = [n for n, v, v0, s in zip(names, d.values, d.naive_values, spread, strict=True) if abs(v - v0) > 3 * s]
-    return far or names
-
-
-def answers_of(d: BedDiagnosis) -> list[tuple[str, str]]:
-    answers: list[tuple[str, str]] = []
-    names = [f.name for t in d.adjustables for f in t.free]
-    if d.found is not None and d.verdict != "unmodelled":
-        laws = [f"{plainly(t.mechanism).capitalize()}: {_values_in_words(t)}." for t in d.laws]
-        answers.append(("What is wrong?", " ".join(laws)))
-    elif d.verdict == "recalibrate":
-        changes = [
-            f"{n} is {_number(v)}, not {_number(v0)}"
-            for n, v, v0 in zip(names, d.values, d.naive_values, strict=True)
-            if n in _moved(d)
-        ]
-        answers.append(("What is wrong?", "; ".join(changes) + ". With that no law is missing."))
-    elif d.strayed is not None:
-        answers.append(("What is wrong?", d.strayed.text[:1].upper() + d.strayed.text[1:] + "."))
-    elif d.verdict == "unmodelled":
-        nearest = next((t for t in d.trials if t.gain is not None and t.mechanism != "unknown"), None)
-        text = "The windows differ from what any law in the list gives."
-        if d.withdrawn:
-            asked = html.unescape(listed([plainly(t.mechanism) for t in d.withdrawn]))
-            text = f"Training windows ask for {asked}, but held-out windows are predicted worse with it."
-        if d.found is not None:
-            text += f" What fits best has no name: {d.found.term.label}."
-        if nearest is not None and not d.withdrawn:
-            text += f" The nearest with a name is {plainly(nearest.mechanism)}."
-        answers.append(("What is wrong?", text))
-    else:
-        answers.append(("What is wrong?", "Nothing that shows: the windows look like repeats of the simulation."))
-    if d.verdict != "no_mismatch":
-        answers.append(("Where?", _where(d)))
-    answers += _standing(d)
-    kinds = {"recalibrate": "naive"}
-    before = d.held.get(kinds.get(d.verdict, "recalibrated"))
-    after = d.held.get("revised")
-    if before and after and before.rms and after.rms and d.verdict not in ("no_mismatch", "unmodelled"):
-        answers.append(
-            (
-                "How much better?",
-                f"In windows that were not used, the swimmer's disks are predicted to {1e6 * after.rms:.0f} µm "
-                f"instead of {1e6 * before.rms:.0f} µm; perfect knowledge would leave {1e6 * d.floor[1]:.0f} µm.",
-            )
-        )
-    sure = (
-        f"The best law gains {d.score:.0f} in χ²; the same search where nothing is missing gains at most "
-        f"{float(d.null.max()):.0f} in {len(d.null)} repeats (p = {_number(d.p, 2)})."
-    )
-    if d.strayed is not None:
-        sure = f"That is {d.strayed.place.z:.0f} standard errors from what its twins show (p = {_number(d.p, 2)})."
-    same = [plainly(t.mechanism) for t, equal in d.rivals if equal]
-    if same:
-        sure += f" On these data it cannot be told from {html.unescape(listed(same))}."
-    elif d.rivals and d.found is not None:
-        rival = d.rivals[0][0]
-        best = max((t.gain or 0.0 for t in d.trials if t.mechanism == d.found.mechanism), default=0.0)
-        apart = math.sqrt(max(best - (rival.gain or 0.0), 0.0))
-        sure += f" The nearest rival is {plainly(rival.mechanism)}, d′ = {apart:.1f} behind."
-    answers.append(("How sure?", sure))
-    if d.proposal is not None:
-        pair = html.unescape(listed([plainly(n) for n in d.proposal.separates]))
-        answers.append(
-            (
-                "What to measure next?",
-                f"{d.proposal.change.capitalize()}: it separates {pair} with d′ = {d.proposal.d_prime:.1f}.",
-            )
-        )
-    elif d.verdict == "no_mismatch":
-        answers.append(("What to measure next?", "Nothing is needed; a longer film would show weaker effects."))
-    return answers
-
-
-def _where(d: BedDiagnosis) -> str:
-    acting = _where_it_acts(d)
-    parts = []
-    if d.strayed is not None:
-        parts.append(f"The {d.strayed.place.region} as a whole.")
-    if acting:
-        entry = acting[0]
-        region = entry["where"]["region"]
-        names = bodies(entry["bodies"])
-        parts.append(f"It acts at {region}" + (f" ({html.unescape(listed(names, 7))})" if names else "") + ".")
-    elif d.found is not None and d.verdict == "missing_physics":
-        parts.append("It acts on all bodies.")
-    grains = [q for q in d.places if not q.bodies and q.phase is None and (q.region or "").startswith("grains")]
-    single = [q for q in d.places if len(q.bodies) == 1 and q.phase is None]
-    if grains and (not single or grains[0].z > single[0].z):
-        parts.append(f"It shows most in {grains[0].region} (z = {grains[0].z:.1f} after all looks).")
-    phases = [q for q in d.places if q.phase is not None]
-    if single:
-        names = [bodies(q.bodies)[0] for q in single[:3]]
-        parts.append(
-            f"The misfit is largest at {html.unescape(listed(names))} (z = {single[0].z:.1f} after all looks)."
-        )
-    if phases:
-        q = phases[0]
-        assert q.phase is not None
-        parts.append(f"In the cycle it is largest between {q.phase[0]:.2f} and {q.phase[1]:.2f}.")
-    return " ".join(parts) or "Nowhere in particular: no single place stands out."
+    return with_camera(scene, {k: x for k, x in camera.items() if x != NO_CAMERA[k]})
 
 
 # ---- all of it -------------------------------------------------------------------------------
@@ -430,23 +240,13 @@ def body_map(d: BedDiagnosis) -> tuple[np.ndarray, int] | None:
     return z, window
 
 
-def outcome_of(d: BedDiagnosis) -> Outcome:
-    """Verdict, scenes, words, figures and tables of a finished diagnosis."""
-    figures = {}
-    found = body_map(d) if d.verdict != "no_mismatch" else None
-    if found is not None:
-        figures["map"] = (
-            map_on_frame(d, *found),
-            "The mismatch on a frame. Each body is coloured by how far it ended from its prediction, in expected "
-            "spreads, in the training window with the largest misfit; about 1 is noise. Grains scatter because the "
-            "bed is chaotic; what repeats over windows is judged in the figures below.",
-        )
-    for name, (draw, caption) in bed_figures(d).items():
-        figures[name] = (draw(), caption)
+def result_of(d: BedDiagnosis) -> Diagnosis:
+    """Verdict, scenes that run, candidates and how each recording was used, of a finished diagnosis."""
+    d.map = body_map(d) if d.verdict != "no_mismatch" else None
     rows = [
         [
             t.term.label, f"{t.linear:.0f}", "–" if t.gain is None else f"{t.gain:.0f}",
-            f"{t.signature.surviving:.2f}", ", ".join(_number(v) for v in t.values),
+            f"{t.signature.surviving:.2f}", ", ".join(f"{v:.3g}" for v in t.values),
         ]
         for t in d.trials[:25]
     ]  # fmt: skip
@@ -454,17 +254,13 @@ def outcome_of(d: BedDiagnosis) -> Outcome:
         "Candidates", ("law", "gain, first order", "gain, simulated", "surviving", "numbers"), rows, (1, 2, 3),
         "Gains are falls in χ² of the training windows after recalibration.",
     )  # fmt: skip
-    return Outcome(
-        verdict=verdict_of(d),
-        revised={bed.name: revised_scene(d, k) for k, bed in enumerate(d.beds)},
-        headline=headline_of(d),
-        answers=answers_of(d),
-        figures=figures,
-        tables=[table] if rows else [],
-        notes=list(d.notes),
-        training=[b.name for b in d.beds if b.training.any()],
-        held_out=[b.name for b in d.beds if not b.training.any()],
-        seconds=d.seconds,
-        runs=d.runs,
-        seed=d.seed,
-    )
+    used = []
+    for bed in d.beds:
+        part = HELD_OUT if not bed.training.any() else TRAINING if bed.training.all() else PARTLY
+        used.append(Used.of(bed.recording, part, bed.dt))
+    return Diagnosis(
+        kind="bed", verdict=verdict_of(d), revised={bed.name: revised_scene(d, k) for k, bed in enumerate(d.beds)},
+        evidence=d, tables=(table,) if rows else (), used=tuple(used),
+        believed={f.name: (f.first, f.low, f.high) for t in d.adjustables for f in t.free},
+        seconds=d.seconds, runs=d.runs, seed=d.seed,
+    )  # fmt: skip

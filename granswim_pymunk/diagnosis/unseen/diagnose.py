@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from ...inference.result import Diagnosis, Progress
 from ...recording import Recording
-from ..outcome import Outcome
 from .candidates import suspects_of
 from .checks import confirm, locate, propose, score
 from .conclude import search_and_conclude
-from .report import outcome_of
+from .report import result_of
 from .runs import Runner, workers
 from .search import Sizes, begin
 from .summaries import Condition, conditions_of
-
-Progress = Callable[[str, float], None]
 
 MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
 CORES = 2
@@ -32,7 +30,7 @@ def diagnose_unseen(
     seed: int = 0,
     progress: Progress = lambda text, share: None,
     sizes: Sizes | None = None,
-) -> Outcome:
+) -> Diagnosis:
     """Explain all recordings together by one set of missing laws.
 
     The naive scene is simulated in other packings than the recording's; means and harmonics of the segments'
@@ -56,9 +54,9 @@ def diagnose_unseen(
     score(finding)
     progress("the next experiment", 0.97)
     propose(finding)
-    outcome = outcome_of(finding, time.monotonic() - began, seed)
+    found = result_of(finding, time.monotonic() - began, seed)
     progress("done", 1.0)
-    return outcome
+    return found
 
 
 def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: float) -> Sizes:

@@ -1,38 +1,36 @@
-"""The outcome of a diagnosis of an unseen bed: verdict, scenes that run, plain answers, tables, figures."""
+"""The result of a diagnosis of an unseen bed: the contract's verdict, scenes that run, tables."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
-from ...report.style import FLOOR, MUTED, NAIVE, RECALIBRATED, REVISED, SEEN, legend_above, panels, shortened, styled
+from ...inference.result import (
+    HELD_OUT,
+    PARTLY,
+    TRAINING,
+    Diagnosis,
+    Table,
+    Used,
+    empty_verdict,
+    mechanism_entry,
+    mismatch_entry,
+    rival_entries,
+    with_camera,
+)
 from ...scene import Scene, Time
 from ..choose import ALARM
-from ..outcome import Outcome, Table, empty_verdict, mechanism_entry, mismatch_entry
 from ..swimmer_terms import equation, reported_parameters
 from . import search
-from .checks import prediction, rest_of
+from .checks import rest_of
 from .conclude import Finding, Spot
-from .response import spread_of
 from .search import Trial, change_of
 from .summaries import Condition
 
-SPOKEN = {
-    "no_mismatch": "The simulation agrees with what was seen, within what packings do.",
-    "recalibrate": "No law is missing: a parameter of the scene was off.",
-    "missing_physics": "A law is missing from the scene.",
-    "unmodelled": "Something is missing from the scene, and none of the named laws explains it.",
-    "measurement": "The apparatus, not the physics, explains the difference.",
-}
 
-
-def outcome_of(f: Finding, seconds: float, seed: int) -> Outcome:
+def result_of(f: Finding, seconds: float, seed: int) -> Diagnosis:
     """Everything that is written, from a finding."""
     s = f.search
     curves_only = all(c.any_view.curve for c in s.conditions)
@@ -59,21 +57,26 @@ def outcome_of(f: Finding, seconds: float, seed: int) -> Outcome:
         term.label: dict(zip(("value", "low", "high"), (float(f.revised.u[k]), *f.revised.interval(k)), strict=True))
         for k, term in enumerate(s.adjust[:n])
     }
-    notes = _notes(f, curves_only)
-    verdict["notes"] = notes
-    held = sorted({c.recording.name for c in s.conditions if c.view is None and not c.any_view.curve})
-    training = sorted({c.recording.name for c in s.training})
-    revised: dict[str, tuple[Scene, Mapping[str, Any]]] = {}
-    for c in s.conditions:
-        if c.recording.name not in revised:
-            revised[c.recording.name] = (_revised_scene(f, c), f.camera())
-    outcome = Outcome(
-        verdict=verdict, revised=revised, headline=_headline(f), answers=_answers(f), figures=draw_all(f),
-        tables=_tables(f), notes=notes, training=training,
-        held_out=held or [c.name for c in s.testing if c.view is None],
+    verdict["notes"] = _notes(f, curves_only)
+    revised = {c.recording.name: c for c in reversed(s.conditions)}  # the first condition of each
+    order = dict.fromkeys(c.recording.name for c in s.conditions)
+    return Diagnosis(
+        kind="unseen", verdict=verdict, revised={name: _revised_scene(f, revised[name]) for name in order},
+        evidence=f, tables=_tables(f), used=_used(s),
+        believed={t.label: (t.free[0].first, t.free[0].low, t.free[0].high) for t in s.adjust},
         seconds=seconds, runs=s.runner.runs + s.runner.cached, seed=seed,
     )  # fmt: skip
-    return outcome
+
+
+def _used(s: search.Search) -> tuple[Used, ...]:
+    """How each recording was used: rows of a curve are one recording."""
+    used = {}
+    for recording in {c.recording.name: c.recording for c in s.conditions}.values():
+        mine = [c for c in s.conditions if c.recording is recording]
+        learnt = any(c.view is not None for c in mine)
+        split = any(c.test is not None for c in mine)
+        used[recording.name] = Used.of(recording, PARTLY if learnt and split else TRAINING if learnt else HELD_OUT)
+    return tuple(used.values())
 
 
 def _said_of_the_rest(f: Finding) -> dict[str, Any]:
@@ -161,19 +164,15 @@ def _mechanisms(f: Finding) -> list[dict[str, Any]]:
 
 def _rivals(f: Finding) -> list[dict[str, Any]]:
     """Other laws, best first; where nothing is named, what came closest is the first, with its share."""
-    rows: list[dict[str, Any]] = []
-    if f.verdict == "unmodelled":
-        for t in f.found:
-            row = {"name": t.suspect.name, "gain_heldout": f.named_gain, "indistinguishable": False}
-            if f.explained is not None:
-                row["share"] = f.explained.share
-            if t is f.withdrawn:
-                row["withdrawn"] = True
-            rows.append(row)
-    return rows + [
-        {"name": t.suspect.name, "gain_heldout": f.rival_gain.get(t.suspect.label), "indistinguishable": same}
-        for t, same in f.rivals
-    ]
+    fallen = f.found if f.verdict == "unmodelled" else []
+    gone = [(t.suspect.name, f.named_gain) for t in fallen if t is f.withdrawn]
+    near = [
+        (t.suspect.name, f.named_gain, f.explained.share)
+        for t in fallen if t is not f.withdrawn and f.explained is not None
+    ]  # fmt: skip
+    others = [(t.suspect.name, f.named_gain, False) for t in fallen if t is not f.withdrawn and f.explained is None]
+    others += [(t.suspect.name, f.rival_gain.get(t.suspect.label), same) for t, same in f.rivals]
+    return rival_entries(gone, near, others)
 
 
 def _curve(f: Finding, joint: int | None) -> str:
@@ -205,85 +204,13 @@ def _revised_scene(f: Finding, c: Condition) -> Scene:
     dt = s.runner.time_step(c, False)
     spacing = (end - start) / max(len(c.frames) - 1, 1)
     return replace(
-        scene, adjustable=(), title=f"{c.recording.title or c.recording.name}, revised",
+        with_camera(scene, f.camera()), title=f"{c.recording.title or c.recording.name}, revised",
         time=Time(dt=dt, start=start, duration=end - start, output=spacing, scheme=scene.time.scheme),
         seed=c.recording.scene.seed,
     )  # fmt: skip
 
 
-def _said(value: Any, unit: str) -> str:
-    if isinstance(value, list):
-        return "(" + ", ".join(_said(v, "") for v in value) + ")" + (f" {unit}" if unit else "")
-    if isinstance(value, str):
-        return value
-    return f"{value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
-
-
-def _law_text(f: Finding, t: Trial) -> str:
-    parts = []
-    for name, (value, low, high, unit) in parameters_of(f, t).items():
-        between = f" (95 %: {_said(low, '')} to {_said(high, '')})" if isinstance(low, float) else ""
-        parts.append(f"{name} = {_said(value, unit)}{between}")
-    return f"{t.suspect.name.replace('_', ' ')}: {', '.join(parts)}"
-
-
-def _headline(f: Finding) -> str:
-    text = SPOKEN[f.verdict]
-    same = [t.suspect.name.replace("_", " ") for t, same in f.rivals if same]
-    if f.verdict in ("missing_physics", "measurement") and f.found:
-        names = " and ".join(t.suspect.name.replace("_", " ") for t in f.found)
-        text = f"{text} It is {names}" if not same else f"{text} It is {names}, or {', or '.join(same)}"
-        text += "." if not same else ": these data cannot tell."
-    return text
-
-
-def _answers(f: Finding) -> list[tuple[str, str]]:
-    s = f.search
-    answers = [("What is wrong?", _headline(f))]
-    ids = _ids(f)
-    if f.spots and f.verdict != "no_mismatch":
-        spot = f.spots[0]
-        if spot.joint is None:
-            where = "The swimmer as a whole: its drift or speed."
-        else:
-            where = f"The bend at disk {ids[spot.joint]} (joint {spot.joint} from the head), z = {spot.z:.1f}"
-            if spot.phase is not None and spot.phase != (0.0, 1.0):
-                where += f", most between {spot.phase[0]:.2f} and {spot.phase[1]:.2f} of the drive's cycle"
-            where += "."
-        answers.append(("Where?", where))
-    if f.found and f.verdict != "unmodelled":
-        answers.append(("Which law?", "; ".join(_law_text(f, t) for t in f.found) + "."))
-    elif f.verdict == "recalibrate":
-        shown = [
-            f"{t.label} = {f.revised.u[k]:.4g} (was {t.free[0].first:.4g})" for k, t in enumerate(s.adjust)
-        ]
-        answers.append(("Which parameter?", "; ".join(shown) + "."))
-    before, after, floor = (f.held.get(k) for k in ("recalibrated", "revised", "noise_floor"))
-    part = "held-out data"
-    if before is None:
-        before, after, floor = (f.train.get(k) for k in ("naive", "revised", "noise_floor"))
-        part = "the data"
-    if before is not None and after is not None and f.verdict != "no_mismatch":
-        naive = f.held.get("naive")
-        start = naive if f.verdict == "recalibrate" and naive is not None else before
-        text = f"The error on {part} falls from {1e3 * start:.3g} to {1e3 * after:.3g} mm"
-        text += f"; perfect physics would leave {1e3 * floor:.3g} mm." if floor is not None else "."
-        answers.append(("How much better?", text))
-    if s.nulls is not None:
-        n = len(s.nulls.best)
-        p = s.p_recalibration if f.verdict == "recalibrate" else s.p_search
-        text = f"Of {n} simulated recordings of the recalibrated physics in other packings, "
-        text += f"{round(p * (n + 1)) - 1} gave as much to any suspect" if f.verdict != "recalibrate" else (
-            f"{round(p * (n + 1)) - 1} moved the parameters as much")  # fmt: skip
-        answers.append(("How sure?", text + f"; what the last fit leaves has p = {f.left[0]:.2g}."))
-    if f.proposal is not None:
-        change, names, d = f.proposal
-        text = f"{change[0].upper()}{change[1:]}: it separates {' from '.join(names)} (d' = {d:.1f})."
-        answers.append(("What next?", text))
-    return answers
-
-
-def _tables(f: Finding) -> list[Table]:
+def _tables(f: Finding) -> tuple[Table, ...]:
     rows = []
     for t in sorted(f.search.trials, key=lambda t: -t.gain):
         state = t.reason or (f"refitted {t.refitted} times" if t.refitted else "first order")
@@ -301,8 +228,7 @@ def _tables(f: Finding) -> list[Table]:
         said = "held out" if c.view is None else "training and held out" if c.test is not None else "training"
         runs.append([c.name, f"{c.frequency:g}", said, str(count), str(f.search.means.dof.get(c.name, 0))])
     header = ["recording", "frequency [Hz]", "use", "runs", "dof of the spread"]
-    tables.append(Table("Recordings", header, runs, (1, 3, 4)))
-    return tables
+    return (*tables, Table("Recordings", header, runs, (1, 3, 4)))
 
 
 def _notes(f: Finding, curves_only: bool) -> list[str]:
@@ -326,229 +252,3 @@ def _notes(f: Finding, curves_only: bool) -> list[str]:
     if f.found and not f.true and f.label != search.NAIVE:
         notes.append("numbers are from softened contacts: the time was up before the revised scene was run as it is")
     return notes
-
-
-# ---- figures ---------------------------------------------------------------------------------------------
-
-Drawn = dict[str, tuple[Figure, str]]
-
-
-def draw_all(f: Finding) -> Drawn:
-    """All figures that apply, in the order of the page."""
-    figures: Drawn = {}
-    tracked = [c for c in f.search.training if not c.any_view.curve]
-    curves = [c for c in f.search.conditions if c.any_view.curve]
-    if tracked:
-        figures["angles"] = (
-            angles(f, tracked[:4]),
-            "Amplitude of the segments' angle and how far it lags behind the head, along the body: seen (black), "
-            "predicted, and one standard deviation between packings (shaded).",
-        )
-        figures["innovations"] = (
-            innovations(f, tracked),
-            "Seen less predicted, in standard deviations between packings, before and after: each dot is one "
-            "number (mean and harmonics of the angles, stroke of the head, drift, distance of disks).",
-        )
-    if curves:
-        figures["speed"] = (
-            speeds(f, curves),
-            "Speed of the swimmer, head first, against frequency: measured with its standard error, and simulated "
-            "with the error of the mean over packings; open symbols were held out.",
-        )
-    if any(not t.reason for t in f.search.trials):
-        figures["candidates"] = (
-            candidates(f),
-            "Suspects: how much each explains (fall of the misfit, adjustables refitted) and, in brackets, the share "
-            "of its signature that recalibration cannot imitate.",
-        )
-    if f.search.nulls is not None:
-        figures["nulls"] = (
-            nulls(f),
-            "The same search on simulated recordings of the recalibrated physics in other packings, and on this one.",
-        )
-    if any(v is not None for v in f.held.values()):
-        figures["held_out"] = (
-            held_out(f),
-            "Error of the predicted motion over one cycle, all disks, on what was fitted and on what was held out.",
-        )
-    return figures
-
-
-def _polar(c: Condition, numbers: np.ndarray, test: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude [rad] and lag behind the head [cycles] of the segments' first harmonic."""
-    view = c.test if test and c.test is not None else c.any_view
-    names = view.numbers()
-    cos = np.array([v for v, n in zip(numbers, names, strict=True) if n.kind == "cos" and n.harmonic == 1])
-    sin = np.array([v for v, n in zip(numbers, names, strict=True) if n.kind == "sin" and n.harmonic == 1])
-    amplitude = float(c.scene.laws_named("bending")[0].values["amplitude"])
-    # a sin(turn - lag) = a (sin cos - cos sin)
-    lag = np.unwrap(np.arctan2(-cos, sin) if amplitude >= 0 else np.arctan2(cos, -sin))
-    return np.hypot(cos, sin), lag / (2 * math.pi)
-
-
-@styled
-def angles(f: Finding, conditions: list[Condition]) -> Figure:
-    s = f.search
-    figure, axes = panels(2 * len(conditions), columns=2, height=2.1, top=0.35)
-    for k, c in enumerate(conditions):
-        segments = np.arange(len(c.any_view.masses) - 1)
-        rows = s.means.residuals[c.name]
-        for which, colour in (("naive", NAIVE), ("recalibrated", RECALIBRATED), ("revised", REVISED)):
-            found = prediction(f, s.means, c, which)
-            if found is None or (which == "recalibrated" and not s.adjust) or (which == "revised" and not f.found):
-                continue
-            mean = found[0]
-            cloud = [_polar(c, mean + row) for row in rows]
-            for axis, here, every in zip(axes[2 * k :][:2], _polar(c, mean), zip(*cloud, strict=True), strict=True):
-                wide = np.std(np.array(every) - here, axis=0)
-                axis.plot(segments, here, color=colour)
-                if which != "recalibrated":
-                    axis.fill_between(segments, here - wide, here + wide, color=colour, alpha=0.18, lw=0)
-        for axis, here in zip(axes[2 * k : 2 * k + 2], _polar(c, c.seen), strict=True):
-            axis.plot(segments, here, "o", color=SEEN, ms=4)
-            axis.set_xlabel("segment, from the head")
-        axes[2 * k].set_ylabel("amplitude [rad]")
-        axes[2 * k + 1].set_ylabel("lag [cycles]")
-        axes[2 * k].set_title(shortened(f"{c.name}, {c.frequency:g} Hz"))
-    handles = [Line2D([], [], color=SEEN, marker="o", ls="", label="seen"), Line2D([], [], color=NAIVE, label="naive")]
-    if s.adjust:
-        handles.append(Line2D([], [], color=RECALIBRATED, label="recalibrated"))
-    if f.found:
-        handles.append(Line2D([], [], color=REVISED, label="revised"))
-    legend_above(figure, handles)
-    return figure
-
-
-@styled
-def innovations(f: Finding, conditions: list[Condition]) -> Figure:
-    s = f.search
-    figure, axes = panels(len(conditions), columns=1, height=2.0, top=0.35)
-    for axis, c in zip(axes, conditions, strict=True):
-        names = c.numbers
-        for which, colour in (("naive", NAIVE), ("recalibrated", RECALIBRATED), ("revised", REVISED)):
-            found = prediction(f, s.means, c, which)
-            if found is None or (which == "recalibrated" and not s.adjust) or (which == "revised" and not f.found):
-                continue
-            v = spread_of(s.means, c, found[1], c.error)
-            axis.plot(np.arange(len(names)), (c.seen - found[0]) / np.sqrt(np.diag(v)), "o", color=colour, ms=3)
-        axis.axhspan(-2, 2, color=FLOOR, alpha=0.15, lw=0)
-        kinds = [(n.kind, n.harmonic) for n in names]
-        starts = [k for k in range(len(names)) if k == 0 or kinds[k] != kinds[k - 1]]
-        said = {"mean": "mean", "cos": "cos", "sin": "sin", "head_cos": "head", "drift": "drift", "length": "d"}
-        ticks = [k for k in starts if names[k].kind in said]
-        axis.set_xticks(ticks)
-        axis.set_xticklabels(
-            [said[names[k].kind] + (f" {names[k].harmonic}" if names[k].kind in ("cos", "sin") else "") for k in ticks],
-            rotation=30, ha="left", va="top", rotation_mode="anchor",
-        )  # fmt: skip
-        for k in starts:
-            axis.axvline(k - 0.5, color=MUTED, lw=0.4)
-        axis.set_ylabel("seen - predicted\n[spreads]")
-        axis.set_title(shortened(f"{c.name}, {c.frequency:g} Hz"))
-    handles = [Line2D([], [], color=NAIVE, marker="o", ls="", label="naive")]
-    if s.adjust:
-        handles.append(Line2D([], [], color=RECALIBRATED, marker="o", ls="", label="recalibrated"))
-    if f.found:
-        handles.append(Line2D([], [], color=REVISED, marker="o", ls="", label="revised"))
-    legend_above(figure, handles)
-    return figure
-
-
-@styled
-def speeds(f: Finding, conditions: list[Condition]) -> Figure:
-    s = f.search
-    layers = sorted({c.layers for c in conditions}, key=lambda v: -1.0 if v is None else v)
-    figure, axes = panels(len(layers), columns=2, height=2.6, top=0.35, sharey=True)
-    for axis, layer in zip(axes, layers, strict=True):
-        members = sorted((c for c in conditions if c.layers == layer), key=lambda c: c.frequency)
-        x = [c.frequency for c in members]
-        for which, colour in (("naive", NAIVE), ("recalibrated", RECALIBRATED), ("revised", REVISED)):
-            if (which == "recalibrated" and not s.adjust) or (which == "revised" and not f.found):
-                continue
-            points = []
-            for c in members:
-                means = s.means if c.view is not None else s.test
-                found = prediction(f, means, c, which)
-                if found is not None:
-                    wide = math.sqrt(float(means.covariance[c.name][0, 0]) * found[1])
-                    points.append((c.frequency, float(found[0][0]), wide))
-            if points:
-                p = np.array(points)
-                axis.errorbar(p[:, 0], 1e3 * p[:, 1], 1e3 * p[:, 2], color=colour, capsize=2)
-        for c in members:
-            held = c.view is None
-            seen, error = (c.seen_test, c.error_test) if held else (c.seen, c.error)
-            axis.errorbar(
-                c.frequency, 1e3 * seen[0], 1e3 * math.sqrt(error[0, 0]), fmt="o", color=SEEN, ms=4,
-                mfc="white" if held else SEEN,
-            )  # fmt: skip
-        axis.set_xlabel("frequency [Hz]")
-        axis.set_ylabel("speed [mm/s]")
-        if layer is not None:
-            axis.set_title(f"{layer:g} layers")
-        if len(set(x)) == 1:
-            axis.set_xlim(x[0] - 1, x[0] + 1)
-    handles = [Line2D([], [], color=SEEN, marker="o", ls="", label="measured")]
-    handles.append(Line2D([], [], color=NAIVE, label="naive"))
-    if s.adjust:
-        handles.append(Line2D([], [], color=RECALIBRATED, label="recalibrated"))
-    if f.found:
-        handles.append(Line2D([], [], color=REVISED, label="revised"))
-    legend_above(figure, handles)
-    return figure
-
-
-@styled
-def candidates(f: Finding) -> Figure:
-    trials = sorted((t for t in f.search.trials if not t.reason), key=lambda t: -t.gain)[:16]
-    figure = Figure(figsize=(6.8, 0.6 + 0.24 * len(trials)), layout="constrained")
-    axis = figure.subplots()
-    chosen = {t.suspect.label for t in f.found}
-    y = np.arange(len(trials))
-    colours = [REVISED if t.suspect.label in chosen else MUTED for t in trials]
-    axis.barh(y, [max(t.gain, 0.0) for t in trials], color=colours)
-    axis.set_yticks(y)
-    axis.set_yticklabels([f"{shortened(t.suspect.label, 34)} ({t.surviving:.2f})" for t in trials])
-    axis.invert_yaxis()
-    if f.search.nulls is not None:
-        axis.axvline(float(np.quantile(f.search.nulls.best, 1 - ALARM)), color=SEEN, lw=0.8, ls="--")
-    axis.set_xlabel("fall of the misfit (chi2); dashed: 99 % of the nulls stay below")
-    return figure
-
-
-@styled
-def nulls(f: Finding) -> Figure:
-    found = f.search.nulls
-    assert found is not None
-    figure = Figure(figsize=(6.8, 2.2), layout="constrained")
-    axes = figure.subplots(1, 2)
-    top = max((t.gain for t in f.search.trials if not t.reason), default=0.0)
-    for axis, sample, here, label in (
-        (axes[0], found.chi2, f.search.naive.chi2, "misfit (chi2) of the naive scene"),
-        (axes[1], found.best, top, "gain of the best suspect (chi2)"),
-    ):
-        axis.hist(sample, bins=30, color=MUTED)
-        axis.axvline(here, color=NAIVE, lw=1.6)
-        if here > 20 * np.median(sample) + 1:
-            axis.set_xscale("symlog", linthresh=max(float(np.quantile(sample, 0.99)), 1.0))
-        axis.set_xlabel(label)
-        axis.set_ylabel("nulls")
-    return figure
-
-
-@styled
-def held_out(f: Finding) -> Figure:
-    figure = Figure(figsize=(6.8, 2.0), layout="constrained")
-    axis = figure.subplots()
-    names = ["naive", "recalibrated", "revised", "noise_floor"]
-    colours = [NAIVE, RECALIBRATED, REVISED, FLOOR]
-    for offset, part, alpha in ((-0.2, f.train, 0.5), (0.2, f.held, 1.0)):
-        for k, (name, colour) in enumerate(zip(names, colours, strict=True)):
-            value = part.get(name)
-            if value is not None:
-                axis.bar(k + offset, 1e3 * value, 0.38, color=colour, alpha=alpha)
-    axis.set_xticks(range(4))
-    axis.set_xticklabels([n.replace("_", " ") for n in names])
-    axis.set_ylabel("error [mm rms]")
-    axis.set_title("left: fitted, right: held out")
-    return figure
