@@ -53,7 +53,7 @@ from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.diagnosis.kept import Store, load_array, store_array
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.inference.blocks import Explained
+from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.judge import Judgement, Remains
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
 from granswim_pymunk.laws import all_laws

@@ -12,7 +12,7 @@ from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.segments import find_impacts, make_segments
 from granswim_pymunk.diagnosis.solve import Blocks, descend
-from granswim_pymunk.inference.blocks import Explained, Scores, explained
+from granswim_pymunk.inference.explained import Explained, Scores, explained
 from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import (
     Noise,

@@ -28,7 +28,6 @@ SCALE_OFF = DEFAULT.verdict.scale_off
 FEWEST_PLACES = 20  # from which the middle of a picture is told
 FARTHEST = 3.0  # of the extent of all tracks: how far from their mean the middle of a lens is looked for
 FEW = 6  # bodies that a push on a single one is looked for among
-APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias", "lens_distortion")
 
 
 def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:

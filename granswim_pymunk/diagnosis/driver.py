@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
-from ..inference.blocks import Block, Explained, Scores, explained, make_blocks, score
 from ..inference.criteria import DEFAULT, Criteria
+from ..inference.explained import Explained, Scores, explained
 from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
+from ..inference.mechanisms import plainly
 from ..inference.significance import after_looks
 from ..recording import Recording
+from .blocks import Block, make_blocks, score
 from .candidates import flexible_terms, named_terms
 from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
@@ -538,10 +540,8 @@ def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Rema
     beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
     signatures = make_bank(study.fitter, revised, beside).signatures
     best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
-    from ..report.words import plainly
-
     looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
-    return remains_of(scores, weighed.blocks, looks)
+    return remains_of(scores, [b.case.t[b.rest] for b in weighed.blocks], looks)
 
 
 def _located(

@@ -11,6 +11,7 @@ import numpy as np
 from ..inference.criteria import DEFAULT
 from ..inference.judge import paired
 from ..scene import Scene
+from .blocks import cut
 from .data import START_SHARE, Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Hypothesis, Predictor, Term
@@ -222,16 +223,7 @@ def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
     criteria = DEFAULT.blocks
     if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
         return []
-    rows = np.flatnonzero(case.scored)
-    count = max(1, min(criteria.windows, len(rows) // criteria.frames))
-    result = []
-    for part in np.array_split(rows, count):
-        cut = max(int(criteria.start * len(part)), criteria.start_frames)
-        first, rest = (np.zeros(len(case.t), dtype=bool) for _ in range(2))
-        first[part[:cut]], rest[part[cut:]] = True, True
-        if rest.any():
-            result.append((first, rest))
-    return result
+    return cut(case.t, np.flatnonzero(case.scored), criteria.windows, criteria.start)
 
 
 def _by_windows(

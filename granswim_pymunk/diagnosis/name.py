@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..inference.mechanisms import APPARATUS
 from ..laws import all_laws
-from .candidates import APPARATUS
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError
+from ..inference.mechanisms import APPARATUS
 from ..inference.result import MODELS, Diagnosis, Progress, Table, empty_verdict
 from ..recording import Recording
 from ..scene import LawUse
-from .candidates import APPARATUS
 from .hypothesis import equation_with
 
 Method = Callable[..., Diagnosis]

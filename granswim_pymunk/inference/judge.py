@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .blocks import Block, Explained, Scores
 from .criteria import DEFAULT, Criteria
+from .explained import Explained, Scores
 from .noise import Noise, chance_of, fit_noise
 
 
@@ -48,8 +48,11 @@ class Remains:
         }  # fmt: skip
 
 
-def remains_of(scores: Scores, blocks: Sequence[Block], looks_like: str) -> Remains | None:
-    """Where most of what is left lies: the bodies and the time in which it stands out from the floor."""
+def remains_of(scores: Scores, times: Sequence[np.ndarray], looks_like: str) -> Remains | None:
+    """Where most of what is left lies: the bodies and the time in which it stands out from the floor.
+
+    times : [s] of the predicted frames of each block
+    """
     if not scores.sums:
         return None
     values = np.concatenate([r[np.isfinite(r)] for r in scores.residuals.values()])
@@ -65,7 +68,7 @@ def remains_of(scores: Scores, blocks: Sequence[Block], looks_like: str) -> Rema
     worst = max(means.values())
     bodies = tuple(b for b, m in means.items() if m - floor > 0.5 * (worst - floor)) or tuple(means)
     block = max(by_block, key=lambda b: float(np.mean(by_block[b])))
-    t = blocks[block].case.t[blocks[block].rest]
+    t = times[block]
     return Remains(
         float(np.sqrt(np.mean(values**2))), float(np.sqrt(scores.mean / max(floor, 1e-12))), bodies,
         (float(t[0]), float(t[-1])), None, looks_like,

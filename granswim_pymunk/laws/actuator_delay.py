@@ -23,6 +23,7 @@ def delayed(t, value, tau):
     ],
     strength=("tau",),
     candidate="named",
+    phrase="a delay of the actuator",
     refines=("bending", "drive"),
     series=delayed,
 )

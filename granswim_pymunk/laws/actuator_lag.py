@@ -49,6 +49,7 @@ def lagging(t, value, tau):
     ],
     strength=("tau",),
     candidate="named",
+    phrase="a lag of the actuator",
     refines=("bending", "drive"),
     series=lagging,
 )

@@ -43,6 +43,7 @@ def clipped(t, value, limit):
     ],
     strength=("limit",),
     candidate="named",
+    phrase="a saturation of the actuator",
     refines=("bending", "drive"),
     series=clipped,
 )

@@ -15,6 +15,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    phrase="an ambient flow",
     nests=("linear_drag",),
     linear=True,
 )

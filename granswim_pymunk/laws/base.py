@@ -192,6 +192,8 @@ class Law:
     strength: tuple[str, ...] = ()
     # may be proposed as physics that a scene lacks: "named", or "flexible" (an arm that names nothing)
     candidate: str = ""
+    # how a sentence calls it: "a uniform force"; its name where empty
+    phrase: str = ""
     # laws one of which must be in the scene: this one acts where that one does (unless it names bodies),
     # and its automatic parameters are that one's parameters of the same name
     refines: tuple[str, ...] = ()
@@ -339,6 +341,7 @@ def law(
     reach: str | None = None,
     strength: Iterable[str] = (),
     candidate: str = "",
+    phrase: str = "",
     refines: Iterable[str] = (),
     series: Callable[..., Any] | None = None,
     form_of: str = "",
@@ -370,6 +373,7 @@ def law(
             reach=reach,
             strength=tuple(strength),
             candidate=candidate,
+            phrase=phrase,
             refines=tuple(refines),
             series=series,
             form_of=form_of,

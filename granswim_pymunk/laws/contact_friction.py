@@ -39,6 +39,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("mu",),
     candidate="named",
+    phrase="friction in contacts",
     refines=("contact_linear", "contact_hertz", "contact_elastic"),
 )
 def contact_friction(gap, vn, vt, reduced_mass, mu, v_0, stiffness, hertz, damping):

@@ -15,6 +15,7 @@ from .base import Parameter, law
     ],
     strength=("mu",),
     candidate="named",
+    phrase="dry friction with the substrate",
 )
 def coulomb_substrate(vx, vy, mass, g, mu, v_0):
     speed = math.sqrt(vx * vx + vy * vy + v_0 * v_0)

@@ -22,6 +22,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("s",),
     candidate="named",
+    phrase="a force at a distance",
 )
 def distance_force(gap, distance, r0, s, n, range):
     if gap <= 0.0:

@@ -17,6 +17,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="flexible",
+    phrase="a drag with a power of the speed",
 )
 def flexible_power(vx, vy, radius, r0, top, c, n, p):
     speed = math.sqrt(vx * vx + vy * vy)

@@ -20,6 +20,7 @@ _KNOTS = [
     ],
     strength=tuple(p.name for p in _KNOTS),
     candidate="flexible",
+    phrase="a push that changes in time",
 )
 def flexible_time(t, mass, begin, span, a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7):
     s = 7.0 * (t - begin) / span

@@ -21,6 +21,7 @@ from .bending import of_bending
     ],
     strength=("force",),
     candidate="named",
+    phrase="a force on the head",
     refines=("bending",),
 )
 def head_force(t, fx, fy, force, angle, axis, amplitude, frequency, phase):

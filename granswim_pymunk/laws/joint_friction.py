@@ -19,6 +19,7 @@ from .bending import of_bending
     ],
     strength=("force",),
     candidate="named",
+    phrase="friction in the joints",
     refines=("bending",),
     damping=True,
 )

@@ -28,6 +28,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("k_3",),
     candidate="named",
+    phrase="a nonlinear spring",
     refines=("spring",),
 )
 def nonlinear_spring(x, y, k_3, anchor_x, anchor_y, length):

@@ -24,6 +24,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    phrase="lubrication between near bodies",
 )
 def pair_lubrication(gap, vn, reduced_mass, c, range, cutoff):
     return -c * reduced_mass * vn / (1.0 + max(gap, 0.0) / range), 0.0

@@ -25,6 +25,7 @@ from .bending import of_bending
     ],
     strength=("phi_0",),
     candidate="named",
+    phrase="a resting curvature",
     refines=("bending",),
 )
 def resting_curvature(x, y, fx, fy, phi_0, joint, stiffness, form, length):

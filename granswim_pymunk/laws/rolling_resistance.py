@@ -26,6 +26,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("mu_r",),
     candidate="named",
+    phrase="resistance to rolling in contacts",
     refines=("contact_linear", "contact_hertz"),
 )
 def rolling_resistance(

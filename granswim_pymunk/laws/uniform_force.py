@@ -10,6 +10,7 @@ from .base import Parameter, law
     parameters=[Parameter("a", "m/s^2", "acceleration", size=2, typical=1.0)],
     strength=("a",),
     candidate="named",
+    phrase="a uniform force",
 )
 def uniform_force(mass, a_x, a_y):
     return mass * a_x, mass * a_y

@@ -32,6 +32,7 @@ from .base import AUTOMATIC, Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    phrase="drag near the walls",
 )
 def wall_drag(y, vx, vy, radius, wall_gap, c, range, bottom, top):
     gap = min(min(y - bottom, top - y) - radius, wall_gap)

@@ -27,6 +27,7 @@ from .bending import of_bending
     ],
     strength=("factor",),
     candidate="named",
+    phrase="a weak joint",
     refines=("bending",),
 )
 def weak_joint(t, x, y, fx, fy, factor, joint, stiffness, amplitude, frequency, phase, form, length):

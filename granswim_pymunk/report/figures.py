@@ -22,13 +22,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLocator
 
-from ..diagnosis.candidates import APPARATUS
 from ..diagnosis.data import Case
 from ..diagnosis.driver import TrackFinding
 from ..diagnosis.fit import Fit
 from ..diagnosis.innovations import Whiteness, WindowMap
 from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
+from ..inference.mechanisms import APPARATUS
 from ..joints import arm_of
 from ..laws import Law, all_laws
 from ..walls import outline

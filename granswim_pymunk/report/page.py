@@ -22,10 +22,11 @@ import numpy as np
 
 from .. import __version__
 from ..errors import InputError
+from ..inference.mechanisms import meaning
 from ..inference.result import MODELS, PARTLY, Diagnosis, Table, write_verdict
 from ..laws import all_laws
 from .player import player
-from .sentences import BEYOND, answers, headline, is_apparatus, meaning, mobile, unit_of, unit_shown
+from .sentences import BEYOND, answers, headline, is_apparatus, mobile, unit_of, unit_shown
 from .sheet import STYLE_SHEET
 from .style import Drawing
 from .words import bodies, counted, equation, escaped, interval, length, listed, number, times, unit_text

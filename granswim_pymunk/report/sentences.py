@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..inference.mechanisms import APPARATUS
 from ..inference.result import TOLD, Diagnosis
-from ..laws import all_laws
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
 NOISE = 1.3  # an error below this many noise floors is called noise
@@ -27,15 +27,7 @@ def unit_of(d: Diagnosis) -> str:
 
 def is_apparatus(name: str) -> bool:
     """Whether a mechanism is the camera, the clock or the tracker, not a law of the scene."""
-    return name in APPARATUS_MEANING
-
-
-APPARATUS_MEANING = {
-    "camera_scale": "scale of the picture",
-    "camera_tilt": "turn of the picture against the scene's axes",
-    "time_offset": "a frame stamped t shows the state at t + offset",
-    "tracking_bias": "shift of all positions",
-}
+    return name in APPARATUS
 
 
 def law_in_words(entry: Mapping[str, Any]) -> str:
@@ -321,14 +313,6 @@ def _next(d: Diagnosis) -> str:
     )  # fmt: skip
     # d' is an expectation under the winner, the loser refitted
     return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}."
-
-
-def meaning(law: str, parameter: str) -> str:
-    """What a parameter of a mechanism means, as its law declares it."""
-    if law in APPARATUS_MEANING:
-        return APPARATUS_MEANING[law]
-    declared = all_laws().get(law)
-    return next((p.meaning for p in (declared.parameters if declared else ()) if p.name == parameter), "")
 
 
 def unit_shown(unit: str) -> str:

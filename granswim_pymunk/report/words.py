@@ -7,6 +7,8 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
+from ..inference.mechanisms import plainly
+
 _GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "theta": "θ", "mu": "μ", "rho": "ρ", "sigma": "σ",
     "tau": "τ", "phi": "φ", "omega": "ω",
@@ -19,46 +21,9 @@ def escaped(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-_SPOKEN = {
-    "ambient_flow": "an ambient flow",
-    "coulomb_substrate": "dry friction with the substrate",
-    "uniform_force": "a uniform force",
-    "contact_friction": "friction in contacts",
-    "rolling_resistance": "resistance to rolling in contacts",
-    "restitution": "another restitution",
-    "distance_force": "a force at a distance",
-    "actuator_lag": "a lag of the actuator",
-    "actuator_delay": "a delay of the actuator",
-    "actuator_saturation": "a saturation of the actuator",
-    "weak_joint": "a weak joint",
-    "resting_curvature": "a resting curvature",
-    "joint_friction": "friction in the joints",
-    "head_force": "a force on the head",
-    "wall_drag": "drag near the walls",
-    "pair_lubrication": "lubrication between near bodies",
-    "nonlinear_spring": "a nonlinear spring",
-    "unknown": "a force without a name",
-    "flexible_place": "a force that depends on the place",
-    "flexible_speed": "a drag that depends on the speed",
-    "flexible_power": "a drag with a power of the speed",
-    "flexible_time": "a push that changes in time",
-    "flexible_across": "a force across the motion",
-    "camera_scale": "the scale of the camera",
-    "camera_tilt": "the tilt of the camera",
-    "time_offset": "an offset of the clock",
-    "tracking_bias": "a bias of the tracker",
-    "lens_distortion": "a lens that bends the picture",
-}
-
-
 def spoken(mechanism: str) -> str:
     """A mechanism in a sentence (HTML): ``uniform_force`` is "a uniform force"."""
-    return _SPOKEN.get(mechanism) or escaped(mechanism.replace("_", " "))
-
-
-def plainly(mechanism: str) -> str:
-    """The same as plain text."""
-    return html.unescape(spoken(mechanism))
+    return escaped(plainly(mechanism))
 
 
 def bodies(names: Iterable[str]) -> list[str]:

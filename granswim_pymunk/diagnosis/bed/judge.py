@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ..candidates import APPARATUS
+from ...inference.mechanisms import APPARATUS
 from ..choose import ALARM, SAME
 from .bench import Bench, Prediction, Windows
 from .places import Place

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from ...inference.blocks import Explained, Scores, explained
 from ...inference.criteria import DEFAULT
+from ...inference.explained import Explained, Scores, explained
 from ...inference.judge import Judgement, Remains, accepted, paired
-from ...report.words import plainly
+from ...inference.mechanisms import plainly
 from ..hypothesis import Hypothesis
 from .bench import Bench, Prediction, Windows
 from .judge import UNEXPLAINED, disks_of, errors, noise_floor

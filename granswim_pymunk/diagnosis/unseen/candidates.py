@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ...inference.mechanisms import APPARATUS
 from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
-from ..candidates import APPARATUS, applies
+from ..candidates import applies
 from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms
 from .summaries import Condition, Shim

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..diagnosis.data import Case
-from ..diagnosis.fit import Fit, Fitter, project
-from ..diagnosis.hypothesis import Failed, Predictor
-from ..diagnosis.segments import find_impacts, make_segments
+from ..inference.criteria import DEFAULT, BlockCriteria
+from ..inference.explained import Scores
+from ..inference.noise import Noise
 from ..laws import all_laws
-from .criteria import DEFAULT, BlockCriteria
-from .noise import Noise
+from .data import Case
+from .fit import Fit, Fitter, project
+from .hypothesis import Failed, Predictor
+from .segments import find_impacts, make_segments
 
-LEAST_DRAWN = 0.05  # of the mismatch, that a sample of the bootstrap has to hold
 LEAST_TOLD = 0.1  # of what all data tell of a number: where the others tell less, it stays as it is
 
 
@@ -39,32 +39,6 @@ class Block:
         return self.start | self.rest
 
 
-@dataclass(frozen=True)
-class Scores:
-    """Squared residuals of unseen blocks in units of their expected spread.
-
-    sums, counts : by (block, body, stretch of its time): sum of squares and how many numbers
-    residuals : by block (T_rest, c) seen minus predicted [unit of the channel], not whitened, NaN where not seen
-    floor : (draws, units) the same sums for noise alone, in the order of ``sums``
-    """
-
-    sums: Mapping[tuple[Any, ...], float]
-    counts: Mapping[tuple[Any, ...], int]
-    residuals: Mapping[int, np.ndarray]
-    floor: np.ndarray
-    failed: tuple[str, ...] = ()
-
-    @property
-    def mean(self) -> float:
-        """S: the mean squared residual."""
-        return sum(self.sums.values()) / max(sum(self.counts.values()), 1)
-
-    @property
-    def floors(self) -> np.ndarray:
-        """(draws,) S of replicates without a mismatch."""
-        return np.asarray(self.floor.sum(axis=1) / max(sum(self.counts.values()), 1))
-
-
 def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks) -> list[Block]:
     """Whole recordings where there are three or more for training, otherwise pieces of the training parts."""
     training = [c for c in cases if not c.held_out and c.training.any()]
@@ -77,18 +51,28 @@ def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks)
         if through:
             blocks += through
             continue
-        rows = np.flatnonzero(case.training)
-        count = max(1, min(pieces, len(rows) // criteria.frames))
-        for part in np.array_split(rows, count):
-            begin, end = case.t[part[0]], case.t[part[-1]]
-            start = np.zeros(len(case.t), dtype=bool)
-            rest = np.zeros(len(case.t), dtype=bool)
-            cut = max(int(np.searchsorted(case.t[part], begin + share * (end - begin))), criteria.start_frames)
-            start[part[:cut]] = True
-            rest[part[cut:]] = True
-            if rest.any():
-                blocks.append(Block(case, start, rest, whole))
+        for start, rest in cut(case.t, np.flatnonzero(case.training), pieces, share, criteria):
+            blocks.append(Block(case, start, rest, whole))
     return blocks
+
+
+def cut(
+    t: np.ndarray, rows: np.ndarray, pieces: int, share: float, criteria: BlockCriteria = DEFAULT.blocks
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Pieces of frames ``rows`` of times t (T,): masks (T,) of those a start is fitted on, and of the rest.
+
+    share : of a piece's time that its start is fitted on, at least ``criteria.start_frames`` frames
+    """
+    result = []
+    for part in np.array_split(rows, max(1, min(pieces, len(rows) // criteria.frames))):
+        begin, end = t[part[0]], t[part[-1]]
+        first = max(int(np.searchsorted(t[part], begin + share * (end - begin))), criteria.start_frames)
+        start, rest = np.zeros(len(t), dtype=bool), np.zeros(len(t), dtype=bool)
+        start[part[:first]] = True
+        rest[part[first:]] = True
+        if rest.any():
+            result.append((start, rest))
+    return result
 
 
 def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
@@ -254,67 +238,3 @@ def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predict
 
     raw = case.raw(here, block.frames)
     return np.where(seen[rest], here[rest], np.nan), np.where(seen[rest], raw[rest], np.nan), whiten, answer
-
-
-@dataclass(frozen=True)
-class Explained:
-    """Share of the mismatch on unseen blocks that goes with a hypothesis.
-
-    share : min(1, 1 - (S - S_floor)/(S_recalibrated - S_floor));  low, high : central 95 % from a block bootstrap
-    left, left_before : S - S_floor with the hypothesis and of the recalibrated scene
-    spread : of S between replicates without a mismatch
-    sure : the mismatch is larger than twice the spread of its chance between replicates; else no share can be said
-    """
-
-    share: float
-    low: float
-    high: float
-    left: float
-    left_before: float
-    sure: bool
-    spread: float = 0.0
-
-
-def explained(
-    after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria = DEFAULT.blocks,
-    beyond: float = DEFAULT.verdict.beyond, few: bool = False,
-) -> Explained:  # fmt: skip
-    """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed.
-
-    few : the floor is the mean of so few replicates that its own error widens the interval: they are drawn anew, too
-    """
-    units = [u for u in before.sums if u in after.sums]
-    if not units:
-        return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)
-    order = {u: k for k, u in enumerate(after.sums)}
-    floors = after.floor[:, [order[u] for u in units]]
-    s0 = np.array([before.sums[u] for u in units])
-    s1 = np.array([after.sums[u] for u in units])
-    n = np.array([after.counts[u] for u in units], dtype=float)
-    f = floors.mean(axis=0)
-    order0 = {u: k for k, u in enumerate(before.sums)}
-    f0 = before.floor[:, [order0[u] for u in units]].sum(axis=1) / n.sum()
-
-    whole = float((s0 - f).sum())
-
-    def share(a: np.ndarray, b: np.ndarray, floor: np.ndarray) -> np.ndarray:
-        rest = b.sum(axis=-1) - floor.sum(axis=-1)
-        with np.errstate(all="ignore"):
-            value = np.minimum(1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest, 1.0)
-        # a sample in which hardly any mismatch was drawn says nothing of its share
-        return np.where(rest > LEAST_DRAWN * abs(whole), value, np.nan)
-
-    drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
-    floor = f[drawn]
-    if few and len(floors) > 1:
-        # a bootstrap of n is too narrow by n/(n - 1) (Efron & Tibshirani 1993, ch. 5)
-        count = rng.multinomial(len(floors), np.full(len(floors), 1 / len(floors)), size=criteria.bootstrap)
-        weights = 1 / len(floors) + (count / len(floors) - 1 / len(floors)) * math.sqrt(len(floors) / (len(floors) - 1))
-        floor = np.take_along_axis(weights @ floors, drawn, axis=1)
-    shares = share(s1[drawn], s0[drawn], floor)
-    low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
-    total = float(n.sum())
-    before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
-    sure = before_left > beyond * float(f0.std()) and len(units) > 1
-    value = float(np.nan_to_num(share(s1, s0, f)))
-    return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure, float(f0.std()))

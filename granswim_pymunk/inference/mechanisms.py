@@ -1,0 +1,34 @@
+"""Mechanisms as sentences call them: laws by their own declaration, the camera and clock by the table below."""
+
+from __future__ import annotations
+
+from ..laws import all_laws
+
+# name to (how a sentence calls it, what its parameter means)
+APPARATUS = {
+    "camera_scale": ("the scale of the camera", "scale of the picture"),
+    "camera_tilt": ("the tilt of the camera", "turn of the picture against the scene's axes"),
+    "time_offset": ("an offset of the clock", "a frame stamped t shows the state at t + offset"),
+    "tracking_bias": ("a bias of the tracker", "shift of all positions"),
+    "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
+}
+# mechanisms that no law of their own stands for
+_OTHERS = {"restitution": "another restitution", "unknown": "a force without a name"}
+
+
+def plainly(mechanism: str) -> str:
+    """A mechanism in a sentence: ``uniform_force`` is "a uniform force"."""
+    if mechanism in APPARATUS:
+        return APPARATUS[mechanism][0]
+    declared = all_laws().get(mechanism)
+    if declared is not None and declared.phrase:
+        return declared.phrase
+    return _OTHERS.get(mechanism) or mechanism.replace("_", " ")
+
+
+def meaning(mechanism: str, parameter: str) -> str:
+    """What a parameter of a mechanism means, as its law declares it; empty where it is not said."""
+    if mechanism in APPARATUS:
+        return APPARATUS[mechanism][1]
+    declared = all_laws().get(mechanism)
+    return next((p.meaning for p in (declared.parameters if declared else ()) if p.name == parameter), "")
