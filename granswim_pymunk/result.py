@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
+from .inference.criteria import DEFAULT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 MOST_BODIES = 8  # named one by one
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
-DECIDES = 2.0  # d' above which an experiment is expected to tell two laws apart
+DECIDES = DEFAULT.verdict.decides  # d' above which an experiment is expected to tell two laws apart
 SPOKEN = {
     "no_mismatch": "nothing is missing",
     "recalibrate": "a declared parameter was off; with it mended nothing is missing",

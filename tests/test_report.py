@@ -240,6 +240,8 @@ def test_first_paragraph_says_where_and_what_to_measure_next(cases):
     said = told(replace(d, proposal=proposal))
     assert "<strong>Twice the speed</strong>: it parts linear drag and quadratic drag" in said and "likely" in said
     assert "fails most clearly" not in told(cases["no_mismatch"])
+    weak = told(replace(d, proposal=replace(proposal, d_prime=0.5)))
+    assert "None that was thought of would decide; the best is twice the speed (d′ = 0.50)" in weak
 
 
 def test_figures_of_each_verdict(cases):

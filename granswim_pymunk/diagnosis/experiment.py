@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..inference.criteria import DEFAULT
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Predictor
 
-DECIDES = 2.0  # d' from which an experiment is worth doing: below, chance decides one time in six
+DECIDES = DEFAULT.verdict.decides
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,7 @@ class VerdictCriteria:
         ``free_form_high`` where the names explain ``high`` or more
     beyond : spreads of the difference between replicates from which a share can be said
     scale_off : a scale of the picture that is off by more is no explanation
+    decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
     """
 
     alarm: float = 0.01
@@ -113,6 +114,7 @@ class VerdictCriteria:
     free_form_high: float = 0.1
     beyond: float = 2.0
     scale_off: float = 0.3
+    decides: float = 2.0
 
 
 @dataclass(frozen=True)

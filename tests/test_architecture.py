@@ -1,0 +1,208 @@
+"""The map in docs/architecture.md is true: imports go one way, functions are short, no law is named in the diagnosis.
+
+What is not yet so stands in the lists below. They may only become shorter.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from granswim_pymunk.laws import all_laws
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "granswim_pymunk"
+BESIDE = {"benchmarks", "validation"}  # installed with the package, and no part of it
+SHORT, FEW = 80, 8  # lines of a function, parameters of a signature in the inference
+
+# against the flow, each imported late, inside a function: (who, what)
+AGAINST = {
+    ("scene", "engine"),  # Scene.draw makes a state to be drawn
+    ("scene", "render"),
+    ("diagnosis.diagnose", "report"),  # diagnose(..., out=...) writes its report
+    ("commands.completion", "cli"),
+}
+# modules that import one another, at least one of them late
+CIRCLES = {
+    "engine.python_mode", "engine.links", "engine.callbacks", "engine.simulation", "engine.units", "engine.checkpoint",
+    "engine.advice", "engine", "scene", "render",
+}  # fmt: skip
+# lines of functions that are longer; "engine.callbacks" and "proof.kernels" hold generated and compiled kernels
+LONG = {
+    "engine.callbacks._native_text": 300, "engine.simulation._arrays": 213, "engine.callbacks.generate": 180,
+    "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
+    "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
+    "diagnosis.driver.diagnose_bodies": 105, "diagnosis.bed.starts.followed": 93, "recording.camera.film": 92,
+    "scene.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
+    "proof.kernels.list_pairs": 84, "engine.callbacks._pair_block": 84, "proof.world._concealed": 83,
+}  # fmt: skip
+WIDE = {
+    "inference.result.mismatch_entry": 12, "diagnosis.pairs.pair_of": 11, "diagnosis.solve.descend": 9,
+    "diagnosis.pairs.second_law": 9, "diagnosis.pairs.third_law": 9, "diagnosis.pairs.settled": 9,
+    "diagnosis.bed.starts._relax": 9, "diagnosis.bed.polish.polish": 9, "diagnosis.bed.judge.verdict_among": 9,
+    "diagnosis.bed.driver.diagnose_windows": 9, "diagnosis.bed.driver.begin": 9, "diagnosis.bed.driver._refined": 9,
+}  # fmt: skip
+# how often a law is named by a literal in the diagnosis
+NAMED = {
+    "diagnosis.bed.candidates": 21, "diagnosis.bed.experiment": 3, "diagnosis.bed.hand_over": 7,
+    "diagnosis.bed.search": 3, "diagnosis.bed.starts": 1, "diagnosis.bed.windows": 2, "diagnosis.candidates": 7,
+    "diagnosis.data": 2, "diagnosis.driven_terms": 2, "diagnosis.experiment": 8, "diagnosis.fit": 1,
+    "diagnosis.name": 1, "diagnosis.pairs": 2, "diagnosis.segments": 4, "diagnosis.signatures": 1,
+    "diagnosis.start": 25, "diagnosis.steps": 3, "diagnosis.swimmer_terms": 10, "diagnosis.unseen.candidates": 9,
+    "diagnosis.unseen.checks": 2, "diagnosis.unseen.conclude": 2, "diagnosis.unseen.report": 1,
+    "diagnosis.unseen.runs": 3, "diagnosis.unseen.summaries": 6,
+}  # fmt: skip
+
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    """Dotted name inside the package to its syntax; "" is the package itself."""
+    found = {}
+    for file in sorted(PACKAGE.rglob("*.py")):
+        parts = file.relative_to(PACKAGE).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        found[name] = ast.parse(file.read_text(encoding="utf-8"))
+    return found
+
+
+def is_package(name: str) -> bool:
+    return (PACKAGE / name.replace(".", "/") / "__init__.py").is_file()
+
+
+@cache
+def imports() -> dict[str, dict[str, bool]]:
+    """Module to the modules it imports when it runs (not for types alone), and whether only inside functions."""
+    found: dict[str, dict[str, bool]] = {}
+    for name, tree in modules().items():
+        base = name.split(".") if name else []
+        base = base if is_package(name) else base[:-1]
+        typed = {
+            id(inner)
+            for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+            for inner in ast.walk(node)
+        }  # fmt: skip
+        at_once = {id(node) for node in tree.body}
+        mine = found.setdefault(name, {})
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.ImportFrom) or not node.level or id(node) in typed:
+                continue
+            here = base[: len(base) - node.level + 1] + (node.module or "").split(".")
+            place = ".".join(part for part in here if part)
+            for alias in node.names:
+                full = f"{place}.{alias.name}".strip(".")
+                target = full if full in modules() else place
+                if target != name:
+                    mine[target] = mine.get(target, True) and id(node) not in at_once
+    return found
+
+
+def places() -> list[str]:
+    """The first column of the table, from top to bottom."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = text[text.index("| place | holds |") :]
+    return re.findall(r"^\| `(\w+)` \| \S.*\|$", table, re.M)
+
+
+def place_of(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def test_the_map_names_every_place_and_no_other():
+    there = {place_of(name) for name in modules()} - {"", "__main__"}
+    assert sorted(places()) == sorted(there)
+
+
+def test_imports_go_with_the_flow():
+    order = {place: k for k, place in enumerate(places())}
+    wrong = []
+    for name, targets in imports().items():
+        here = place_of(name)
+        if here not in order:
+            continue
+        for target, late in targets.items():
+            there = place_of(target)
+            if there in BESIDE | {"", here} or order[there] < order[here]:
+                continue
+            if not (late and ({(name, there), (here, there)} & AGAINST)):
+                wrong.append(f"{name} imports {target}")
+    assert not wrong, "; ".join(wrong)
+
+
+def components(graph: dict[str, set[str]]) -> Iterator[set[str]]:
+    """Sets of two or more modules that import one another: Tarjan's strongly connected components."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+
+    def visit(node: str) -> Iterator[set[str]]:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in graph.get(node, ()):
+            if other not in index:
+                yield from visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            found = set(stack[stack.index(node) :])
+            del stack[stack.index(node) :]
+            if len(found) > 1:
+                yield found
+
+    for node in graph:
+        if node not in index:
+            yield from visit(node)
+
+
+def test_no_modules_import_one_another():
+    at_once = {name: {t for t, late in targets.items() if not late} for name, targets in imports().items()}
+    assert not list(components(at_once))
+    with_late = {name: set(targets) for name, targets in imports().items()}
+    for found in components(with_late):
+        assert found <= CIRCLES, found - CIRCLES
+    assert {frozenset(c) for c in components({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})} == {frozenset("abc")}
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    for name, tree in modules().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{name}.{node.name}", node
+
+
+def test_functions_are_short():
+    for name, node in functions():
+        lines = (node.end_lineno or node.lineno) - node.lineno + 1
+        assert lines <= LONG.get(name, SHORT), f"{name} has {lines} lines"
+
+
+def test_signatures_of_the_inference_are_narrow():
+    for name, node in functions():
+        if place_of(name) in ("inference", "diagnosis"):
+            given = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            count = len([a for a in given if a not in ("self", "cls")])
+            assert count <= WIDE.get(name, FEW), f"{name} has {count} parameters"
+
+
+def test_no_law_is_named_in_the_diagnosis():
+    laws = set(all_laws())
+    found: Counter[str] = Counter()
+    for name, tree in modules().items():
+        if place_of(name) in ("inference", "diagnosis"):
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in laws:
+                    found[name] += 1
+    more = {name: count for name, count in found.items() if count > NAMED.get(name, 0)}
+    assert not more, f"declare it with the law: {more}"
+
+
+@pytest.mark.parametrize("exceptions", [LONG, WIDE, NAMED])
+def test_exceptions_are_about_what_is_there(exceptions):
+    there = {name for name, _ in functions()} | set(modules())
+    assert set(exceptions) <= there
