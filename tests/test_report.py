@@ -324,6 +324,7 @@ def test_names_cannot_break_the_page(cases, tmp_path):
             innovations={name: fit.innovations[case.name]},
             starts={name: fit.starts[case.name]},
             segments={name: fit.segments[case.name]},
+            whitened={name: fit.white[case.name]},
         )
         for key, fit in (("naive", d.naive), ("recalibrated", d.recalibrated), ("revised", d.revised))
     }
