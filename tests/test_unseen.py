@@ -20,7 +20,7 @@ from granswim_pymunk.diagnosis.unseen.conclude import pair_gains, price, search_
 from granswim_pymunk.diagnosis.unseen.diagnose import planned_sizes
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
-from granswim_pymunk.diagnosis.unseen.search import Bank, Sizes, begin
+from granswim_pymunk.diagnosis.unseen.search import LEAST_SHOWN, MOST_SHOWN, PROBES, Amount, Bank, Sizes, begin
 from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
 from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.engine.advice import contact_duration
@@ -169,6 +169,25 @@ def test_camera_scale_is_told_from_the_distance_of_disks():
     model = Model("s", (free,), np.array([1.0]), {condition.name: {("naive", False): 1.0}}, ({},), ("scale",))
     found = fit(model, means, [condition])
     assert found.u[0] == pytest.approx(1.01, abs=5e-4)
+
+
+def test_an_amount_between_too_little_and_too_much_is_found():
+    """A law that jams the swimmer at six times an amount that does not show: neither step may be taken for ever."""
+
+    def response(amount: float) -> float:
+        return math.inf if amount > 2.0 else 24 * (amount / 0.6) ** 1.6
+
+    for first in (0.01, 0.1, 0.6, 30.0):
+        amount = Amount(factor=first)
+        while not amount.settled and len(amount.tried) < PROBES:
+            amount.add(response(amount.factor), False)
+        assert amount.settled and LEAST_SHOWN <= response(amount.best) <= MOST_SHOWN, first
+    bound = Amount()
+    bound.add(0.7, True)
+    assert bound.settled and bound.best == 1.0
+    never = Amount()
+    never.add(math.inf, False)
+    assert never.best is None and not never.settled
 
 
 # ---- scenes and suspects ------------------------------------------------------------------------------

@@ -278,7 +278,40 @@ def amount_jobs(x: Suspect, row: np.ndarray, conditions: Sequence[Condition], pa
     ]  # fmt: skip
 
 
-LEAST_SHOWN, MOST_SHOWN, WANTED = 1.5, 9.0, 4.0  # of a candidate's shift, in what two packings differ by
+# of a candidate's shift, in what two packings differ by: where it is r, its direction is known to a cosine of
+# sqrt(1 - 1/r^2), 0.87 at the least
+LEAST_SHOWN, MOST_SHOWN, WANTED = 2.0, 9.0, 4.0
+
+
+@dataclass
+class Amount:
+    """The search for an amount of a candidate that shows, in units of its first one.
+
+    tried : shift at each amount, infinite where the run did not survive it;  factor : what is tried next
+    """
+
+    factor: float = 1.0
+    tried: dict[float, float] = field(default_factory=dict)
+    settled: bool = False
+
+    def add(self, size: float, at_bound: bool) -> None:
+        """Take in the shift at ``factor``. Once one was too small and another too large, the next lies between."""
+        self.tried[self.factor] = size
+        small = max((f for f, r in self.tried.items() if r < LEAST_SHOWN), default=None)
+        large = min((f for f, r in self.tried.items() if r > MOST_SHOWN), default=None)
+        self.settled = LEAST_SHOWN <= size <= MOST_SHOWN or (size < LEAST_SHOWN and at_bound)
+        if small is not None and large is not None:
+            self.factor = math.sqrt(small * large)
+        elif size < LEAST_SHOWN:
+            self.factor *= 6.0
+        else:
+            self.factor *= WANTED / size if math.isfinite(size) else 0.2
+
+    @property
+    def best(self) -> float | None:
+        """The amount whose shift is nearest to what is wanted, None where no run survived."""
+        alive = {f: max(r, 1e-6) for f, r in self.tried.items() if math.isfinite(r)}
+        return min(alive, key=lambda f: abs(math.log(alive[f] / WANTED)), default=None)
 
 
 def scaled_candidates(s: Search) -> list[Suspect]:
@@ -290,10 +323,9 @@ def scaled_candidates(s: Search) -> list[Suspect]:
     probe = s.training[0]
     chance = math.sqrt(2.0 * len(probe.numbers))
     covariance = s.means.covariance[probe.name]
-    factor = {x.label: 1.0 for x in physical}
-    settled: dict[str, float] = {}
+    amounts = {x.label: Amount() for x in physical}
     for attempt in range(PROBES):
-        trying = [(x, x.scaled(factor[x.label])) for x in physical if x.label not in settled]
+        trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
         if not trying:
             break
         jobs = [j for _, scaled in trying for j in amount_jobs(scaled, scaled.design[0], [probe], [0])]
@@ -302,18 +334,13 @@ def scaled_candidates(s: Search) -> list[Suspect]:
         s.means.refresh()
         for x, scaled in trying:
             found = s.means.mean[probe.name].get((amount_label(scaled, scaled.design[0]), True))
-            if found is None:
-                factor[x.label] *= 0.2  # the run did not survive it
-                continue
-            shift = found[0] - s.means.mean[probe.name][NAIVE, True][0]
-            size = math.sqrt(float(shift @ np.linalg.solve(covariance, shift))) / chance
-            bigger = x.scaled(6 * factor[x.label])
-            if size < LEAST_SHOWN and attempt < PROBES - 1 and not np.allclose(bigger.design, scaled.design):
-                factor[x.label] *= 6.0
-            elif size > MOST_SHOWN and attempt < PROBES - 1:
-                factor[x.label] *= WANTED / size
-            else:
-                settled[x.label] = factor[x.label]
+            size = math.inf
+            if found is not None:
+                shift = found[0] - s.means.mean[probe.name][NAIVE, True][0]
+                size = math.sqrt(float(shift @ np.linalg.solve(covariance, shift))) / chance
+            bigger = x.scaled(2 * amounts[x.label].factor)
+            amounts[x.label].add(size, np.allclose(bigger.design, scaled.design))
+    settled = {label: a.best for label, a in amounts.items() if a.best is not None}
     for x in physical:
         if x.label not in settled:
             why = s.runner.reason(amount_label(x, x.design[0])) or "no amount that was tried could be run"
