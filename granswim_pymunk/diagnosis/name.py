@@ -131,8 +131,8 @@ def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
     where there are fewer than two.
     """
     met = np.unique([i.row for i in find_impacts(case) if rows[0] < i.row < rows[-1]])
-    early = int(np.ceil(INNER_SHARE * len(met)))
-    if early == len(met) or (met > rows[int(len(rows) * INNER_SHARE)]).sum() >= len(met) - early:
+    early = min(int(np.ceil(INNER_SHARE * len(met))), len(met) - 1)
+    if early < 1 or (met > rows[int(len(rows) * INNER_SHARE)]).sum() >= len(met) - early:
         return None
     return int(np.searchsorted(rows, (met[early - 1] + met[early] + 1) // 2))
 
