@@ -178,8 +178,7 @@ class Fitter:
 
         A segment is followed to the start of the next one, the last as far as ``frames`` (T,) ask for.
         """
-        parts = self._parts(case, numbers, frames)
-        runs = [self._follow(case, hypothesis, values, part, frames) for part in parts]
+        runs = self._through(case, hypothesis, values, self._parts(case, numbers, frames))
         return self._joined(case, runs, frames)
 
     def _parts(self, case: Case, numbers: np.ndarray, frames: np.ndarray) -> list[_Part]:
@@ -202,9 +201,19 @@ class Fitter:
             parts.append(_Part(k, segment, mine, wanted, follower))
         return parts
 
-    def _follow(
-        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, part: _Part, frames: np.ndarray
-    ) -> tuple[_Part, np.ndarray, np.ndarray]:
+    def _through(
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, parts: Sequence[_Part], together: bool = False
+    ) -> list[_Run]:
+        """All segments in turn, or ``together``; each begins with the spins that the one before it ends with."""
+        if not hypothesis.turns(case):
+            how = _POOL.map if together else map
+            return list(how(lambda part: self._follow(case, hypothesis, values, part), parts))
+        runs: list[_Run] = []
+        for part in parts:
+            runs.append(self._follow(case, hypothesis, values, replace(part, spin=runs[-1].spin if runs else None)))
+        return runs
+
+    def _follow(self, case: Case, hypothesis: Hypothesis, values: np.ndarray, part: _Part) -> _Run:
         """One segment: its part, innovations on its frames, steps to the start of the next one."""
         segment, after = part.segment, part.follower
         seen = case.values[part.frames]
@@ -213,26 +222,27 @@ class Fitter:
         nothing = np.zeros(0)
         try:
             predicted, end = self.predictor.run(
-                hypothesis, case, values, segment.starts, part.numbers, t0, case.t[part.frames], following
-            )
+                hypothesis, case, values, segment.starts, part.numbers, t0, case.t[part.frames], following,
+                part.spin,
+            )  # fmt: skip
         except Failed:
             lost = nothing if after is None else np.full(after[1].size, HOPELESS)
-            return part, np.where(np.isfinite(seen), HOPELESS, np.nan), lost
+            return _Run(part, np.where(np.isfinite(seen), HOPELESS, np.nan), lost, None)
         innovations = case.white((seen - predicted) / case.sigma, part.frames)
         if case.name in self.weights:
             innovations = innovations * self.weights[case.name][part.frames, None]
         if after is None or end is None:
-            return part, innovations, nothing
-        return part, innovations, (after[2] - end) / after[1].tie
+            return _Run(part, innovations, nothing, None)
+        return _Run(part, innovations, (after[2] - end.numbers) / after[1].tie, end.spin)
 
     @staticmethod
     def _joined(
-        case: Case, runs: Sequence[tuple[_Part, np.ndarray, np.ndarray]], frames: np.ndarray
+        case: Case, runs: Sequence[_Run], frames: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         full = np.full(case.values.shape, np.nan)
-        for part, innovations, _ in runs:
-            full[part.frames] = innovations
-        return full[frames], np.concatenate([steps for _, _, steps in runs])
+        for run in runs:
+            full[run.part.frames] = run.innovations
+        return full[frames], np.concatenate([run.steps for run in runs])
 
     def vector(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray,
@@ -401,8 +411,7 @@ class Fitter:
     ) -> np.ndarray:
         """As ``vector`` on the frames of this fitter, the segments side by side."""
         frames = self.frames[case.name]
-        parts = self._parts(case, numbers, frames)
-        runs = list(_POOL.map(lambda p: self._follow(case, hypothesis, values, p, frames), parts))
+        runs = self._through(case, hypothesis, values, self._parts(case, numbers, frames), together=True)
         innovations, steps = self._joined(case, runs, frames)
         return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
 
@@ -566,12 +575,13 @@ class Fitter:
             by_value[:, k] = (here - vector) / step
         by_start = np.zeros((len(here), len(numbers)))
         if starts_too:
-            jobs = self._start_jobs(case, numbers, frames)
-            runs = list(_POOL.map(lambda j: self._follow(case, hypothesis, values, j[2], frames), jobs))
+            jobs = self._start_jobs(case, hypothesis, values, numbers, frames)
+            runs = list(_POOL.map(lambda j: self._follow(case, hypothesis, values, j[2]), jobs))
             rows = np.full(case.values.shape, -1)
             rows[frames] = np.where(use, np.cumsum(use.ravel()).reshape(use.shape) - 1, -1)
             ties = int(use.sum()) + np.concatenate([[0], np.cumsum([s.tie.size for s in self.segments[case.name]])])
-            for (column, step, part), (_, innovations, steps) in zip(jobs, runs, strict=True):
+            for (column, step, part), run in zip(jobs, runs, strict=True):
+                innovations, steps = run.innovations, run.steps
                 mine = rows[part.frames]
                 seen = mine >= 0
                 by_start[mine[seen], column] = (here[mine[seen]] - innovations[seen]) / step
@@ -586,12 +596,18 @@ class Fitter:
         return by_value, by_start
 
     def _start_jobs(
-        self, case: Case, numbers: np.ndarray, frames: np.ndarray
+        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray
     ) -> list[tuple[int, float, _Part]]:
         """For each number of a start its column, the step it is moved by, and its segment with it moved."""
         jobs = []
         at = 0
-        for part in self._parts(case, numbers, frames):
+        parts = self._parts(case, numbers, frames)
+        if hypothesis.turns(case):
+            # the spins that each begins with stay those of the fit
+            runs = self._through(case, hypothesis, values, parts)
+            parts = [replace(p, spin=run.spin) for p, run in zip(parts[1:], runs, strict=False)]
+            parts.insert(0, runs[0].part)
+        for part in parts:
             for k, scale in enumerate(number_scales(part.segment.starts)):
                 moved = part.numbers.copy()
                 moved[k] += 0.1 * scale
@@ -690,24 +706,42 @@ class Fitter:
         t0 = float(case.t[self.frames[case.name]][0])
         wanted = (case.t >= t0) & (case.t <= case.t[frames].max())
         out = np.full(case.values.shape, np.nan)
+        spin = None
         for part in self._parts(case, fit.starts[case.name], wanted):
             t0 = float(case.t[part.segment.frames][0])
+            following = None if part.follower is None else (part.follower[0], part.follower[1].starts)
             if part.frames.any():
-                out[part.frames] = self.predictor(
-                    fit.hypothesis, case, fit.values, part.segment.starts, part.numbers, t0, case.t[part.frames]
-                )
+                out[part.frames], end = self.predictor.run(
+                    fit.hypothesis, case, fit.values, part.segment.starts, part.numbers, t0, case.t[part.frames],
+                    following, spin,
+                )  # fmt: skip
+                spin = end.spin if end is not None and fit.hypothesis.turns(case) else None
         return out
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A segment with its numbers, the frames (T,) it is followed over, and (time, segment, numbers) after it."""
+    """A segment with its numbers, the frames (T,) it is followed over, and (time, segment, numbers) after it.
+
+    spin : (n,) [rad/s] that the bodies of the scene begin it with, none where not given
+    """
 
     k: int
     segment: Segment
     numbers: np.ndarray
     frames: np.ndarray
     follower: tuple[float, Segment, np.ndarray] | None
+    spin: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A segment followed: innovations (T, c) on its frames, steps (m,) to the next start, spins (n,) it ends with."""
+
+    part: _Part
+    innovations: np.ndarray
+    steps: np.ndarray
+    spin: np.ndarray | None
 
 
 MANY = 60  # numbers of starts from which their normal equations stand in for singular values

@@ -25,6 +25,9 @@ NO_CAMERA: dict[str, Any] = {
 }  # fmt: skip
 
 
+TURNING = ("contact_friction", "rolling_resistance")
+
+
 @dataclass(frozen=True)
 class Free:
     """One number to be found. ``cases``: the names of the recordings it bears on (None: all)."""
@@ -75,6 +78,10 @@ class Hypothesis:
 
     def with_term(self, *terms: Term) -> Hypothesis:
         return Hypothesis(self.terms + terms)
+
+    def turns(self, case: Case) -> bool:
+        """Whether disks are made to spin, and spin matters to them: what one segment ends with the next begins with."""
+        return any(t.law in TURNING for t in self.terms) or any(map(case.recording.scene.laws_named, TURNING))
 
     def scene(self, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Scene, Mapping[str, Any]]:
         """Scene and camera of a recording under these values."""
@@ -152,6 +159,14 @@ class Failed(Exception):
     """A run that could not be finished: a reason, never a number in the likelihood."""
 
 
+@dataclass(frozen=True)
+class End:
+    """What a run ends with: the free numbers (m,) of the start that comes after, and the spins (n,) [rad/s]."""
+
+    numbers: np.ndarray
+    spin: np.ndarray
+
+
 @dataclass
 class Predictor:
     """Simulates recordings under a hypothesis and looks at them as the camera does."""
@@ -184,10 +199,12 @@ class Predictor:
         t0: float,
         t: np.ndarray,
         following: tuple[float, tuple[StartBody, ...]] | None = None,
-    ) -> tuple[np.ndarray, np.ndarray | None]:
+        spin: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, End | None]:
         """Predicted channels (T, c) at frame times ``t``, and the start that the run ends with. Raises Failed.
 
-        following : time [s] and description of a start that comes after;  the end is given as its free numbers (m,)
+        following : time [s] and description of a start that comes after;  spin : (n,) of the scene's bodies to begin
+        with [rad/s], none where not given
         """
         scene, camera = hypothesis.scene(case, values)
         offset = float(camera["time_offset"])
@@ -199,7 +216,7 @@ class Predictor:
         end = None
         try:
             with np.errstate(all="ignore"):
-                simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset)
+                simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset, spin)
                 if following is None:
                     xy = simulation.sample(times, rows)
                 else:
@@ -228,35 +245,38 @@ class Predictor:
         return out, end
 
     def _simulation(
-        self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float
-    ) -> Simulation:
+        self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,
+        spin: np.ndarray | None,
+    ) -> Simulation:  # fmt: skip
         """A simulation that stands at its start: the last one begun again where only the start is another.
 
         Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
         """
         key = (id(case), tuple(map(id, hypothesis.terms)), np.asarray(values, dtype=float).tobytes())
         last = self._last
+        begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
         if last.key == key and last.simulation is not None:
-            begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
-            last.simulation.restart(begin[:, :2], begin[:, 2:], t0)
+            last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
             return last.simulation
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
         simulation = Simulation(whole, averaged=True, stretch=STRETCH)
         last.key = None
         if simulation.mode == "verlet":
             last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
+            if spin is not None:
+                simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
         return simulation
 
 
 def _end_of(
     simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...], offset: float
-) -> np.ndarray:
-    """The free numbers of ``starts`` at a time that the simulation has just reached, or is less than a step before."""
+) -> End:
+    """The start at a time that the simulation has just reached, or is less than a step before."""
     state = simulation.state()
     ahead = time + offset - state.t
     mass = np.array([b.mass for b in scene.bodies])
     v = state.v + simulation.forces() / mass[:, None] * ahead
-    return numbers_at(starts, scene, state.xy + v * ahead, v)
+    return End(numbers_at(starts, scene, state.xy + v * ahead, v), np.array(state.spin))
 
 
 class _Last(threading.local):

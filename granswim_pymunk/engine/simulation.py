@@ -17,7 +17,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 
 from ..choices import MODES
 from ..errors import InputError, SimulationError
-from ..joints import angles_of
+from ..joints import angles_of, hinged
 from ..laws import Law
 from ..scene import Body, LawUse, Scene
 from ..walls import table_of
@@ -962,12 +962,14 @@ class Simulation:
                 held |= self._a["mask"][u].astype(bool)
         return held
 
-    def restart(self, xy: np.ndarray, v: np.ndarray, t: float) -> None:
+    def restart(self, xy: np.ndarray, v: np.ndarray, t: float, spin: np.ndarray | None = None) -> None:
         """Begin again from other positions (n, 2) [m] and velocities (n, 2) [m/s] of the scene's bodies at t [s].
 
         Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin (those in
         hinges turn as their places and velocities say), velocities at the time of the positions. Walls go where ``xy``
         says. Verlet mode only.
+
+        spin : (n,) [rad/s] of disks that do spin, for those in no hinge
         """
         if self.mode != "verlet":
             raise InputError("only a simulation in mode verlet can begin again")
@@ -975,7 +977,11 @@ class Simulation:
         rows = self._rows_of
         self._initial = np.column_stack([xy, v])[rows]
         self._initial[self._n_mobile :, 2:] = 0.0
-        self._turned = np.stack(angles_of(self.scene, xy, v), axis=1)[rows]
+        turned = angles_of(self.scene, xy, v)
+        if spin is not None:
+            free = np.array([b not in hinged(self.scene) for b in self.scene.ids])
+            turned = (turned[0], np.where(free, spin, turned[1]))
+        self._turned = np.stack(turned, axis=1)[rows]
         self._close_links()
         self._images[:] = 0.0
         place, speed = self._initial[:, :2] / u.length, self._initial[:, 2:] / u.velocity
