@@ -38,9 +38,9 @@ def test_closed_solution(mu):
     across = float(np.clip(-slip * MASS / 7, -mu * along, mu * along))
     after = (along * n + across * t) / MASS
     spin = -RADIUS * across / (0.4 * MASS * RADIUS**2)
-    for run in (Simulation(scene), Reference(scene)):
-        run.advance(1500)
-        state = run.state()
+    for code in (Simulation(scene), Reference(scene)):
+        code.advance(1500)
+        state = code.state()
         np.testing.assert_allclose(state.v[1], after, rtol=2e-4, atol=1e-6)
         np.testing.assert_allclose(state.v[0], np.array([1.0, 0.0]) - after, rtol=2e-4, atol=1e-6)
         np.testing.assert_allclose(state.spin, (spin, spin), rtol=2e-4)

@@ -157,6 +157,26 @@ def test_a_body_thrown_back_at_once_is_one_meeting_and_a_start_is_told_before_th
     assert fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count)
 
 
+def test_spin_goes_on_from_segment_to_segment():
+    """b is set spinning by a, and rubs against c with that spin: a start without it would have too small a friction."""
+    t = np.arange(200) / 240
+    table, start = _table([[-0.1, 0.03, 0.7, 0.0], [0.0, 0.0, 0.0, 0.0], [0.11, -0.07, 0.0, 0.0]])
+    flight = run(table, Physics(restitution=0.95, contact_friction=0.25), start, t)
+    assert [touch[1:3] for touch in flight.touches] == [(0, 1), (1, 2)] and abs(flight.spin[-1, 2]) > 1.0
+    ids = ("a", "b", "c")
+    bodies = tuple(Body(b, "free", 0.025, 0.1) for b in ids)
+    laws = (use("contact_elastic", restitution=0.95), use("contact_friction", mu=0.25))
+    seen = flight.xy + 1e-5 * np.random.default_rng(6).normal(size=flight.xy.shape)
+    film = Recording("film", Scene(bodies, laws), t, ids, seen, position_noise=1e-5)
+    case = prepare(film, held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1 / 4800}))
+    assert len(fitter.segments[case.name]) == 3
+    fit = fitter.fit(Hypothesis())
+    assert fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count)
+    # what joins them is far closer than an impact without the spin would leave it
+    assert np.abs(fit.steps[case.name]).max() < 0.3
+
+
 def test_later_data_that_test_a_law_hold_impacts_too():
     t = np.arange(240) / 240
     table, start = _table([[-0.1, 0.01, 0.5, 0.0], [0.0, 0.0, 0.0, 0.0], [0.12, -0.005, 0.0, 0.0]])
