@@ -2,16 +2,18 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.segments import find_impacts
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording, film, read_recording, write_recording
 from granswim_pymunk.recording.recording import NUMBERS
-from granswim_pymunk.scene import Body, Scene, SceneWarning, Time, use
+from granswim_pymunk.scene import Body, Scene, SceneWarning, Time, Wall, use
 
 NEW = {
     "tolerance": 1e-3, "angle_tolerance": 0.01, "angle_noise": 2e-3, "time_noise": 1e-4, "radius_error": 0.02,
@@ -185,3 +187,28 @@ class TestRail:
         found = diagnose([tmp_path / "cart"], tmp_path / "out", minutes=0.3).verdict
         assert found["verdict"] == "no_mismatch"
         assert found["fit"]["train"]["recalibrated"] == pytest.approx(1e-4, rel=0.3)
+
+    @pytest.mark.parametrize("along", [0, 1])
+    def test_impacts_on_an_air_track_seen_along_it_alone(self, along):
+        """Two gliders that meet each other and the stops at both ends."""
+        def at(s):
+            return (s, 0.0) if along == 0 else (0.0, s)
+
+        walls = tuple(
+            Wall(*(((end, -1.0), (end, 1.0)) if along == 0 else ((-1.0, end), (1.0, end)))) for end in (-0.5, 0.5)
+        )
+        bodies = (Body("a", "free", 0.05, 0.2, initial=(*at(-0.3), *at(0.5))),
+                  Body("b", "free", 0.05, 0.3, initial=(*at(0.2), *at(-0.2))))  # fmt: skip
+        scene = Scene(bodies, (use("rail", direction=at(1.0)), use("contact_elastic", restitution=0.8)), walls=walls)
+        r = film(scene, np.arange(300) / 100, noise=1e-4, rng=np.random.default_rng(5))
+        xy = r.xy.copy()
+        xy[..., 1 - along] = math.nan
+        unknown = replace(scene, bodies=tuple(replace(b, initial=None) for b in bodies))
+        case = prepare(replace(r, xy=xy, scene=unknown), held_out=False, split=False)
+        speed = np.gradient(r.xy[..., along], r.t, axis=0)
+        turns = [float(r.t[k]) for k in range(5, 295) if (np.abs(speed[k + 3] - speed[k - 3]) > 0.1).any()]
+        found = find_impacts(case)
+        met = {impact.bodies for impact in found}
+        assert len(found) >= 3 and ("a", "b") in met and {("a",), ("b",)} & met
+        for impact in found:
+            assert min(abs(case.t[impact.row] - t) for t in turns) < 0.03

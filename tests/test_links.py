@@ -13,6 +13,7 @@ from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.joints import angles_of, place
 from granswim_pymunk.recording import film
+from granswim_pymunk.report.figures import _places_of
 from granswim_pymunk.scene import Body, Scene, Time, scene_from_dict, use
 from granswim_pymunk.validation.linked import double_pendulum, linked_motion
 
@@ -256,3 +257,15 @@ class TestStarts:
             np.testing.assert_allclose(state, scene.body(name).initial, atol=1e-12)
         for name, state in states(starts, first_numbers(starts), scene, 0.0).items():
             np.testing.assert_allclose(state[:2], scene.body(name).initial[:2], atol=2e-5)
+
+
+def test_places_of_bars_whose_angles_alone_were_measured():
+    """What a picture of the field shows: where the bars were, told from their angles."""
+    scene = bars()
+    seen = film(scene, np.arange(0.0, 0.3, 0.01), positions=False)
+    assert not np.isfinite(seen.xy).any()
+    case = prepare(seen, held_out=False, split=False)
+    places = _places_of(case)
+    true = Simulation(scene).sample(seen.t).reshape(-1, 2)
+    assert len(places) == len(true)
+    np.testing.assert_allclose(places, true, atol=1e-6)

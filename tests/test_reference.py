@@ -10,7 +10,15 @@ import pytest
 
 from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Body, Scene, Time, swimmer, use
-from granswim_pymunk.validation import cases_bed, cases_bodies, cases_contact, reference, reference_forces
+from granswim_pymunk.validation import (
+    cases_bed,
+    cases_bodies,
+    cases_contact,
+    linked,
+    reference,
+    reference_forces,
+    reference_mechanisms,
+)
 from granswim_pymunk.validation.analytic import pendulum_period
 from granswim_pymunk.validation.cases_bodies import MASS, one_body
 from granswim_pymunk.validation.crosscheck import crosscheck
@@ -52,13 +60,16 @@ def test_bed_of_another_code():
 
 
 def test_shares_no_force_code():
-    for module in (reference, reference_forces):
+    for module in (reference, reference_forces, reference_mechanisms, linked):
         tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
         imported = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         imported |= {
             name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names
         }
         assert not [name for name in imported if "laws" in name or "engine" in name]
+        # nor what a scene has made of its inputs by the actuators' own code
+        used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        assert not used & {"commands", "series", "function"}
 
 
 class TestBending:

@@ -24,6 +24,7 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Scene
 
+from . import reference_mechanisms as mechanisms
 from .reference_forces import CONSTRAINTS, Force, Forces
 
 MOST_COLLISIONS = 20_000  # in one step; more is an inelastic collapse that instantaneous impacts cannot do
@@ -92,6 +93,25 @@ class _Drive:
         return self.step * self.command(t)
 
 
+def _commands(scene: Scene) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """The commands of driven bodies (t [s], value) as their actuators follow them, in the order of the laws.
+
+    An actuator sees the commanded velocity, gain times input.
+    """
+    found = {name: (np.array(t), np.array(value)) for name, (t, value) in scene.inputs.items()}
+    for item in scene.laws:
+        if item.name not in mechanisms.ACTUATORS:
+            continue
+        for drive in scene.laws_named("drive"):
+            gain = drive.values["gain"]
+            for name in drive.bodies or ():
+                if name in found and gain != 0 and (item.bodies is None or name in item.bodies):
+                    t, value = found[name]
+                    t, value = mechanisms.followed_command(item.name, dict(item.values), t, gain * value)
+                    found[name] = t, value / gain
+    return found
+
+
 class Constraints:
     """Pins, rails and drives of a scene, and how each body can be moved at all."""
 
@@ -102,7 +122,7 @@ class Constraints:
         self.drives: list[_Drive] = []
         held: dict[int, str] = {}
         driven = {int(row) for item in scene.laws_named("drive") for row in scene.rows(item)}
-        commands = scene.commands
+        commands = _commands(scene)
         for item in scene.laws:
             if item.name not in CONSTRAINTS:
                 continue
@@ -130,7 +150,7 @@ class Constraints:
                 else:
                     if body.id not in commands:
                         raise InputError("has no rows in the input", where=f"law drive, body {body.id}")
-                    times, command = map(np.array, commands[body.id])
+                    times, command = commands[body.id]
                     direction = np.array(values["direction"])
                     step = values["gain"] * direction / np.hypot(*direction)
                     self.drives.append(_Drive(row, xy[row].copy(), t0, step, times, command))

@@ -13,6 +13,7 @@ import numpy as np
 FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring")
 JOINTS = ("pin_friction", "joint_drag")
 PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
+ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation")
 CHAIN_LAWS = (
     "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
     "actuator_delay", "actuator_saturation",
@@ -117,6 +118,45 @@ def followed_angle(name: str, values: Values, t: float) -> float:
     z = values["amplitude"] * np.exp(1j * values["phase"]) / (1 + 1j * omega * tau)
     rest = head_angle(values, 0.0) - z.imag
     return float((z * np.exp(1j * omega * t)).imag + rest * math.exp(-t / tau))
+
+
+def followed_command(name: str, values: Values, t: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What an actuator makes of a commanded velocity: (t [s], value), straight lines between rows.
+
+    A lag begins at rest at the first row and is followed until 20 of its times after the last one.
+    """
+    if name == "actuator_delay":
+        return t + values["tau"], value
+    if name == "actuator_saturation":
+        return _clipped(t, value, values["limit"])
+    tau = values["tau"]
+    if tau == 0 or len(t) < 2:
+        return t, value
+    end = t[-1] + 20 * tau
+    grid = np.union1d(t, np.linspace(t[0], end, int(np.clip((end - t[0]) / tau * 200, 2, 500_000))))
+    command = np.interp(grid, t, value)
+    followed = np.empty_like(command)
+    followed[0] = command[0]
+    for k, h in enumerate(np.diff(grid)):
+        # tau dx/dt = u - x over a straight piece of u: what is left of the start, and what has come of the piece
+        left = math.exp(-h / tau)
+        slope = (command[k + 1] - command[k]) / h
+        followed[k + 1] = left * followed[k] + (1 - left) * command[k] + slope * (h - tau * (1 - left))
+    return grid, followed
+
+
+def _clipped(t: np.ndarray, value: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """A broken line held between plus and minus a limit, with a row wherever it reaches one."""
+    times, values = [float(t[0])], [float(value[0])]
+    for k in range(len(t) - 1):
+        rise = value[k + 1] - value[k]
+        shares = [(edge - value[k]) / rise for edge in (-limit, limit) if rise != 0]
+        for share in sorted(s for s in shares if 0 < s < 1):
+            times.append(float(t[k] + share * (t[k + 1] - t[k])))
+            values.append(float(value[k] + share * rise))
+        times.append(float(t[k + 1]))
+        values.append(float(value[k + 1]))
+    return np.array(times), np.clip(values, -limit, limit)
 
 
 def _turns(angle: np.ndarray) -> np.ndarray:

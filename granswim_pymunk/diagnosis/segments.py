@@ -127,14 +127,7 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
     scene = case.recording.scene
     if not any(scene.laws_named(name) for name in CONTACTS) or len(case.t) < 2 * criteria.around + 2:
         return []
-    columns = {c.body: {} for c in case.channels}  # type: dict[str, dict[str, int]]
-    for k, channel in enumerate(case.channels):
-        columns[channel.body][channel.kind] = k
-    paths = {
-        b: (case.values[:, [c["x"], c["y"]]], float(max(case.sigma[c["x"]], case.sigma[c["y"]])))
-        for b, c in columns.items()
-        if {"x", "y"} <= set(c)
-    }
+    paths = _paths(case)
     names = list(paths)
     met: list[tuple[int, int, tuple[str, str], float]] = []
     for k, a in enumerate(names):
@@ -163,6 +156,26 @@ def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> li
             noise = float(np.hypot.reduce([paths[b][1] for b in bodies]))
             found.append(Impact(row, apart, bodies, kick, *_followed(scene, size, kick, speed, noise, criteria)))
     return found
+
+
+def _paths(case: Case) -> dict[str, tuple[np.ndarray, float]]:
+    """Places (T, 2) and noise [m] of the bodies. A coordinate that is no channel stays as it is: across a rail."""
+    columns: dict[str, dict[str, int]] = {c.body: {} for c in case.channels if c.kind in ("x", "y")}
+    for k, channel in enumerate(case.channels):
+        if channel.kind in ("x", "y"):
+            columns[channel.body][channel.kind] = k
+    whole = case.recording.on_rails().xy
+    paths = {}
+    for body, mine in columns.items():
+        xy = np.empty((len(case.t), 2))
+        for axis, kind in enumerate("xy"):
+            if kind in mine:
+                xy[:, axis] = case.values[:, mine[kind]]
+                continue
+            known = whole[:, case.recording.ids.index(body), axis]
+            xy[:, axis] = np.median(known[np.isfinite(known)]) if np.isfinite(known).any() else np.nan
+        paths[body] = xy, float(max(case.sigma[k] for k in mine.values()))
+    return paths
 
 
 def _met_by(

@@ -29,7 +29,7 @@ from ..diagnosis.innovations import Whiteness, WindowMap
 from ..diagnosis.name import Trial
 from ..diagnosis.nulls import Null
 from ..inference.mechanisms import APPARATUS
-from ..joints import arm_of
+from ..joints import arm_of, hinged, place
 from ..laws import Law, all_laws
 from ..walls import outline
 from .style import (
@@ -1116,8 +1116,8 @@ def _speed_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> F
 
 
 def _places_of(case: Case) -> np.ndarray:
-    """Places (k, 2) [m] that were seen in the training part; of a rod whose angle was measured, its end."""
-    recording = case.recording.unwrapped()
+    """Places (k, 2) [m] seen in the training part; of rods and hinged bodies whose angles were measured, too."""
+    recording = case.recording.unwrapped().on_rails()
     places = [recording.xy[case.training].reshape(-1, 2)]
     down = np.array(recording.scene.gravity if any(recording.scene.gravity) else (0.0, -1.0), dtype=float)
     down /= math.hypot(*down)
@@ -1127,8 +1127,25 @@ def _places_of(case: Case) -> np.ndarray:
             angle = case.values[case.training, k]
             end = np.cos(angle)[:, None] * down + np.sin(angle)[:, None] * np.array([-down[1], down[0]])
             places.append(np.array(pin.values["anchor"]) + pin.values["length"] * end)
+    places += _places_of_hinged(case)
     every = np.concatenate(places)
     return every[np.isfinite(every).all(axis=1)]
+
+
+def _places_of_hinged(case: Case) -> list[np.ndarray]:
+    """Where hinged bodies are (k, 2) [m] in some frames of the training part, as their angles tell."""
+    scene = case.recording.scene
+    turning = set(hinged(scene))
+    columns = {c.body: k for k, c in enumerate(case.channels) if c.kind == "angle" and c.body in turning}
+    if not columns:
+        return []
+    frames = np.flatnonzero(case.training & np.isfinite(case.values[:, list(columns.values())]).all(axis=1))
+    still = dict.fromkeys(columns, 0.0)
+    found = []
+    for frame in frames[:: max(len(frames) // 200, 1)]:
+        states = place(scene, {body: float(case.values[frame, k]) for body, k in columns.items()}, still)
+        found.append(np.array([state[:2] for state in states.values()]).reshape(-1, 2))
+    return found
 
 
 def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -> Figure:
