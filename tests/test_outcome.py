@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from granswim_pymunk.diagnosis.diagnose import grouped, kind_of
-from granswim_pymunk.diagnosis.together import combined, diagnose_together
+from granswim_pymunk.diagnosis.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.result import (
     TRAINING,
@@ -227,3 +227,27 @@ def test_measurements_that_disagree_widen_the_interval():
     near = combined(one, one)
     assert near["high"] - near["low"] == pytest.approx(0.2 / 2**0.5)
     assert combined(one, {**one, "low": None}) == one
+
+
+def test_what_is_explained_and_left_is_told_of_all_kinds():
+    share = {"share": 0.9, "low": 0.8, "high": 0.95, "best_free_form": None}
+    left = {"rms": 1e-3, "times_floor": 2.0}
+    leader = {"explained": share, "complete": True, "remains": None, "heldout": "holds"}
+    other = {"explained": None, "complete": False, "remains": left, "heldout": "undecided"}
+    assert weighed_together([leader, other]) == {
+        "explained": share, "complete": False, "remains": left, "heldout": "holds"
+    }  # fmt: skip
+    assert weighed_together([leader, {**other, "heldout": "fails"}])["heldout"] == "fails"
+    assert weighed_together([{**leader, "heldout": None}, {**other, "heldout": None}])["heldout"] is None
+
+
+def test_a_verdict_of_all_kinds_tells_the_share_of_the_leader():
+    def telling(training, held, **options):
+        outcome = method_of({"linear_drag": 0.2})[0](training, held, **options)
+        outcome.verdict |= {"explained": {"share": 0.9, "low": 0.8, "high": 1.0, "best_free_form": None}}
+        outcome.verdict |= {"complete": True, "heldout": "holds"}
+        return outcome
+
+    found = together(bodies=(telling, []), bed=method_of({}))
+    assert found.verdict["explained"]["share"] == 0.9 and found.verdict["heldout"] == "holds"
+    assert found.verdict["complete"] is True

@@ -280,7 +280,11 @@ class Fitter:
             x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return self._finish(hypothesis, x, numbers, fixed, known)
         for share in stages:
-            x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
+            if share == 1.0 and near is not None and not fixed and self._of_many_numbers:
+                active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+                x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, near)
+            else:
+                x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
 
     def _known(self, near: Fit | None) -> dict[str, np.ndarray]:
@@ -291,6 +295,11 @@ class Fitter:
         """
         given = {} if near is None else {name: by_start for name, (_, by_start) in near.jacobian.items()}
         return self._by_start | given
+
+    @property
+    def _of_many_numbers(self) -> bool:
+        """Whether most derivatives are by starts, so that those of a fit nearby save most of the runs."""
+        return max(len(self.first_numbers(c.name)) for c in self.cases) >= MANY_OWN
 
     @property
     def segmented(self) -> bool:
@@ -744,6 +753,7 @@ class _Run:
     spin: np.ndarray | None
 
 
+MANY_OWN = 8  # numbers of the starts of a recording: two free bodies
 MANY = 60  # numbers of starts from which their normal equations stand in for singular values
 
 

@@ -209,6 +209,22 @@ def _verdict(parts: Sequence[Part]) -> str:
     return next(v for v in ("missing_physics", "unmodelled", "measurement", "recalibrate", "no_mismatch") if v in every)
 
 
+def weighed_together(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What is explained, whether that is all, what is left and what held-out data say, the leader's verdict first.
+
+    The share is that of the leader, whose errors are told too: shares of different kinds have no common unit. All is
+    complete where every kind is, and held-out data of any kind may turn down what is named.
+    """
+    told = [v.get("heldout") for v in verdicts]
+    held = next((h for h in ("fails", "holds", "undecided") if h in told), None)
+    return {
+        "explained": verdicts[0].get("explained"),
+        "complete": all(bool(v.get("complete")) for v in verdicts),
+        "remains": next((v["remains"] for v in verdicts if v.get("remains")), None),
+        "heldout": held if held == "fails" else (told[0] or held),
+    }
+
+
 def _result(parts: list[Part], leader: Part, notes: list[str], seconds: float, seed: int) -> Diagnosis:
     verdict = empty_verdict(_verdict(parts), leader.verdict["fit"]["unit"])
     verdict["mechanisms"] = _mechanisms(parts)
@@ -216,8 +232,8 @@ def _result(parts: list[Part], leader: Part, notes: list[str], seconds: float, s
     places.sort(key=lambda place: -(place[0]["z"] if place[0]["z"] is not None else 0.0))
     verdict["mismatch"] = [place for place, _ in places]
     verdict["rivals"] = list(leader.verdict["rivals"])
-    for key in ("fit", "explained", "complete", "remains", "heldout"):
-        verdict[key] = leader.verdict[key]
+    verdict["fit"] = leader.verdict["fit"]
+    verdict |= weighed_together([leader.verdict, *(p.verdict for p in parts if p is not leader)])
     nulls = [p.verdict["null"] for p in parts if p.verdict["null"]]
     if nulls:
         least = min(n["p_false_alarm"] for n in nulls)
