@@ -13,6 +13,7 @@ from ..inference.criteria import DEFAULT, Criteria
 from ..inference.explained import Explained, Scores, explained
 from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
 from ..inference.mechanisms import plainly
+from ..inference.noise import Noise
 from ..inference.significance import after_looks
 from ..recording import Recording
 from .blocks import Block, make_blocks, score
@@ -33,9 +34,9 @@ from .held_out import (
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_of, whiteness, window_map
 from .intervals import with_limits
-from .name import InnerSplit, Trial, is_apparatus, label_of, spread_of, try_candidates, unstuck
+from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
-from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
+from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
 from .signatures import Bank, make_bank
 from .steps import time_steps
 
@@ -315,8 +316,10 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     Where what the best fit leaves has no memory, both as they were. A slow part is counted as far as it passes for
     noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
-    noise = memory_of(tried.best, study.training)
-    if not noise.size or study.late(0.55):
+    if study.late(0.55):
+        return study, tried
+    noise = _slow_noise(study, tried)
+    if not noise.size:
         return study, tried
     study.progress("the memory of the noise", 0.58)
     slow = {c.name: replace(c, noise=noise) for c in study.cases}
@@ -337,14 +340,14 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     arms_bank = make_bank(fitter, recalibrated, [t.term for t in tried.arms])
     alive, untried = list[Trial](), list(tried.untried)
     for kind, signatures in ((tried.alive, bank.signatures), (tried.arms, arms_bank.signatures)):
-        by_label = {s.term.label: s for s in signatures}
+        by_form = {_form(s.term): s for s in signatures}
         most = max((t.gain for t in kind), default=0.0)
         for t in kind:
             if t.fit is None or t.gain < AGAIN * most:
                 untried.append(replace(t, fit=None, reason="others explain far more"))
                 continue
             fit = again(t.fit)
-            signature = replace(by_label.get(t.term.label, t.signature), term=t.term)
+            signature = replace(by_form.get(_form(t.term), t.signature), term=t.term)
             alive.append(Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf")))
     best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, training)
@@ -355,6 +358,30 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     named = [t for t in alive if t.term.label not in flexible]
     untried = [t for t in untried if t.term.label not in flexible]
     return study, Tried(naive, recalibrated, tried.terms, bank, named, untried, arms, best, spread, inner_scores)
+
+
+def _slow_noise(study: Study, tried: Tried) -> Noise:
+    """The slow part of the noise; what one more law beside the best explains is slow too, and is not taken for it."""
+    best, fitter = tried.best, study.fitter
+    noise = memory_of(best, fitter.cases)
+    if not noise.size:
+        return noise
+    taken = {t.mechanism for t in best.hypothesis.terms}
+    rest = make_bank(fitter, best, [t for t in tried.terms if t.mechanism not in taken]).signatures
+    for signature in rest:
+        if is_limit(signature.term):  # to first order it changes nothing
+            found = refit(fitter, tried.best, signature, (1.0,))
+            if best.chi2 - found.chi2 > price(len(rest), 1):
+                best = found
+    more = max(rest, key=lambda s: s.gain - 2 * s.directions.shape[1], default=None)
+    if best is not tried.best or more is None or more.gain < price(len(rest), more.directions.shape[1]):
+        return memory_of(best, fitter.cases)
+    return memory_of(best, fitter.cases, more.directions)
+
+
+def _form(term: Term) -> tuple[str, tuple[float, ...]]:
+    """What tells terms of one law apart: its choices, and from which ranges and exponents it is looked for."""
+    return term.label, tuple(f.neutral for f in term.free if f.inner)
 
 
 def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]:

@@ -73,14 +73,20 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
 ANEW = 1_000_000  # frames between two segments, for a memory that ends where one begins
 
 
-def memory_of(fit: Fit, cases: Sequence[Case]) -> Noise:
-    """The slow part of the noise, told from what a fit leaves and counted with what it takes away."""
-    recordings = []
+def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -> Noise:
+    """The slow part of the noise, told from what a fit leaves and counted with what it takes away.
+
+    beside : (n, k) directions in ``Fit.used`` of all recordings in turn that are not to be taken for noise
+    """
+    recordings, at = [], 0
     for case in cases:
         if case.name not in fit.innovations:
             continue
         residuals = case.timed(fit.innovations[case.name], np.ones(len(case.t), dtype=bool))
         by_value, by_start = fit.jacobian[case.name]
+        if beside is not None:
+            by_value = np.hstack([by_value, beside[at : at + len(by_value)]])
+        at += len(by_value)
         seen = np.isfinite(residuals)
         count = int(seen.sum())
         spread_out = [np.zeros((*residuals.shape, by.shape[1])) for by in (by_value, by_start)]

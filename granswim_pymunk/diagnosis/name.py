@@ -169,7 +169,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
     hypothesis = base.hypothesis.with_term(signature.term)
     first_will_do, evaluations, beginnings = _beginnings(base, signature.term)
-    if fitter.segmented and not _is_limit(signature.term):
+    if fitter.segmented and not is_limit(signature.term):
         # over a segment the prediction is nearly linear: its first-order amount is where to begin
         evaluations, beginnings = SHORT, beginnings[:1]
     best: Fit | None = None
@@ -187,7 +187,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     return best
 
 
-def _is_limit(term: Term) -> bool:
+def is_limit(term: Term) -> bool:
     """Whether a term is a single limit, which changes nothing until it is reached."""
     only = term.free[0]
     return len(term.free) == 1 and only.neutral in (only.low, only.high) and bool(np.isfinite(only.high - only.low))
@@ -200,7 +200,7 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     """
     first = np.array([f.first for f in term.free])
     neutral = np.array([f.neutral for f in term.free])
-    if _is_limit(term):
+    if is_limit(term):
         # it is looked for over its range
         only = term.free[0]
         far = only.low + only.high - only.neutral
@@ -219,6 +219,50 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     return True, 8 if len(first) > 12 else 20, usual
 
 
+@dataclass(frozen=True)
+class Heats:
+    """Candidates fitted to the first part of long recordings that the scene without them is far from.
+
+    fits : of those that come near the best there, by their place among the signatures
+    over : those that do not, and are not tried further
+    """
+
+    fits: Mapping[int, Fit]
+    over: frozenset[int]
+
+
+HEAT = 0.35  # of the frames, over which candidates are compared first
+WON = 0.5  # of the misfit there, that the best has to take away for others to be given up; and of that, what these take
+LONG = 600  # frames, from which a first part is worth it
+
+
+def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Callable[[], bool]) -> Heats | None:
+    """Fits to the first part of the recordings, None where they are short, or the scene without a candidate is near.
+
+    Where one law takes most of a misfit far beyond the noise away, those that leave most of it need no further look,
+    and the others begin on the whole from where they ended.
+    """
+    frames = {c.name: np.flatnonzero(fitter.frames[c.name]) for c in fitter.cases}
+    if fitter.segmented or max(map(len, frames.values())) < LONG or base.chi2 < FAR**2 * base.count:
+        return None
+    parts = {c.name: np.zeros(len(c.t), dtype=bool) for c in fitter.cases}
+    for name, rows in frames.items():
+        parts[name][rows[: max(int(HEAT * len(rows)), 1)]] = True
+    first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop)
+    short = first.fit(base.hypothesis, base.values, base.starts, stages=(0.3, 1.0))
+    if short.chi2 < FAR**2 * short.count:
+        return None
+    fits: dict[int, Fit] = {}
+    for k, signature in enumerate(signatures):
+        if signature.surviving > 1e-3 and not is_limit(signature.term) and not late():
+            fits[k] = refit(first, short, signature, (0.3, 1.0))
+    best = min((f.chi2 for f in fits.values()), default=short.chi2)
+    if short.chi2 - best < WON * short.chi2:
+        return Heats(fits, frozenset())
+    lost = {k for k, f in fits.items() if short.chi2 - f.chi2 < WON * (short.chi2 - best)}
+    return Heats({k: f for k, f in fits.items() if k not in lost}, frozenset(lost))
+
+
 def try_candidates(
     fitter: Fitter,
     base: Fit,
@@ -230,6 +274,7 @@ def try_candidates(
     """Refit the candidates that are not imitated by starts and recalibration, best first."""
     trials = []
     order = sorted(bank.signatures, key=lambda s: -s.gain)
+    run = heats(fitter, base, order, late)
     forms: dict[tuple[str, int], int] = {}
     for k, signature in enumerate(order):
         progress(signature.term.label, k, len(order))
@@ -238,8 +283,15 @@ def try_candidates(
         if fitter.segmented and (signature.gain < NEAR * order[0].gain or forms[form] > VARIANTS):
             trials.append(Trial(signature, None, 0.0, float("inf"), "others explain far more to first order"))
             continue
-        if signature.surviving <= 1e-3 and not (_is_limit(signature.term) and not signature.directions.shape[1]):
+        if signature.surviving <= 1e-3 and not (is_limit(signature.term) and not signature.directions.shape[1]):
             trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
+        elif run is not None and k in run.over:
+            trials.append(Trial(signature, None, 0.0, float("inf"), "others explain far more of the first part"))
+        elif run is not None and k in run.fits:
+            begin = run.fits[k]
+            evaluations = _beginnings(base, signature.term)[1]
+            found = fitter.fit(begin.hypothesis, begin.values, begin.starts, evaluations=evaluations)
+            trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
         elif k > 0 and late():
             # candidates come in the order of their first-order gain
             trials.append(Trial(signature, None, 0.0, float("inf"), "not refitted: the time was up"))

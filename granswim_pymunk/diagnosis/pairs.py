@@ -15,7 +15,7 @@ from .choose import ALARM, SAME, choose, worth
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
-from .name import InnerSplit, Trial, is_part, label_of, pair_gains, refit, special_cases, spread_of
+from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls
 from .signatures import Signature, make_bank
 
@@ -152,6 +152,7 @@ def _one_more(
     most = max(t.numbers for t in found)
     open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= most]
     order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
+    order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     trials = []
     for signature in order:
         fit = refit(fitter, revised, signature, (1.0,))
