@@ -282,7 +282,7 @@ class Fitter:
         for share in stages:
             if share == 1.0 and near is not None and not fixed and self._of_many_numbers:
                 active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
-                x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, near)
+                x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
             else:
                 x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
