@@ -244,8 +244,8 @@ def test_what_is_explained_and_left_is_told_of_all_kinds():
 def test_a_verdict_of_all_kinds_tells_the_share_of_the_leader():
     def telling(training, held, **options):
         outcome = method_of({"linear_drag": 0.2})[0](training, held, **options)
-        outcome.verdict |= {"explained": {"share": 0.9, "low": 0.8, "high": 1.0, "best_free_form": None}}
-        outcome.verdict |= {"complete": True, "heldout": "holds"}
+        share = {"share": 0.9, "low": 0.8, "high": 1.0, "best_free_form": None}
+        outcome.verdict.update(explained=share, complete=True, heldout="holds")
         return outcome
 
     found = together(bodies=(telling, []), bed=method_of({}))
