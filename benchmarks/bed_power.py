@@ -17,8 +17,8 @@ from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, 
 from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
-from granswim_pymunk.diagnosis.choose import ALARM
 from granswim_pymunk.diagnosis.fit import basis
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.recording import read_recording
 
 ASKED = 12  # candidates, the first of the search
@@ -50,7 +50,7 @@ def main(folder: str, twins: int = TWINS) -> None:
     print(f"variance of whitened innovations: {np.mean(films**2):.2f}")
     print(f"gain of a number in twins: {np.mean(cross):.2f} by columns of the film, {np.mean(own):.2f} by their own")
     print(f"a bias that so many twins tell: {(twins + 1) / (twins - 1):.2f} times the scatter")
-    levels = [float(np.quantile(gains, 1 - ALARM)) for gains in (plain, null.gains)]
+    levels = [float(np.quantile(gains, 1 - DEFAULT.verdict.alarm)) for gains in (plain, null.gains)]
     print(f"1 % of the nulls: {levels[0]:.1f} in twins, {levels[1]:.1f} in the end")
     print(f"most that a candidate gains here: {null.case:.1f} ({trials[0].term.label})")
 

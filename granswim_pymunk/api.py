@@ -24,6 +24,8 @@ from .scene import Adjustable, Body, LawUse, Scene, scene_from_dict, use
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .inference.criteria import Criteria
+
 LawLike: TypeAlias = LawUse | Law | str | Mapping[str, Any]
 Each: TypeAlias = "float | str | Sequence[float | str] | Mapping[Any, float | str]"
 ONE = "body"  # what a body is called that is alone
@@ -324,6 +326,7 @@ def diagnose(
     minutes: float | None = None,
     seed: int = 0,
     progress: bool | Callable[[str, float], None] = False,
+    criteria: Criteria | None = None,
     **more: Any,
 ) -> Result:
     """Find the physics that a scene lacks: hold its simulation against what was recorded.
@@ -339,6 +342,7 @@ def diagnose(
     out : folder for report.html, verdict.json, figures and the revised scene; None: nothing is written
     minutes : time budget;  seed : of the nulls
     progress : True: a line on stderr; or a function of what is being done and the share that is done
+    criteria : what decides, where it is not as usual, see ``inference.criteria``
     more : what else ``make_recording`` takes: fps, scale, angle, adjustable, periodic_x, position_noise ...
 
     Raises InputError for what cannot be used.
@@ -362,7 +366,7 @@ def diagnose(
     stem = said.pop("name", "tracks")
     found = explain(
         _made(training, stem, said), out, hold_out=_made(held, f"{stem}_held_out", said), minutes=minutes, seed=seed,
-        progress=ProgressLine() if progress is True else progress or None,
+        progress=ProgressLine() if progress is True else progress or None, criteria=criteria,
     )  # fmt: skip
     return Result(found.verdict, found, out)
 

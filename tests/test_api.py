@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +21,7 @@ import granswim_pymunk.api
 import granswim_pymunk.result
 from granswim_pymunk.diagnosis.diagnose import METHODS
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, mismatch_entry
 from granswim_pymunk.report.page import SECTIONS
 from granswim_pymunk.report.style import Drawing
@@ -182,6 +184,19 @@ def seen(monkeypatch):
 
     monkeypatch.setitem(METHODS, "bodies", method)
     return calls
+
+
+def test_criteria_reach_the_diagnosis(monkeypatch):
+    told = []
+
+    def method(training, held, *, minutes, seed, progress):
+        told.append(current().verdict.share)
+        return Diagnosis("bodies", empty_verdict("no_mismatch"))
+
+    monkeypatch.setitem(METHODS, "bodies", method)
+    for criteria in (None, replace(DEFAULT, verdict=replace(DEFAULT.verdict, share=0.8))):
+        gs.diagnose(T, XY, **BODY, criteria=criteria)
+    assert told == [0.5, 0.8] and current() is DEFAULT
 
 
 def test_forms_of_recordings(seen, tmp_path):

@@ -47,12 +47,12 @@ from granswim_pymunk.diagnosis.bed.weigh import (
 )
 from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case, off_by
 from granswim_pymunk.diagnosis.bed.work import CORES, Work
-from granswim_pymunk.diagnosis.choose import ALARM
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.diagnosis.kept import Store, load_array, store_array
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.judge import Judgement, Remains
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
@@ -323,7 +323,7 @@ def test_a_law_in_loud_noise_does_not_hide_one_in_quiet_noise():
         max(first_order(s, left, by_chance.spreads[s.term.label]).ahead for s in signatures) > by_chance.level
         for left in (noise.whiten(f - noise.bias).ravel() for f in films(600))
     ]
-    assert np.mean(beyond) < 3.0 * ALARM
+    assert np.mean(beyond) < 3.0 * DEFAULT.verdict.alarm
 
 
 def test_what_one_window_asks_for_is_told_from_what_all_do():

@@ -1,5 +1,6 @@
 """What explains, what passes for noise, where tracks are cut: the steps of a diagnosis one by one."""
 
+import doctest
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,14 @@ import pytest
 from scipy import stats
 from test_diagnosis import SHORT, collision, filmed
 
+import granswim_pymunk.inference.criteria
 from granswim_pymunk.diagnosis.data import Case, prepare
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import InnerSplit
 from granswim_pymunk.diagnosis.segments import find_impacts, make_segments
 from granswim_pymunk.diagnosis.solve import Blocks, descend
+from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.explained import Explained, Scores, explained
 from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import (
@@ -45,6 +48,22 @@ def test_a_law_is_named_by_what_it_explains_and_not_by_what_is_left():
     assert not accepted(share(0.92), [share(0.995)], 0.0)[0]
     assert not accepted(share(0.6), [], 0.0)[0] and accepted(share(0.75), [], 0.0)[0]  # no form to hold against
     assert accepted(share(0.1, sure=False), [], 10.0)[0] and not accepted(share(0.1, sure=False), [], -10.0)[0]
+
+
+def test_criteria_decide_inside_and_nowhere_else():
+    strict = replace(DEFAULT, verdict=replace(DEFAULT.verdict, share=0.8))
+    sixty = Explained(0.6, 0.5, 0.7, 0.4, 1.0, True)
+    form = Explained(0.2, 0.1, 0.3, 0.8, 1.0, True)
+    assert accepted(sixty, [form], 0.0)[0]
+    with using(strict):
+        assert not accepted(sixty, [form], 0.0)[0] and current() is strict
+        with pytest.raises(KeyError), using(DEFAULT):
+            raise KeyError
+        assert current() is strict
+        with using(None):
+            assert current() is strict
+    assert accepted(sixty, [form], 0.0)[0] and current() is DEFAULT
+    assert doctest.testmod(granswim_pymunk.inference.criteria) == (0, 3)
 
 
 def test_the_share_is_of_the_mismatch_beyond_the_floor():

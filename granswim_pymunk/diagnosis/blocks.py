@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inference.criteria import DEFAULT, BlockCriteria
+from ..inference.criteria import BlockCriteria, current
 from ..inference.explained import Scores
 from ..inference.noise import Noise
 from ..laws import all_laws
@@ -39,8 +39,9 @@ class Block:
         return self.start | self.rest
 
 
-def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks) -> list[Block]:
+def make_blocks(cases: Sequence[Case], criteria: BlockCriteria | None = None) -> list[Block]:
     """Whole recordings where there are three or more for training, otherwise pieces of the training parts."""
+    criteria = criteria or current().blocks
     training = [c for c in cases if not c.held_out and c.training.any()]
     blocks = []
     whole = len(training) >= criteria.recordings
@@ -57,12 +58,13 @@ def make_blocks(cases: Sequence[Case], criteria: BlockCriteria = DEFAULT.blocks)
 
 
 def cut(
-    t: np.ndarray, rows: np.ndarray, pieces: int, share: float, criteria: BlockCriteria = DEFAULT.blocks
+    t: np.ndarray, rows: np.ndarray, pieces: int, share: float, criteria: BlockCriteria | None = None
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Pieces of frames ``rows`` of times t (T,): masks (T,) of those a start is fitted on, and of the rest.
 
     share : of a piece's time that its start is fitted on, at least ``criteria.start_frames`` frames
     """
+    criteria = criteria or current().blocks
     result = []
     for part in np.array_split(rows, max(1, min(pieces, len(rows) // criteria.frames))):
         begin, end = t[part[0]], t[part[-1]]
@@ -152,13 +154,14 @@ def score(
     predictor: Predictor,
     noise: Noise,
     rng: np.random.Generator,
-    criteria: BlockCriteria = DEFAULT.blocks,
+    criteria: BlockCriteria | None = None,
 ) -> Scores:
     """Predict each block from a start fitted on its first frames, with numbers found without it.
 
     The expected covariance is that of white noise and of the start that comes of it: 1 + J_2 (J_1'J_1)^-1 J_2', J the
     derivatives by the start on its frames and on the rest. A block that cannot be run counts as ``failed``.
     """
+    criteria = criteria or current().blocks
     sums: dict[tuple[Any, ...], float] = {}
     counts: dict[tuple[Any, ...], int] = {}
     residuals: dict[int, np.ndarray] = {}

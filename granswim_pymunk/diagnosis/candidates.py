@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..inference.criteria import DEFAULT
+from ..inference.criteria import current
 from ..joints import arm_of
 from ..laws import Law, all_laws
 from ..scene import Scene, use
@@ -24,7 +24,6 @@ from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 
 TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
-SCALE_OFF = DEFAULT.verdict.scale_off
 FEWEST_PLACES = 20  # from which the middle of a picture is told
 FARTHEST = 3.0  # of the extent of all tracks: how far from their mean the middle of a lens is looked for
 FEW = 6  # bodies that a push on a single one is looked for among
@@ -257,7 +256,8 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
     terms = []
     if positions:
-        scale = Free("camera.scale", "1", 1 - SCALE_OFF, 1 + SCALE_OFF, 1.0, 1e-3, None, 1.0)
+        off = current().verdict.scale_off
+        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, 1e-3, None, 1.0)
         terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
@@ -299,7 +299,7 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
         about = tuple(map(float, values[1:])) if len(values) > 1 else tuple(map(float, middle))
         return scene, {**camera, "distortion": float(values[0]), "middle": about}
 
-    most = SCALE_OFF / extent**2
+    most = current().verdict.scale_off / extent**2
     k = Free("camera.distortion", "1/m^2", -most, most, 0.0, 1e-3 / extent**2)
     o = [
         Free(

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from ..inference.criteria import current
 from ..laws import all_laws
 from .candidates import camera_terms, for_bodies, owners
 from .data import Case
@@ -16,8 +17,6 @@ from .fit import Fit, Fitter
 from .hypothesis import Hypothesis, Predictor
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
-ALARM = 0.01  # the share of noise-only recordings that may be called a mismatch
-SAME = 4.0  # two laws whose chi2 differ by less (d' below 2) cannot be told apart on these data
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
 POOR = 0.03  # share of the misfit (in chi2, inside the training part) left by one law, above which two are looked for
 REPLICATES = 299
@@ -82,11 +81,11 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
         return None
     if spread <= 1.0:
         best = max(trials, key=lambda t: worth(t, spread))
-        same = [t for t in trials if worth(best, spread) - worth(t, spread) < SAME]
+        same = [t for t in trials if worth(best, spread) - worth(t, spread) < current().verdict.same]
         # the best of several richer laws gains by chance more than one of them would
         for t in trials:
             extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
-            if extra > 0 and best.holds(t, SAME * spread) and ahead < stats.chi2.isf(SIMPLER, extra):
+            if extra > 0 and best.holds(t, current().verdict.same * spread) and ahead < stats.chi2.isf(SIMPLER, extra):
                 same.append(t)
     else:
         near = [t for t in trials if worth(t, spread) > 0.5 * max(worth(u, spread) for u in trials)]
@@ -112,7 +111,7 @@ def of_the_apparatus(chosen: Trial, trials: Sequence[Trial], spread: float) -> T
     equals = [
         t for t in trials
         if t.term.suited and chosen.mechanism in laws[t.term.law].stands_for
-        and worth(chosen, spread) - worth(t, spread) < SAME
+        and worth(chosen, spread) - worth(t, spread) < current().verdict.same
     ]  # fmt: skip
     return max(equals, key=lambda t: t.gain, default=chosen)
 
@@ -183,7 +182,7 @@ def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, sp
     term, index = others
     start = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)], [1.0]])
     rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
-    return (rival.chi2 - chosen.fit.chi2) / spread < SAME
+    return (rival.chi2 - chosen.fit.chi2) / spread < current().verdict.same
 
 
 def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, training: Sequence[Case]) -> float:
@@ -212,6 +211,6 @@ def rivals_of(found: list[Trial], alive: list[Trial], spread: float, verdict: st
         if t.gain < 0.2 * winner.gain:
             continue
         seen.add(t.mechanism)
-        same = worth(winner, spread) - worth(t, spread) < SAME
+        same = worth(winner, spread) - worth(t, spread) < current().verdict.same
         result.append((t, bool(same)))
     return result[:8]

@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from ..errors import InputError
-from ..inference.criteria import DEFAULT
+from ..inference.criteria import current
 from ..inference.noise import Noise, coloured, outliers, slopes, timing, whitened
 from ..joints import hinged
 from ..recording import Recording
@@ -223,7 +223,7 @@ def _timed_noise(
     tau, larger = timing(t, values, np.array(base), stated)
     if not tau:
         return list(sigmas), 0.0
-    off = abs(np.log(larger)) > DEFAULT.noise.stated_off
+    off = abs(np.log(larger)) > current().noise.stated_off
     return [b * larger if off or not known else b for b in base], tau
 
 
@@ -269,7 +269,7 @@ def _weighed_noise(
         if not ratios or told < LEAST_TOLD:
             continue
         off = float(np.median(ratios))
-        if abs(off) > DEFAULT.noise.stated_off:
+        if abs(off) > current().noise.stated_off:
             refuted = True
             mine = [c for c, channel in enumerate(channels) if channel.kind in kinds]
             for c in mine:

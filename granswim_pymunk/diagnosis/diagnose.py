@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..inference.criteria import Criteria, using
 from ..inference.result import Diagnosis
 from ..recording import Recording, read_recording, resolve_recording
 from .bed import diagnose_bed
@@ -81,12 +82,13 @@ def diagnose(
     minutes: float | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
+    criteria: Criteria | None = None,
 ) -> Diagnosis:
     """Explain recordings together by one set of missing laws, and write it down where a folder is given.
 
     recordings, hold_out : Recording objects, folders, or names of shipped recordings
     out : folder for verdict.json, report.html, figures/, revised.toml; None: nothing is written
-    minutes : time budget; seed : of the nulls
+    minutes : time budget; seed : of the nulls;  criteria : what decides, where it is not as usual
     Recordings of different kinds are explained together, see ``together``.
     Raises InputError for recordings that cannot be used.
     """
@@ -103,11 +105,12 @@ def diagnose(
         out = Path(out)
         _try_to_write(out)
     tell = progress or (lambda text, share: None)
-    if len(groups) > 1:
-        diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
-    else:
-        method = METHODS[next(iter(groups), "bodies")]
-        diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
+    with using(criteria):
+        if len(groups) > 1:
+            diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
+        else:
+            method = METHODS[next(iter(groups), "bodies")]
+            diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
     if out is not None:
         from ..report import write_diagnosis
 

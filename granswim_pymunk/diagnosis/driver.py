@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
-from ..inference.criteria import DEFAULT, Criteria
+from ..inference.criteria import Criteria, current
 from ..inference.explained import Explained, Scores, explained
 from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
 from ..inference.mechanisms import plainly
@@ -18,7 +18,7 @@ from ..inference.significance import after_looks
 from ..recording import Recording
 from .blocks import Block, make_blocks, score
 from .candidates import flexible_terms, named_terms
-from .choose import ALARM, POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
+from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
 from .fit import Fit, Fitter, joined
@@ -396,7 +396,7 @@ def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None
     gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
     noise = noise_of(tried.best, study.fitter.cases, tried.spread)
     null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
-    return null, chosen if null.p <= ALARM else None
+    return null, chosen if null.p <= current().verdict.alarm else None
 
 
 def _explained(
@@ -464,7 +464,7 @@ class Weighed:
     named_scores: Scores | None
     forms: list[tuple[Trial, Explained]]
     best_form: Trial | None
-    criteria: Criteria = DEFAULT
+    criteria: Criteria = field(default_factory=current)
     told: dict[int, Completeness] = field(default_factory=dict)
 
     def completeness(self, fit: Fit, study: Study) -> Completeness:
@@ -518,7 +518,7 @@ def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> We
 def _best_form(helps: Sequence[tuple[Trial, Explained]], spread: float) -> Trial | None:
     """The form that leaves least; of those that leave as little, within what replicates do, the simplest that fits."""
     least = min((e.left for _, e in helps), default=0.0)
-    near = [t for t, e in helps if e.left - least <= DEFAULT.verdict.beyond * e.spread]
+    near = [t for t, e in helps if e.left - least <= current().verdict.beyond * e.spread]
     return max(near, key=lambda t: worth(t, spread), default=None)
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..inference.criteria import DEFAULT
+from ..inference.criteria import current
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Predictor
-
-DECIDES = DEFAULT.verdict.decides
 
 
 @dataclass(frozen=True)
@@ -86,10 +84,10 @@ def propose(
         d = float(np.sqrt(total))
         if best is None or d > 1.1 * best.d_prime:
             best = Proposal(text, names, d)
-    if best is not None and best.d_prime >= DECIDES:
+    if best is not None and best.d_prime >= current().verdict.decides:
         return best
     told = _apparatus_check(winner, names, training)
-    if told is not None and told.d_prime >= DECIDES:
+    if told is not None and told.d_prime >= current().verdict.decides:
         return told
     if best is None:
         return told

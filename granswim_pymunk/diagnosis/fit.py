@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import least_squares
 
-from ..inference.criteria import DEFAULT
+from ..inference.criteria import current
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
 from .segments import Segment, limits_of, make_segments
@@ -154,7 +154,7 @@ class Fitter:
         self.frames = {c.name: (frames[c.name] if frames else c.training) for c in self.cases}
         self.predictor = predictor
         self.stop = stop
-        criteria = replace(DEFAULT.segments, frames=10**9) if whole else DEFAULT.segments
+        criteria = replace(current().segments, frames=10**9) if whole else current().segments
         self.segments = {c.name: make_segments(c, self.frames[c.name], criteria) for c in self.cases}
         # (n, q) of each recording, derivatives by its starts at the fit that came last
         self._by_start: dict[str, np.ndarray] = {}

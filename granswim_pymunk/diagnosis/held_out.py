@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inference.criteria import DEFAULT
+from ..inference.criteria import current
 from ..inference.judge import paired
 from ..scene import Scene
 from .blocks import cut
@@ -220,7 +220,7 @@ def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
 
     None where the recording can be followed from one start: then the run goes on.
     """
-    criteria = DEFAULT.blocks
+    criteria = current().blocks
     if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
         return []
     return cut(case.t, np.flatnonzero(case.scored), criteria.windows, criteria.start)

@@ -9,9 +9,10 @@ from itertools import chain
 
 import numpy as np
 
+from ..inference.criteria import current
 from ..laws import all_laws
 from .candidates import fastest_of
-from .choose import ALARM, SAME, choose, worth
+from .choose import choose, worth
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
@@ -109,7 +110,7 @@ def drag_and_push(
             fit = refit(fitter, alone, push, (1.0,))
             if best is None or fit.chi2 < best[0].chi2:
                 best = fit, drag.signatures[0], push
-        if best is None or (best[0].chi2 - revised.chi2) / spread_of(best[0], training) > SAME:
+        if best is None or (best[0].chi2 - revised.chi2) / spread_of(best[0], training) > current().verdict.same:
             continue
         fit, drag_, push = best
         score, _ = inner.score(fit)
@@ -182,7 +183,7 @@ def _one_more(
         np.array([s.surviving > 0.02 for s in beside.signatures]),
         best.gain, 99, rng,
     )  # fmt: skip
-    if null.p > ALARM:
+    if null.p > current().verdict.alarm:
         return nothing
     # those found may only have been stuck: refitted alone from where all ended
     alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
@@ -219,7 +220,7 @@ def pair_of(
             continue
         whole = make_bank(fitter, base, [a.term, b.term])
         null = search_nulls(whole, noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
-        if null.p <= ALARM:
+        if null.p <= current().verdict.alarm:
             best = score
             winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
             inner_scores[label_of(*winner)] = score
@@ -331,7 +332,7 @@ def _partners(
             begin = [*fit.values[:offset], *fit.values[rows], amount]
             found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
             gain = base.chi2 - found.chi2
-            if gain > best[0].gain + SAME * spread_of(found, training):
+            if gain > best[0].gain + current().verdict.same * spread_of(found, training):
                 score, _ = inner.score(found)
                 best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
                 inner_scores[label_of(*best)] = score
@@ -397,7 +398,7 @@ def settled(
         others = exchanges(found, revised, recalibrated, fitter, terms, spread)
         open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, terms)]
         better = max(open_, key=lambda e: e.ahead, default=None)
-        if better is None or better.ahead <= SAME or better.trial.fit is None:
+        if better is None or better.ahead <= current().verdict.same or better.trial.fit is None:
             break
         now, _ = inner.score(better.trial.fit)
         if not now < score:
@@ -421,12 +422,13 @@ def settled(
 
 def _is_of_the_apparatus(e: Exchange) -> bool:
     """Whether a law does as well as the one it would replace, for which it stands in such an apparatus."""
-    return e.trial.term.suited and e.replaced.mechanism in all_laws()[e.trial.term.law].stands_for and e.ahead > -SAME
+    stands = e.trial.term.suited and e.replaced.mechanism in all_laws()[e.trial.term.law].stands_for
+    return stands and e.ahead > -current().verdict.same
 
 
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
     """Laws that may stand in place of one of the two found, best first; True where these data cannot tell."""
     for e in others:
-        if e.ahead > -SAME:
+        if e.ahead > -current().verdict.same:
             notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
-    return [(e.trial, e.ahead > -SAME) for e in others[:3]]
+    return [(e.trial, e.ahead > -current().verdict.same) for e in others[:3]]

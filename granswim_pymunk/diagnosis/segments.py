@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..inference.criteria import DEFAULT, SegmentCriteria
+from ..inference.criteria import SegmentCriteria, current
 from ..scene import Scene
 from ..walls import gap_to_wall
 from .data import Case
@@ -64,8 +64,9 @@ class Impact:
     speed: dict[str, float]
 
 
-def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria = DEFAULT.segments) -> tuple[Segment, ...]:
+def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | None = None) -> tuple[Segment, ...]:
     """Segments of the ``frames`` (T,) of a recording: one, or one between each two impacts."""
+    criteria = criteria or current().segments
     rows = np.flatnonzero(frames)
     impacts = [i for i in find_impacts(case, criteria) if rows[0] < i.row < rows[-1]] if len(rows) else []
     cuts: list[tuple[int, list[Impact]]] = []
@@ -122,8 +123,9 @@ def limits_of(segments: Sequence[Segment]) -> np.ndarray:
     return np.concatenate([s.limit for s in segments])
 
 
-def find_impacts(case: Case, criteria: SegmentCriteria = DEFAULT.segments) -> list[Impact]:
+def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
     """Where bodies met, told from the tracks: their gap has a minimum near zero and their velocities change there."""
+    criteria = criteria or current().segments
     scene = case.recording.scene
     if not any(scene.laws_named(name) for name in CONTACTS) or len(case.t) < 2 * criteria.around + 2:
         return []

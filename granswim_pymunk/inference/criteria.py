@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 
@@ -104,6 +107,7 @@ class VerdictCriteria:
     beyond : spreads of the difference between replicates from which a share can be said
     scale_off : a scale of the picture that is off by more is no explanation
     decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
+    same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
     """
 
     alarm: float = 0.01
@@ -115,11 +119,19 @@ class VerdictCriteria:
     beyond: float = 2.0
     scale_off: float = 0.3
     decides: float = 2.0
+    same: float = 4.0
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """All of them; ``diagnose(..., criteria=...)`` overrides."""
+    """All of them; ``diagnose(..., criteria=...)`` overrides.
+
+    >>> from dataclasses import replace
+    >>> strict = Criteria(verdict=replace(DEFAULT.verdict, share=0.8))
+    >>> with using(strict):
+    ...     current().verdict.share
+    0.8
+    """
 
     noise: NoiseCriteria = field(default_factory=NoiseCriteria)
     segments: SegmentCriteria = field(default_factory=SegmentCriteria)
@@ -128,3 +140,22 @@ class Criteria:
 
 
 DEFAULT = Criteria()
+_CURRENT: ContextVar[Criteria] = ContextVar("criteria", default=DEFAULT)
+
+
+def current() -> Criteria:
+    """What decides in the diagnosis that is under way."""
+    return _CURRENT.get()
+
+
+@contextmanager
+def using(criteria: Criteria | None) -> Iterator[None]:
+    """Let these criteria decide in all that is called inside; None: as it is."""
+    if criteria is None:
+        yield
+        return
+    token = _CURRENT.set(criteria)
+    try:
+        yield
+    finally:
+        _CURRENT.reset(token)

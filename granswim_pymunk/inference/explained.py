@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .criteria import DEFAULT, BlockCriteria
+from .criteria import BlockCriteria, current
 
 LEAST_DRAWN = 0.05  # of the mismatch, that a sample of the bootstrap has to hold
 
@@ -60,13 +60,15 @@ class Explained:
 
 
 def explained(
-    after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria = DEFAULT.blocks,
-    beyond: float = DEFAULT.verdict.beyond, few: bool = False,
+    after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria | None = None,
+    beyond: float | None = None, few: bool = False,
 ) -> Explained:  # fmt: skip
     """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed.
 
     few : the floor is the mean of so few replicates that its own error widens the interval: they are drawn anew, too
     """
+    criteria = criteria or current().blocks
+    beyond = current().verdict.beyond if beyond is None else beyond
     units = [u for u in before.sums if u in after.sums]
     if not units:
         return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)

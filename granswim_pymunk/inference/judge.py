@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .criteria import DEFAULT, Criteria
+from .criteria import Criteria, current
 from .explained import Explained, Scores
 from .noise import Noise, chance_of, fit_noise
 
@@ -22,8 +22,9 @@ class Completeness:
     passes: bool
 
 
-def completeness(residuals: Sequence[np.ndarray], criteria: Criteria = DEFAULT) -> Completeness:
+def completeness(residuals: Sequence[np.ndarray], criteria: Criteria | None = None) -> Completeness:
     """residuals : of each channel, seen minus predicted over the white part of the noise, (n,) each."""
+    criteria = criteria or current()
     noise = fit_noise(residuals, criteria.noise)
     chance = chance_of(residuals, noise)
     return Completeness(noise, chance, chance >= criteria.noise.alarm)
@@ -91,13 +92,14 @@ class Judgement:
 
 
 def accepted(
-    named: Explained, forms: Sequence[Explained], ahead: float, criteria: Criteria = DEFAULT
+    named: Explained, forms: Sequence[Explained], ahead: float, criteria: Criteria | None = None
 ) -> tuple[bool, str]:
     """Whether named laws are the explanation, and why not.
 
     named : what they explain;  forms : what forms without a name explain in their place
     ahead : chi2 by which the names are ahead of the best form, its further numbers paid for (AIC)
     """
+    criteria = criteria or current()
     c = criteria.verdict
     if not named.sure:
         # too weak for a share: chi2 beyond the nulls, and beyond all forms without a name

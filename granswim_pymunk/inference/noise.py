@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ..compiled import njit
-from .criteria import DEFAULT, NoiseCriteria
+from .criteria import NoiseCriteria, current
 
 BANDS = (4, 12, 40)  # lowest frequencies that are summed, beside the lower half: physics that was left out is slow
 TRUSTED = 1.5  # by how much the fast half of a spectrum may differ from the noise that was believed and still be it
@@ -206,12 +206,13 @@ def _spectra(residuals: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
     return found
 
 
-def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria = DEFAULT.noise) -> Noise:
+def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria | None = None) -> Noise:
     """The noise that makes residuals of several channels, in units of the white part, most likely.
 
     Only the slow part is looked for, within what the criteria let pass; the white part is known.
     -2 ln L = 2 sum(ln S + I/S) over frequencies (Whittle 1953, Ark. Mat. 2, 423).
     """
+    criteria = criteria or current().noise
     series = [power for power, _ in _spectra(residuals)]
     if not series:
         return Noise()
@@ -247,12 +248,13 @@ class Seen:
     steps: np.ndarray
 
 
-def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria = DEFAULT.noise) -> Noise:
+def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) -> Noise:
     """The slow part of the noise, within what the criteria let pass, by restricted maximum likelihood.
 
     -2 ln L = ln det C + ln det(J' C^-1 J) + r' C^-1 r - r' C^-1 J (J' C^-1 J)^-1 J' C^-1 r: a fit of J takes the
     slowest noise away, which is counted as not seen. Source: Patterson & Thompson 1971, Biometrika 58, 545.
     """
+    criteria = criteria or current().noise
     levelled = [_levelled(seen) for seen in recordings]
     sizes = criteria.slow_most * np.array([0.2, 0.35, 0.5, 0.7, 0.85, 1.0])
     best, least = Noise(), _restricted(levelled, Noise()) - AIC
@@ -334,12 +336,13 @@ def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
     return min(1.0, least * len(bands))
 
 
-def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCriteria = DEFAULT.noise) -> np.ndarray:
+def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCriteria | None = None) -> np.ndarray:
     """(T,) True where a single sighting is off the line through the frames before it and off that through those after.
 
     t (T,) [s], values (T,), NaN where not seen. A kink, as in a collision, continues one of the two; a jump that
     stays continues the other.
     """
+    criteria = criteria or current().noise
     found = np.zeros(len(t), dtype=bool)
     for _ in range(3):  # neighbours that are outliers themselves hide others
         seen = np.flatnonzero(np.isfinite(values) & ~found)

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..diagnosis.choose import ALARM
 from ..diagnosis.unseen.checks import prediction
 from ..diagnosis.unseen.response import spread_of
+from ..inference.criteria import current
 from .style import (
     COLOURS,
     FLOOR,
@@ -162,7 +162,7 @@ def candidates(f: Finding) -> Figure:
     axis.set_yticklabels([f"{shortened(t.suspect.label, 34)} ({t.surviving:.2f})" for t in trials])
     axis.invert_yaxis()
     if f.search.nulls is not None:
-        axis.axvline(float(np.quantile(f.search.nulls.best, 1 - ALARM)), color=SEEN, lw=0.8, ls="--")
+        axis.axvline(float(np.quantile(f.search.nulls.best, 1 - current().verdict.alarm)), color=SEEN, lw=0.8, ls="--")
     axis.set_xlabel("fall of the misfit (chi2); dashed: 99 % of the nulls stay below")
     return figure
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..choose import ALARM
+from ...inference.criteria import current
 from ..fit import basis
 from ..nulls import Null
 from .bench import Bench, Windows
@@ -43,7 +43,7 @@ class Chance:
     @property
     def level(self) -> float:
         """How far a law is ahead by chance in few searches."""
-        return float(np.quantile(self.best, 1 - ALARM))
+        return float(np.quantile(self.best, 1 - current().verdict.alarm))
 
     def threshold(self, trial: BedTrial) -> float:
         """What a trial gains in chi2 by chance, without the window that brings most, in few searches."""

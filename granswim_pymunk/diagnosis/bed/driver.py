@@ -15,9 +15,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...errors import InputError
+from ...inference.criteria import current
 from ...inference.judge import Judgement, Remains
 from ...recording import Recording
-from ..choose import ALARM
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
@@ -222,7 +222,7 @@ def diagnose_windows(
     plain = _without_law(search, noise)
     answer = _refined(search, plain, leading, trials, signatures, noise, start.wrong is None, rng, notes)
     arm = None
-    if answer.unexplained > UNEXPLAINED and null.p <= ALARM:
+    if answer.unexplained > UNEXPLAINED and null.p <= current().verdict.alarm:
         arm, ahead = _beyond_names(search, answer, trials, notes)
         if arm is not None and ahead:
             trials = [arm, *trials]
@@ -286,7 +286,7 @@ def _concluded(f: Found, seed: int, progress: Progress) -> BedDiagnosis:
         verdict = "unmodelled"
     strayed = astray(bench, seen.predicted.get("recalibrated")) if not laws else None
     p = null.p
-    if verdict == "no_mismatch" and p <= ALARM:
+    if verdict == "no_mismatch" and p <= current().verdict.alarm:
         notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
     if strayed is not None:
         verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
@@ -469,7 +469,7 @@ def _leading(
     if p <= 0.1:
         trials = search.leaders(trials, search.bench.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
-    if p > ALARM:
+    if p > current().verdict.alarm:
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
     sure = [t for t in trials if t.gain is not None and t.gain - t.lent >= SURE]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ...inference.mechanisms import APPARATUS
-from ..choose import ALARM, SAME
 from .bench import Bench, Prediction, Windows
 from .places import Place
 from .trial import CHAOS, SURE, BedTrial
@@ -79,7 +79,7 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
             place = Place(swimmer, "swimmer", None, None, None, away, min(p * looks, 1.0))
             found.append(Strayed(place, text, "how far the swimmer ends from where it is predicted"))
     worst = min(found, key=lambda s: s.place.p, default=None)
-    return worst if worst is not None and worst.place.p <= 0.1 * ALARM else None
+    return worst if worst is not None and worst.place.p <= 0.1 * current().verdict.alarm else None
 
 
 def _beside_twins(seen: float, twins: np.ndarray) -> tuple[float, float]:
@@ -161,5 +161,5 @@ def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[
             continue
         seen.add(key)
         names.add(t.mechanism)
-        rivals.append((t, bool(score - t.worth < SAME + CHAOS)))
+        rivals.append((t, bool(score - t.worth < current().verdict.same + CHAOS)))
     return rivals

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..choose import SAME
+from ...inference.criteria import current
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
 from ..name import special_cases
@@ -292,7 +292,8 @@ def no_narrower(trials: Sequence[BedTrial]) -> list[BedTrial]:
 
     def needed(t: BedTrial) -> bool:
         alike = [o for o in trials if o.mechanism == t.mechanism]
-        return all(t.worth > o.worth + SAME for o in alike if set(o.term.bodies or ()) > set(t.term.bodies or ()))
+        wider = [o for o in alike if set(o.term.bodies or ()) > set(t.term.bodies or ())]
+        return all(t.worth > o.worth + current().verdict.same for o in wider)
 
     return [t for t in trials if needed(t)]
 
@@ -361,7 +362,7 @@ def flexible_arm(search: Search, swimmer: bool = False) -> BedTrial | None:
             if clock.late(0.92):
                 break
             turned = search.turned(refitted)
-            if turned is None or turned.worth < refitted.worth + SAME:
+            if turned is None or turned.worth < refitted.worth + current().verdict.same:
                 break
             refitted = turned
         done.append(refitted)
@@ -400,7 +401,7 @@ def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
     first = trials[0].mechanism
     names = {t.mechanism for t in trials} - {first} if first == "unknown" else set(special_cases(first))
     plain = next((t for t in trials if t.mechanism in names and t.gain is not None), None)
-    if plain is None or trials[0].worth - plain.worth > SAME + CHAOS:
+    if plain is None or trials[0].worth - plain.worth > current().verdict.same + CHAOS:
         return trials
     return [plain, *(t for t in trials if t is not plain)]
 
@@ -410,6 +411,6 @@ def clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
     if not trials or trials[0].gain is None or trials[0].mechanism not in LATE:
         return trials
     offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
-    if offset is None or trials[0].worth - offset.worth > SAME + CHAOS:
+    if offset is None or trials[0].worth - offset.worth > current().verdict.same + CHAOS:
         return trials
     return [offset, *(t for t in trials if t is not offset)]

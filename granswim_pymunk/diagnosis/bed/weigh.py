@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from ...inference.criteria import DEFAULT
+from ...inference.criteria import current
 from ...inference.explained import Explained, Scores, explained
 from ...inference.judge import Judgement, Remains, accepted, paired
 from ...inference.mechanisms import plainly
@@ -126,7 +126,7 @@ def share_of(after: Scores, before: Scores, rng: np.random.Generator) -> Explain
     """See ``explained``; few twins know their spread badly: Student's t in place of the normal, and of their mean."""
     number = max(len(before.floor), 2)
     student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
-    return explained(after, before, rng, beyond=DEFAULT.verdict.beyond * student, few=True)
+    return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True)
 
 
 @dataclass
@@ -230,7 +230,7 @@ def weighed(
     left = told.named.left_before
     against = [e for _, e in forms] or [Explained(0.0, 0.0, 0.0, left, left, told.named.sure)]
     good, why = accepted(told.named, against, 0.0)
-    least = DEFAULT.verdict.share
+    least = current().verdict.share
     if not good and 0 < told.named.low < told.named.share < least <= told.named.high:
         # few twins know the floor badly: a share that may as well be enough takes no name away
         notes.append(f"{why}, within {100 * told.named.low:.0f} to {100 * told.named.high:.0f} %: twins are few")

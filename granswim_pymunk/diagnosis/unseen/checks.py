@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ...inference.significance import normal_score
-from ..choose import ALARM
 from .conclude import Finding, Spot, extra_of
 from .response import Fit, Means, add, fit, spread_of
 from .runs import Job
@@ -135,7 +135,7 @@ def locate(f: Finding) -> list[Spot]:
         if len(most) and tail < most[0]:
             # beyond all nulls: the tail of F, all places counted
             p = min(p, float(np.exp(max(tail + math.log(len(here)), -690.0))))
-        if p < ALARM:
+        if p < current().verdict.alarm:
             which = j if j < joints else None
             spots.append((tail, Spot(which, normal_score(p), p, None if which is None else _phase(f, base, j))))
     spots.sort(key=lambda item: item[0])

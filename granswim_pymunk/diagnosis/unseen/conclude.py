@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import stats
 
-from ..choose import ALARM, SAME
+from ...inference.criteria import current
 from .candidates import Suspect
 from .response import Fit, fit, spread_of, whitened
 from .search import (
@@ -33,9 +33,7 @@ from .search import (
 # one and the same where only the drive depends on time (contract): what differs is the error of the runs
 EQUIVALENT = {frozenset(("actuator_delay", "time_offset"))}
 CHANCE = 1e-3  # of a law beyond the first by chance, all that were tried counted
-ENOUGH, SURE = 0.7, 0.9  # shares of the misfit that a named law has to explain; above which little may be left
 RESAMPLES = 400
-OFF_SCALE = 0.3  # a camera scale that is off by more is no explanation
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class Finding:
     @property
     def complete(self) -> bool:
         """Whether what the last fit leaves passes for packings and tracking noise."""
-        return self.left[0] > ALARM
+        return self.left[0] > current().verdict.alarm
 
     def extra(self) -> list[tuple]:
         """(term, values) of the laws found, the apparatus left out."""
@@ -146,11 +144,11 @@ def search_and_conclude(s: Search) -> Finding:
         more_runs(s, chosen, 0.6)
         bank = screen(s, suspects)
         open_ = [t for t in s.trials if not t.reason and t.gain > 0]
-    if s.p_search > ALARM or not open_:
+    if s.p_search > current().verdict.alarm or not open_:
         return _without(s)
     leaders = _refitted_leaders(s, open_)
     assert s.nulls is not None
-    threshold = max(float(np.quantile(s.nulls.best, 1 - ALARM)), 8.0)
+    threshold = max(float(np.quantile(s.nulls.best, 1 - current().verdict.alarm)), 8.0)
     leaders = [t for t in leaders if sensible(s, t)]
     if not leaders or leaders[0].worth < threshold:
         return _without(s)
@@ -186,8 +184,10 @@ def judge(f: Finding) -> None:
     e = f.explained
     if e is None:
         return
-    beaten = e.free is not None and 1 - e.free < (0.1 if e.share >= SURE else 0.5) * (1 - e.share)
-    if e.share < (ENOUGH if e.free is None else 0.5) or e.low <= 0 or beaten:
+    c = current().verdict
+    part = c.free_form_high if e.share >= c.high else c.free_form
+    beaten = e.free is not None and 1 - e.free < part * (1 - e.share)
+    if e.share < (c.share_alone if e.free is None else c.share) or e.low <= 0 or beaten:
         f.verdict = "unmodelled"
         f.search.notes.append(
             f"the best named law, {f.found[0].suspect.name}, explains {100 * e.share:.0f} % of the misfit"
@@ -206,7 +206,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     settled: set[str] = set()
     while leaders:
         # whoever comes near the best has to be known as well as the best
-        near = [t for t in leaders if leaders[0].worth - t.worth < 0.2 * leaders[0].worth + SAME]
+        near = [t for t in leaders if leaders[0].worth - t.worth < 0.2 * leaders[0].worth + current().verdict.same]
         rest = [t for t in near[: s.sizes.leaders] if t.suspect.label not in settled]
         if not rest:
             break
@@ -215,7 +215,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
         leaders.sort(key=lambda t: -t.worth)
     dueled: set[str] = set()
     for t in leaders[1:3]:
-        if leaders[0].worth - t.worth < SAME + 2 * _noise(s, leaders[0], t):
+        if leaders[0].worth - t.worth < current().verdict.same + 2 * _noise(s, leaders[0], t):
             # the error of the simulated means is what keeps these two together: more runs of both
             for one in (leaders[0], t):
                 if one.suspect.label not in dueled:
@@ -233,7 +233,7 @@ def sensible(s: Search, t: Trial) -> bool:
                 s.notes.append(f"{t.suspect.label} is no explanation: it runs into its bound, {f.name} = {value:.3g}")
                 return False
     value = float(t.values()[0])
-    if (t.suspect.name == "camera_scale" and abs(value - 1) > OFF_SCALE) or (
+    if (t.suspect.name == "camera_scale" and abs(value - 1) > current().verdict.scale_off) or (
         t.suspect.name == "added_mass" and value > 1
     ):
         s.notes.append(f"{t.suspect.label} is no explanation: {t.suspect.term.free[0].name} would be {value:.3g}")
@@ -265,7 +265,7 @@ def _alike(s: Search, best: Trial, other: Trial) -> bool:
     """Whether these data, and the runs that were done, cannot tell the other law from the best."""
     if frozenset((best.suspect.name, other.suspect.name)) in EQUIVALENT:
         return True
-    return best.worth - other.worth < SAME + _noise(s, best, other)
+    return best.worth - other.worth < current().verdict.same + _noise(s, best, other)
 
 
 def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
@@ -279,10 +279,10 @@ def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
 def _without(s: Search) -> Finding:
     """The verdict where no suspect is needed, or none helps."""
     left = goodness(s, s.base, len(s.base.u))
-    verdict = "recalibrate" if s.adjust and s.p_recalibration <= ALARM else "no_mismatch"
-    if left[0] <= ALARM and left[1] < CHANCE:
+    verdict = "recalibrate" if s.adjust and s.p_recalibration <= current().verdict.alarm else "no_mismatch"
+    if left[0] <= current().verdict.alarm and left[1] < CHANCE:
         verdict = "unmodelled"
-    elif verdict == "no_mismatch" and s.p_search <= ALARM:
+    elif verdict == "no_mismatch" and s.p_search <= current().verdict.alarm:
         verdict = "unmodelled"
         s.notes.append("the recordings ask for a law more than other packings do, but none that was tried stands")
     return Finding(s, verdict, [], s.base, base_point(s), False, [], left)

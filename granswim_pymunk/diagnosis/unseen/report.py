@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...inference.criteria import current
 from ...inference.result import (
     HELD_OUT,
     PARTLY,
@@ -21,7 +22,6 @@ from ...inference.result import (
     with_camera,
 )
 from ...scene import Scene, Time
-from ..choose import ALARM
 from ..swimmer_terms import equation, reported_parameters
 from . import search
 from .checks import rest_of
@@ -236,7 +236,7 @@ def _notes(f: Finding, curves_only: bool) -> list[str]:
     notes = list(s.notes)
     if curves_only:
         notes.append("the contract's units of errors do not fit a curve of speeds: fit is null, see the figure")
-    if f.left[0] <= ALARM and f.verdict not in ("unmodelled",):
+    if f.left[0] <= current().verdict.alarm and f.verdict not in ("unmodelled",):
         rank, tail = f.left
         notes.append(f"the last fit leaves more than packings do (rank p = {rank:.2g}, chi2 tail p = {tail:.2g})")
     unseen = [t.suspect.label for t in s.trials if t.reason.startswith("no amount")]
