@@ -39,7 +39,7 @@ LONG = {
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
     "diagnosis.driver.diagnose_bodies": 102, "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,
-    "scene.scene_from_dict": 92, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
+    "scene.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
     "proof.kernels.list_pairs": 84, "engine.callbacks._pair_block": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
@@ -47,6 +47,7 @@ WIDE = {
     "diagnosis.pairs.second_law": 9, "diagnosis.pairs.third_law": 9,
     "diagnosis.bed.starts._relax": 9, "diagnosis.bed.polish.polish": 9, "diagnosis.bed.judge.verdict_among": 9,
     "diagnosis.bed.driver.diagnose_windows": 9, "diagnosis.bed.driver.begin": 9, "diagnosis.bed.driver._refined": 9,
+    "diagnosis.hypothesis.run": 9,
 }  # fmt: skip
 # how often a law is named by a literal in the diagnosis
 NAMED = {
@@ -57,6 +58,7 @@ NAMED = {
     "diagnosis.start": 25, "diagnosis.steps": 3, "diagnosis.swimmer_terms": 10, "diagnosis.unseen.candidates": 9,
     "diagnosis.unseen.checks": 2, "diagnosis.unseen.conclude": 2, "diagnosis.unseen.report": 1,
     "diagnosis.unseen.runs": 3, "diagnosis.unseen.summaries": 6,
+    "diagnosis.hypothesis": 2,
 }  # fmt: skip
 
 
