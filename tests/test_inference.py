@@ -13,8 +13,9 @@ from granswim_pymunk.diagnosis.data import Case, prepare
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import InnerSplit
-from granswim_pymunk.diagnosis.segments import find_impacts, make_segments
+from granswim_pymunk.diagnosis.segments import cut_by_growth, find_impacts, make_segments
 from granswim_pymunk.diagnosis.solve import Blocks, descend
+from granswim_pymunk.diagnosis.start import first_numbers
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.explained import Explained, Scores, explained
 from granswim_pymunk.inference.judge import accepted, completeness, paired
@@ -174,6 +175,29 @@ def test_a_body_thrown_back_at_once_is_one_meeting_and_a_start_is_told_before_th
     assert segments[0].until is not None and segments[0].until > max(touch[0] for touch in touches)
     fit = Fitter([case], Predictor({case.name: 1 / 4800})).fit(Hypothesis())
     assert fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count)
+
+
+def test_a_track_is_cut_where_small_errors_of_a_start_are_no_longer_small():
+    t = np.arange(600) / 240
+    table, start = _table([[-0.5, 0.0, 0.1, 0.0], [0.5, 0.0, 0.1, 0.0]])
+    case = _film_of(table, start, t, 3e-4, 7)
+
+    def regular(starts, numbers, t):
+        x, y, vx, vy = numbers.reshape(-1, 4).T
+        s = (t - t[0])[:, None]
+        return np.stack([x + vx * s, y + vy * s], axis=2).reshape(len(t), -1)
+
+    def chaotic(starts, numbers, t):
+        grown = np.exp(6 * (t - t[0]))[:, None] * (numbers - first_numbers(starts))[[2, 3, 6, 7]]
+        return regular(starts, numbers, t) + 0.1 * (np.sin(grown) + 1 - np.cos(grown))
+
+    (whole,) = cut_by_growth(case, case.training, regular)
+    assert (whole.frames == case.training).all() and whole.until is None and not len(whole.tie)
+    segments = cut_by_growth(case, case.training, chaotic)
+    assert len(segments) > 1 and (np.sum([s.frames for s in segments], axis=0) == case.training).all()
+    # exp(6 t) 0.02 sigma_v is a quarter after a second or so
+    assert 0.7 < segments[0].frames.sum() / 240 < 1.8
+    assert segments[0].until == case.t[segments[1].frames][0] and len(segments[1].tie) == 8
 
 
 def test_spin_goes_on_from_segment_to_segment():

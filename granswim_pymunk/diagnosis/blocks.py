@@ -15,7 +15,7 @@ from ..inference.explained import Scores
 from ..inference.noise import Noise
 from ..laws import all_laws
 from .data import Case
-from .fit import Fit, Fitter, project
+from .fit import Fit, Fitter, project, spin_at
 from .hypothesis import Failed, Predictor
 from .segments import find_impacts, make_segments
 
@@ -213,7 +213,8 @@ def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predict
     Of the residuals first without the memory of the noise (``Case.white``), then with it.
     """
     case = block.case
-    fitter = Fitter([case], predictor, {case.name: block.start}, whole=True)
+    spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
+    fitter = Fitter([case], predictor, {case.name: block.start}, whole=True, spin=spin)
     values = without(fit, cases, block)
     found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
     numbers = found.starts[case.name]

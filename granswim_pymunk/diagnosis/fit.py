@@ -7,21 +7,23 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy import stats
 from scipy.optimize import least_squares
 
-from ..inference.criteria import current
+from ..inference.criteria import SegmentCriteria, current
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
-from .segments import Segment, limits_of, make_segments
+from .segments import Segment, cut_by_growth, limits_of, make_segments
 from .solve import Blocks, descend
 from .start import StartBody, first_numbers, number_scales
 
 _POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
 
+COUPLED = ("hinge", "rod", "pin", "spring")  # two of them and more in one scene may swing chaotically
 HOPELESS = 1e6  # innovation of a run that failed, in standard deviations: the step is taken back
 
 
@@ -137,6 +139,7 @@ class Fitter:
 
     stop : whether the time is up: a fit then ends with the best that it has seen
     whole : follow every recording from one start, also through impacts
+    spin : (n,) [rad/s] of the scene's bodies at the start of a recording, none where not given
     """
 
     def __init__(
@@ -147,7 +150,9 @@ class Fitter:
         stop: Callable[[], bool] = lambda: False,
         weights: Mapping[str, np.ndarray] | None = None,
         whole: bool = False,
+        spin: Mapping[str, np.ndarray | None] | None = None,
     ) -> None:
+        self.spin = spin or {}
         # (T,) of each recording: how much a frame counts in the fit; 1 where not given
         self.weights = weights or {}
         self.cases = [c for c in cases if (frames[c.name] if frames else c.training).any()]
@@ -155,9 +160,27 @@ class Fitter:
         self.predictor = predictor
         self.stop = stop
         criteria = replace(current().segments, frames=10**9) if whole else current().segments
-        self.segments = {c.name: make_segments(c, self.frames[c.name], criteria) for c in self.cases}
+        self.segments = {c.name: self._segments(c, criteria, whole) for c in self.cases}
         # (n, q) of each recording, derivatives by its starts at the fit that came last
         self._by_start: dict[str, np.ndarray] = {}
+
+    def _segments(self, case: Case, criteria: SegmentCriteria, whole: bool) -> tuple[Segment, ...]:
+        """Cut at impacts, or where chaos has made too much of a small error of the start."""
+        frames = self.frames[case.name]
+        segments = make_segments(case, frames, criteria)
+        scene = case.recording.scene
+        links = [law for name in COUPLED for law in scene.laws_named(name)]
+        if whole or len(segments) > 1 or len(links) < 2 or frames.sum() <= criteria.ahead:
+            return segments
+        naive = Hypothesis()
+
+        def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
+            return self.predictor(naive, case, np.zeros(0), starts, numbers, float(t[0]), t)
+
+        try:
+            return cut_by_growth(case, frames, follow, criteria)
+        except Failed:
+            return segments
 
     def tightened(self, share: float) -> Fitter:
         """The same with the spread of steps at impacts multiplied by a share."""
@@ -209,8 +232,10 @@ class Fitter:
             how = _POOL.map if together else map
             return list(how(lambda part: self._follow(case, hypothesis, values, part), parts))
         runs: list[_Run] = []
+        spin = self.spin.get(case.name)
         for part in parts:
-            runs.append(self._follow(case, hypothesis, values, replace(part, spin=runs[-1].spin if runs else None)))
+            runs.append(self._follow(case, hypothesis, values, replace(part, spin=spin)))
+            spin = runs[-1].spin
         return runs
 
     def _follow(self, case: Case, hypothesis: Hypothesis, values: np.ndarray, part: _Part) -> _Run:
@@ -715,7 +740,7 @@ class Fitter:
         t0 = float(case.t[self.frames[case.name]][0])
         wanted = (case.t >= t0) & (case.t <= case.t[frames].max())
         out = np.full(case.values.shape, np.nan)
-        spin = None
+        spin = self.spin.get(case.name)
         for part in self._parts(case, fit.starts[case.name], wanted):
             t0 = float(case.t[part.segment.frames][0])
             following = None if part.follower is None else (part.follower[0], part.follower[1].starts)
@@ -726,6 +751,28 @@ class Fitter:
                 )  # fmt: skip
                 spin = end.spin if end is not None and fit.hypothesis.turns(case) else None
         return out
+
+
+def spin_at(predictor: Predictor, fit: Fit, case: Case, t0: float) -> np.ndarray | None:
+    """Spins (n,) [rad/s] of the scene's bodies where the last segment of a fit that begins at ``t0`` or before begins.
+
+    None where nothing turns, or where that is the first.
+    """
+    spin = None
+    if not fit.hypothesis.turns(case):
+        return None
+    segments, numbers = fit.segments[case.name], fit.starts[case.name]
+    for segment, after in pairwise(segments):
+        if segment.until is None or segment.until > t0:
+            break
+        mine, numbers = numbers[: segment.size], numbers[segment.size :]
+        begin = case.t[segment.frames][:1]
+        _, end = predictor.run(
+            fit.hypothesis, case, fit.values, segment.starts, mine, float(begin[0]), begin,
+            (segment.until, after.starts), spin,
+        )  # fmt: skip
+        spin = None if end is None else end.spin
+    return spin
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ Phys. Rev. E 69, 036122.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -19,8 +19,9 @@ from ..inference.criteria import SegmentCriteria, current
 from ..scene import Scene
 from ..walls import gap_to_wall
 from .data import Case
-from .start import StartBody, describe_starts
+from .start import StartBody, describe_starts, first_numbers, number_scales
 
+START_FRAMES = 24  # the least of a segment that no impact ends
 AT_ONCE = 3  # frames, within which minima of a gap are those of one meeting
 CONTACTS = ("contact_elastic", "contact_linear", "contact_hertz")
 
@@ -88,6 +89,59 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
         tie, limit = _tie(starts, cuts[k - 1][1] if k else None, criteria)
         segments.append(Segment(mask, starts, until, tie, limit))
     return tuple(segments)
+
+
+Follow = Callable[[tuple[StartBody, ...], np.ndarray, np.ndarray], np.ndarray]
+
+
+def cut_by_growth(
+    case: Case, frames: np.ndarray, follow: Follow, criteria: SegmentCriteria = DEFAULT.segments
+) -> tuple[Segment, ...]:
+    """Segments of ``frames`` (T,) of a recording without impacts, each as long as one start can be followed.
+
+    follow(starts, numbers, t) : what is predicted (T, c) at times t from a start at t[0]
+    The answer of the prediction to a start that is a little off, by what the first frames leave open of it times
+    ``narrow``, grows; where it is no longer in proportion (x(+d) + x(-d) - 2 x(0) against x(+d) - x(-d)) a fit cannot
+    find its way. For motions that are not chaotic that is never.
+    """
+    rows = np.flatnonzero(frames)
+    segments: list[Segment] = []
+    begin = 0
+    while begin < len(rows):
+        mask = np.zeros(len(case.t), dtype=bool)
+        mask[rows[begin:]] = True
+        starts = describe_starts(case, mask)
+        end = begin + _followed_for(case, rows[begin : begin + criteria.ahead], starts, follow, criteria)
+        if len(rows) - end < START_FRAMES:
+            end = len(rows)
+        mask[rows[end:]] = False
+        scale = np.concatenate([np.where(s.scale > 0, s.scale, 1.0)[s.free] for s in starts])
+        tie = scale if begin else np.zeros(0)
+        until = float(case.t[rows[end]]) if end < len(rows) else None
+        segments.append(Segment(mask, starts, until, tie, np.full(len(tie), criteria.robust)))
+        begin = end
+    return tuple(segments)
+
+
+def _followed_for(
+    case: Case, rows: np.ndarray, starts: tuple[StartBody, ...], follow: Follow, criteria: SegmentCriteria
+) -> int:
+    """For how many of the ``rows`` the answer to errors of the start is in proportion to them, at least as many as a
+    start is found from."""
+    numbers, t = first_numbers(starts), case.t[rows]
+    here = follow(starts, numbers, t)
+    curved, straight = np.zeros(len(rows)), np.full(len(rows), 1e-300)
+    for k, scale in enumerate(number_scales(starts)):
+        ends = []
+        for side in (-1.0, 1.0):
+            moved = numbers.copy()
+            moved[k] += side * criteria.narrow * scale
+            ends.append(follow(starts, moved, t))
+        curved = np.maximum(curved, np.abs((ends[0] + ends[1] - 2 * here) / case.sigma).max(axis=1))
+        straight = np.maximum(straight, np.abs((ends[1] - ends[0]) / case.sigma).max(axis=1))
+    # what is below the noise is no bend
+    bent = np.flatnonzero((curved > criteria.bend * straight) & (curved > 1.0))
+    return max(int(bent[0]), START_FRAMES) if len(bent) else len(rows)
 
 
 def _until_met(case: Case, begin: int, impacts: Sequence[Impact]) -> Case:

@@ -48,6 +48,9 @@ class SegmentCriteria:
         (Goldsmith 1960, Impact)
     depth : of the sum of two radii, how well it is known. Choice: half a per cent. How deep a glancing impact strikes,
         and with it the whole kick, hangs on that and on the noise: so much wider is the step after one
+    bend : of the answer to a small error of the start, how much of it may be curved: beyond, linear steps do not find
+        the start, which is where chaos begins to show. Choice
+    ahead : frames over which a start is followed without asking, and looked ahead where there are more
     robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
         a run that misses a glancing impact is no evidence of that size
     """
@@ -61,6 +64,8 @@ class SegmentCriteria:
     impulse: float = 0.01
     lateness: float = 1e-4
     depth: float = 0.005
+    bend: float = 0.25
+    ahead: int = 1000
     robust: float = 4.0
 
 
