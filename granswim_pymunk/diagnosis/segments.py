@@ -95,7 +95,7 @@ Follow = Callable[[tuple[StartBody, ...], np.ndarray, np.ndarray], np.ndarray]
 
 
 def cut_by_growth(
-    case: Case, frames: np.ndarray, follow: Follow, criteria: SegmentCriteria = DEFAULT.segments
+    case: Case, frames: np.ndarray, follow: Follow, criteria: SegmentCriteria | None = None
 ) -> tuple[Segment, ...]:
     """Segments of ``frames`` (T,) of a recording without impacts, each as long as one start can be followed.
 
@@ -104,6 +104,7 @@ def cut_by_growth(
     ``narrow``, grows; where it is no longer in proportion (x(+d) + x(-d) - 2 x(0) against x(+d) - x(-d)) a fit cannot
     find its way. For motions that are not chaotic that is never.
     """
+    criteria = criteria or current().segments
     rows = np.flatnonzero(frames)
     segments: list[Segment] = []
     begin = 0
