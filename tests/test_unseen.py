@@ -20,7 +20,23 @@ from granswim_pymunk.diagnosis.unseen.conclude import pair_gains, price, search_
 from granswim_pymunk.diagnosis.unseen.diagnose import planned_sizes
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
-from granswim_pymunk.diagnosis.unseen.search import LEAST_SHOWN, MOST_SHOWN, PROBES, Amount, Bank, Sizes, begin
+from granswim_pymunk.diagnosis.unseen.search import (
+    LEAST_SHOWN,
+    MOST_SHOWN,
+    PROBES,
+    Amount,
+    Bank,
+    Sizes,
+    amount_jobs,
+    anchored,
+    begin,
+    jobs_for,
+    label_of,
+    recalibrate,
+    refit,
+    rounded,
+    run_at,
+)
 from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
 from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.engine.advice import contact_duration
@@ -420,6 +436,35 @@ def test_nothing_is_named_in_packings_of_the_world(world):
     # the yardstick is right: recordings that took no part in it have a mean square of one
     assert np.mean(left) == pytest.approx(1.0, abs=0.2)
     assert max(ranks) > 0.3 and min(ranks) > 0.01
+
+
+def test_a_weak_law_is_run_where_it_shows(world):
+    """The chord from its absence to a run at a times the fitted number has 1/a of the error of a run at the number."""
+    x = world_candidates()["linear_drag"]
+    first = float(x.design[0, 0])
+    for strength, weak in ((0.2, True), (3.0, False)):
+        conditions = conditions_of(filmed({x.label: [strength * first]}, 7, 1), [], 0)
+        s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+        recalibrate(s)
+        s.runner.do([j for k in range(2) for j in amount_jobs(x, x.design[0], conditions, [k])])
+        s.means.refresh()
+        found, _, reason = refit(s, [x], 0.5, 2, 6)
+        assert found is not None and not reason
+        number, ran = float(found.u[-1]), float(found.model.centre[-1])
+        assert (ran > 1.5 * number) == weak and ran == pytest.approx(run_at(s, found, [x])[-1], rel=0.3)
+        assert number == pytest.approx(strength * first, abs=max(0.15 * first, 0.15 * number))
+        name = conditions[0].name
+        base = s.means.predict(conditions[0], s.base.model.sums(name, s.base.u))[1]
+        here = s.means.predict(conditions[0], found.model.sums(name, found.u))[1]
+        if weak:
+            assert here < base + 0.5 / 6  # a run at the number itself: base + 1/6 and more
+        # contacts as they are: joined with what the softer ones say, the two are better than either
+        label = label_of(s.adjust, rounded(found.u[:-1]), [(x.term, rounded(found.u[-1:]))])
+        s.runner.do(jobs_for(conditions, s.adjust, found.u[:-1], [(x.term, found.u[-1:])], 4, False, label))
+        s.means.refresh()
+        both = anchored(s, found.model, [x], found.u, label, soft=False)
+        joined = s.means.predict(conditions[0], both.sums(name, found.u))[1]
+        assert joined < min(here, 1 / 4) and joined == pytest.approx(1 / (1 / here + 4), rel=1e-6)
 
 
 def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, monkeypatch):

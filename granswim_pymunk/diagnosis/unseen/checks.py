@@ -295,7 +295,11 @@ def prediction(f: Finding, means: Means, c: Condition, which: str) -> tuple[np.n
             return f.revised.model.predict(means, c, f.revised.u)
         if not f.true:
             return s.base.model.predict(means, c, s.base.u) if not f.found else None
-        mean, variance = means.predict(c, {(f.label, False): 1.0})
+        points = {(f.label, False): 1.0}
+        if f.found and c.view is not None:
+            # the later part of a film that was learnt from: its runs are those of the fit
+            points = f.revised.model.sums(c.name, f.revised.u)
+        mean, variance = means.predict(c, points)
         view = means.view(c)
         return view.filmed(mean, **f.camera()), variance
     except KeyError:

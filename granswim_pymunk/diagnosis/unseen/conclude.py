@@ -250,7 +250,7 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
         assert t.fit is not None
         shares = []
         for c in s.training:
-            points = t.fit.model.anchor[c.name]
+            points = t.fit.model.sums(c.name, t.fit.u)
             found = s.means.mean[c.name]
             # what both share, the naive runs and those of the recalibrated scene, drops out of the difference
             apart = [p for p in points if p[0] not in (NAIVE, base_point(s))]
