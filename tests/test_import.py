@@ -1,6 +1,7 @@
 """Importing: plain tables and the raw recordings that come with the package."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +74,9 @@ class TestShipped:
         assert {law.name for law in r.scene.laws} == {"gravity", "hinge"}  # no friction is assumed
         estimates = [estimate_noise(r.t, r.angle[:, k]) for k in range(2)]
         assert math.sqrt(np.mean(np.square(estimates))) == pytest.approx(r.angle_noise, rel=0.01)
-        assert prepare(r, held_out=False, split=True).notes == ()
+        # angles are a little noisier where they change fast, as if the stamps were off by microseconds
+        notes = prepare(r, held_out=False, split=True).notes
+        assert all(re.search(r"time stamps are off by [1-5](\.\d)?e-06 s", note) for note in notes)
 
     def test_double_pendulum_follows_the_naive_scene_at_first(self):
         """Half a second from the start that the first frames give: masses, lengths and signs are upstream's."""
