@@ -27,6 +27,7 @@ from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.pairs import any_field
 from granswim_pymunk.diagnosis.signatures import Signature
+from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.recording import Recording, see, write_recording
@@ -636,3 +637,20 @@ def test_a_drag_on_a_table_that_is_not_level_is_no_stream():
     c = verdict["mechanisms"][0]["parameters"]["c"]
     assert c["low"] < 0.012 < c["high"]
     assert next(r for r in verdict["rivals"] if r["name"] == "ambient_flow")["indistinguishable"]
+
+
+def test_numbers_that_hang_on_the_step_are_seen():
+    """A pendulum's period is off by the square of the step: seen where steps are long, and not where they are short."""
+    truth = pendulum(use("linear_drag", c=0.02))
+    case = prepare(filmed(truth, pendulum(), SWING[:200], np.random.default_rng(8)), held_out=False, split=False)
+    terms = {t.label: t for t in named_terms([case])}
+    drag = Hypothesis((terms["added_mass"], terms["joint_drag"]))
+    moved = {}
+    for dt in (5e-3, 2e-4):
+        fitter = Fitter([case], Predictor({case.name: dt}))
+        fit = fitter.fit(drag, [0.0, 0.02 * 0.2**2])
+        moved[dt] = shifts(fitter, fit, 1.0)
+        finer = Fitter([case], Predictor({case.name: dt / 2})).fit(drag, fit.values, fit.starts)
+        errors = np.sqrt(np.diag(fit.covariance))
+        assert np.allclose(moved[dt], np.abs(finer.values - fit.values) / errors, rtol=0.3, atol=0.05)
+    assert moved[5e-3].max() > 1.0 and moved[2e-4].max() < 0.2

@@ -361,3 +361,11 @@ def test_a_start_is_fitted_by_the_noise_as_it_is():
     fit = Fitter([noisy], Predictor({case.name: 1e-3}), {case.name: rows}, whole=True).fit(Hypothesis())
     assert np.allclose(fit.innovations[case.name], noisy.raw(fit.white[case.name], rows), equal_nan=True)
     assert fit.chi2 == pytest.approx(float(np.nansum(fit.white[case.name] ** 2)))
+
+
+def test_a_form_that_could_not_be_run_is_no_better_explanation():
+    rng = np.random.default_rng(8)
+    floor = rng.chisquare(100, size=(60, 2))
+    before = Scores({(0, "a", 0): 900.0, (0, "b", 0): 900.0}, {(0, "a", 0): 100, (0, "b", 0): 100}, {}, floor)
+    failed = explained(Scores({}, {}, {}, np.zeros((60, 0)), ("r: a body escaped",)), before, rng)
+    assert not failed.sure and accepted(share(0.9), [failed], 0.0)[0]

@@ -38,7 +38,7 @@ from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, sp
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
 from .signatures import Bank, make_bank
-from .steps import time_steps
+from .steps import HALVINGS, SHIFT, shifts, time_steps
 
 Progress = Callable[[str, float], None]
 FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
@@ -165,6 +165,9 @@ def diagnose_bodies(
         fitter, revised = joined(fitter, revised)
         found = [replace(t, fit=revised) for t in found]
     spread = spread_of(revised, training) if found else tried.spread
+    if found:
+        tried, fitter, found, revised = _finely(study, tried, fitter, found, revised, spread)
+        naive, recalibrated = tried.naive, tried.recalibrated
     whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
     study.progress("what explains", 0.72)
     weighed = _weighed(study, tried, found, revised)
@@ -316,7 +319,9 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     Where what the best fit leaves has no memory, both as they were. A slow part is counted as far as it passes for
     noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
-    if study.late(0.55):
+    # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
+    most = 2 * (1 + current().noise.slow_most**2)
+    if study.late(0.55) or tried.best.chi2 > most * tried.best.count:
         return study, tried
     noise = _slow_noise(study, tried)
     if not noise.size:
@@ -388,7 +393,7 @@ def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None
     """The same search on data without a mismatch, and the candidate to be named where it gains more than that."""
     study.progress("nulls", 0.64)
     replicates = REPLICATES if not study.late(0.7) else 99
-    chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"])
+    chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"] + study.inner.slack)
     signatures = tried.bank.signatures
     if not signatures:
         return None, None
@@ -449,6 +454,28 @@ def _explained(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
         )
     return found, revised, dropped, others
+
+
+def _finely(
+    study: Study, tried: Tried, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
+) -> tuple[Tried, Fitter, list[Trial], Fit]:
+    """What was found, with steps so short that no number hangs on them: halved and fitted again where one does."""
+    for _ in range(HALVINGS):
+        moved = shifts(fitter, revised, spread)
+        if moved.max(initial=0.0) < SHIFT or study.late(0.75):
+            break
+        worst = revised.hypothesis.free[int(np.argmax(moved))].name
+        study.predictor.dt = {name: dt / 2 for name, dt in study.predictor.dt.items()}
+        study.notes.append(f"{worst} would move by {moved.max():.1f} standard errors with half the time step: halved")
+        revised = fitter.fit(revised.hypothesis, revised.values, revised.starts, evaluations=8)
+        naive = study.fitter.fit(tried.naive.hypothesis, tried.naive.values, tried.naive.starts, evaluations=8)
+        recalibrated = naive
+        if tried.recalibrated is not tried.naive:
+            then = tried.recalibrated
+            recalibrated = study.fitter.fit(then.hypothesis, then.values, then.starts, evaluations=8)
+        tried = replace(tried, naive=naive, recalibrated=recalibrated)
+        found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
+    return tried, fitter, found, revised
 
 
 @dataclass

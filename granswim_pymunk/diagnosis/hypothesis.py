@@ -252,7 +252,8 @@ class Predictor:
 
         Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
         """
-        key = (id(case), tuple(map(id, hypothesis.terms)), np.asarray(values, dtype=float).tobytes())
+        terms = tuple(map(id, hypothesis.terms))
+        key = (id(case), self.dt[case.name], terms, np.asarray(values, dtype=float).tobytes())
         last = self._last
         begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
         if last.key == key and last.simulation is not None:

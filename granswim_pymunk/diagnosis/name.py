@@ -95,6 +95,15 @@ class InnerSplit:
         used = [c for c in cases if c.name in first]
         return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
 
+    @property
+    def slack(self) -> float:
+        """By how much a score may be above another and still be no evidence against: 2 in -2 ln p of all that follows.
+
+        Source: Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773: below 2, not worth more than a bare mention.
+        """
+        count = sum(int(np.isfinite(c.values[self.rest[c.name]]).sum()) for c in self.cases)
+        return 2.0 / max(count, 1)
+
     def score(self, whole: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
         """How badly a law predicts the rest, -2 ln p(rest | first part) per number, and the chi2 there by recording.
 

@@ -173,9 +173,9 @@ def _one_more(
     good = (
         [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
         if spread > 1.0
-        else [t for t, _ in scored if t.inner < base_inner]
+        else [t for t, _ in scored if t.inner < base_inner + inner.slack]
     )
-    best = choose(good, spread, base_inner) if good else None
+    best = choose(good, spread, base_inner + inner.slack) if good else None
     if best is None or best.fit is None:
         return nothing
     null = search_nulls(

@@ -71,7 +71,8 @@ def explained(
     beyond = current().verdict.beyond if beyond is None else beyond
     units = [u for u in before.sums if u in after.sums]
     if not units:
-        return Explained(0.0, 0.0, 0.0, after.mean, before.mean, False)
+        # what could not be run has explained nothing, and leaves no less than there was
+        return Explained(0.0, 0.0, 0.0, math.inf, before.mean, False)
     order = {u: k for k, u in enumerate(after.sums)}
     floors = after.floor[:, [order[u] for u in units]]
     s0 = np.array([before.sums[u] for u in units])
