@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.engine import Simulation
-from granswim_pymunk.scene import Body, Scene, Time, use
+from granswim_pymunk.engine.advice import advise_dt
+from granswim_pymunk.scene import Body, Scene, Time, Wall, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
 from granswim_pymunk.validation.reference import Reference
 
@@ -81,3 +82,76 @@ def test_a_chain_of_impacts_is_where_another_code_has_it(drag, stretch):
     scene = Scene(bodies, tuple(laws), time=Time(dt=2e-4))
     seen = Simulation(scene, stretch=stretch).sample(t)
     assert np.abs(seen - flight.xy).max() < 1e-8
+
+
+LENGTH = 0.3
+
+
+def bob(wall=None, *others):
+    start = (LENGTH * math.sin(-1.0), -LENGTH * math.cos(1.0), 0.0, 0.0)
+    pin = use("pin", bodies=["bob"], anchor=(0.0, 0.0), length=LENGTH)
+    laws = (use("gravity"), pin, use("contact_elastic", restitution=0.9))
+    body = Body("bob", "free", RADIUS, MASS, initial=start)
+    return Scene((body, *others), laws, gravity=(0.0, -9.81), walls=() if wall is None else (wall,))
+
+
+def on_rail():
+    laws = (use("rail", bodies=["a"], direction=(1.0, 0.0)), use("contact_elastic", restitution=0.9))
+    body = Body("a", "free", RADIUS, MASS, initial=(-0.1, 0.0, 0.5, 0.0))
+    return Scene((body,), laws, walls=(Wall((0.1, -0.2), (0.2, 0.2)),))
+
+
+HELD = {
+    "pin, upright wall": lambda: bob(Wall((0.02, -1.0), (0.02, 0.0))),
+    "pin, slanted wall": lambda: bob(Wall((-0.1, -0.5), (0.3, -0.2))),
+    "pin, post": lambda: bob(None, Body("post", "wall", 0.02, 1.0, initial=(0.02, -0.32, 0.0, 0.0))),
+    "rail, slanted wall": on_rail,
+}
+
+
+@pytest.mark.parametrize("scene", HELD.values(), ids=HELD)
+def test_what_holds_a_body_takes_its_part_of_an_impulse(scene):
+    """Impulses across what holds a body: it stays on its circle or rail, and gives way along it alone."""
+    scene = scene()
+    times = np.linspace(0.01, 0.9, 37)  # no multiples of the step
+    run = Simulation(scene, dt=5e-4)
+    path = run.sample(times)[:, 0]
+    np.testing.assert_allclose(path, Reference(scene, dt=1e-4).sample(times)[:, 0], atol=2e-6)
+    if scene.bodies[0].id == "bob":
+        np.testing.assert_allclose(np.hypot(*path.T), LENGTH, atol=1e-6)
+    else:
+        assert np.abs(path[:, 1]).max() < 1e-9
+    assert np.ptp(path, axis=0).max() > 0.1
+
+
+@pytest.mark.parametrize("joined", ["rod", "hinge"])
+def test_joined_bodies_keep_their_energy_in_impacts(joined):
+    """Two disks joined to each other bounce about in a box without loss."""
+    if joined == "rod":
+        link = use("rod", bodies=["a", "b"], length=0.1)
+        start = {"a": (0.1, 0.1, 0.8, 0.5), "b": (0.2, 0.1, 0.8, -0.3)}
+    else:
+        # the hinge is at the centre of b, so a is an arm that swings about it
+        link = use("hinge", bodies=["a", "b"], anchor_a=(0.1, 0.0), anchor_b=(0.0, 0.0))
+        start = {"a": (0.1, 0.1, 0.8, 0.5), "b": (0.2, 0.1, 0.8, -0.3)}
+    bodies = tuple(Body(name, "free", RADIUS, MASS, initial=state) for name, state in start.items())
+    scene = Scene.box(0.3, 0.2).add(*bodies, link, use("contact_elastic", restitution=1.0))
+    run = Simulation(scene, dt=2e-4)
+
+    def energy():
+        state = run.state()
+        moment = np.array([b.moment for b in scene.bodies])
+        return 0.5 * MASS * (state.v**2).sum() + 0.5 * (moment * state.spin**2).sum()
+
+    before = energy()
+    for end in np.linspace(0.1, 0.9, 5):
+        path = run.sample(np.array([end]))[0]
+        run.advance(3)  # away from an impact, velocities are those of a whole step
+        assert math.dist(*path) == pytest.approx(0.1, abs=1e-5)
+        assert energy() == pytest.approx(before, rel=2e-2)
+    inside = np.array([0.3, 0.2]) - RADIUS + 1e-4
+    assert (path > RADIUS - 1e-4).all() and (path < inside).all()
+
+
+def test_friction_of_impulses_asks_for_no_shorter_step():
+    assert advise_dt(glancing(0.25)) == advise_dt(glancing(0.0))

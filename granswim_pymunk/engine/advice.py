@@ -119,6 +119,8 @@ def advise_dt(scene: Scene) -> float:
             stiffest = 3 * values["k_3"] * max((abs(way - values["length"]) for way in ways), default=0.0) ** 2
             if stiffest > 0:
                 steps.append(2 * math.pi * math.sqrt(lightest / stiffest) / 1000)
+        elif item.name == "contact_friction" and scene.laws_named("contact_elastic"):
+            continue  # an impulse
         elif item.name in ("contact_friction", "coulomb_substrate") and values["mu"] > 0 and values["v_0"] > 0:
             steps.append(0.2 * values["v_0"] / (values["mu"] * scene.gravity_size))
         elif item.name == "quadratic_drag" and values["c"] > 0 and speed > 0:

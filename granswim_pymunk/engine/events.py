@@ -18,6 +18,9 @@ from .neighbours import together
 SETTLE = 20.0
 # of a step: how short the one across an impact is; the normal of the impact and its time are off by half of it
 SHORTEST = 1e-6
+# of a step: shorter ones do not close what holds bodies, as a gap over the square of a step is a force; Chipmunk's
+# joints keep their velocities instead
+TOO_SHORT = 0.02
 ROUNDS = 4  # of Newton's method for the time of contact
 # of the time to contact, where longer steps are allowed: what acts between near disks changes over their gap
 CLOSER = 0.2
@@ -146,11 +149,13 @@ def _ahead_of_walls(
 def advance_to(
     step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
     slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
-    last, walls, fx, fy, inverse_mass, stretch, chosen, out,
+    last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
     stretch : how many times longer a step may be where disks are far from one another
+    joints : addresses of the largest forces of Chipmunk's joints, which hold bodies in very short steps, as across an
+        impact, in place of the forces that do so otherwise;  constrained : slot of whether those act
 
     Positions of the bodies at ``chosen`` addresses are written to ``out`` (T, k, 2) [m]. Returns the time reached
     and the length of the last step [s].
@@ -168,6 +173,7 @@ def advance_to(
             )
             until *= time_unit
             step = min(max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t)
+            across = met  # Chipmunk may see the contact a step later
             hair = SHORTEST * dt
             if until < step:
                 # up to just before the contact, then a short step across it: Chipmunk takes the velocity of
@@ -191,6 +197,11 @@ def advance_to(
             # Chipmunk starts a contact from its last impulse times the ratio of the steps, but its bounds on the
             # sum leave the ratio out: equal steps for it, else a resting disk is thrown
             store_float(space + last_step, step / time_unit)
+            if joints.shape[0] > 0:
+                jointed = met or across or step < TOO_SHORT * dt
+                ints[constrained] = 0 if jointed else 1
+                for k in range(joints.shape[0]):
+                    store_float(joints[k], math.inf if jointed else 0.0)
             call_step(step_address, space, step / time_unit)
             t += step
             last = step

@@ -44,6 +44,7 @@ from .callbacks import (
     compile_laws,
     spins,
 )  # fmt: skip
+from .held import joints_for
 from .links import linked_rows, links_of, no_links
 from .motion import MOTION, NUMBERS, OWN_ROW, Motion, columns, motion_functions, motion_numbers
 from .native import (
@@ -617,6 +618,10 @@ class Simulation:
             kicked = slice(0, self._n_mobile)
             kick = np.array([[1.0 / body.mass for body in self._bodies[kicked]]]) * self._ease[kicked]
             stepping.write_fields(a["bodies"][kicked].copy(), np.array([self._offsets.inverse_mass]), kick)
+        self._joints: list[pymunk.Constraint] = []
+        self._joint_limits = np.zeros(0, dtype=np.int64)
+        if self.impulse and self._offsets is not None:
+            self._joints, self._joint_limits = joints_for(self.scene, self._bodies, self._inner, u, space)
         self._ghosts: list[tuple[pymunk.Body, pymunk.Circle]] = []
         if self.impulse or self.mode in ("chipmunk", "python"):
             self._add_shapes()
@@ -1055,7 +1060,7 @@ class Simulation:
             self._ints, _SLOT["status"], self._floats, _FLOAT_SLOT["t_start"], _FLOAT_SLOT["dt"], _FLOAT_SLOT["step"],
             _FLOAT_SLOT["lasts"], a["bodies"], radius, a["group"], a["apart"], touching, a["mobile"],
             self._offsets.position, self._offsets.velocity, self.units.length, self.units.velocity, self._last_step,
-            a["walls"] / self.units.length, a["fx"], a["fy"],
+            a["walls"] / self.units.length, _SLOT["constrained"], self._joint_limits, a["fx"], a["fy"],
             a["inverse_mass"], self.stretch, a["bodies"][rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
