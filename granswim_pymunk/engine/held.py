@@ -8,14 +8,17 @@ zero but in the steps across an impact, where it is unlimited: contacts and join
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pymunk
 from pymunk._chipmunk_cffi import ffi
 
-from ..scene import Scene
 from .native import ProbeError, address
-from .units import Units
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+    from .units import Units
 
 LONG = 1e4  # of the rail to each side, in radii of its body
 MARK = 1.2345e77  # a largest force that nothing else in a joint is equal to
