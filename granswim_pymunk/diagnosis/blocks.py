@@ -91,7 +91,7 @@ def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
     return blocks
 
 
-def without(fit: Fit, cases: Sequence[Case], block: Block) -> np.ndarray:
+def without(fit: Fit, block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
     delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays, or
@@ -149,7 +149,6 @@ def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:
 
 def score(
     fit: Fit,
-    cases: Sequence[Case],
     blocks: Sequence[Block],
     predictor: Predictor,
     noise: Noise,
@@ -169,7 +168,7 @@ def score(
     failed: list[str] = []
     for b, block in enumerate(blocks):
         try:
-            left, raw, whiten, answer = _predicted(fit, cases, block, predictor, criteria)
+            left, raw, whiten, answer = _predicted(fit, block, predictor, criteria)
         except Failed as error:
             failed.append(f"{block.case.name}: {error}")
             continue
@@ -207,7 +206,7 @@ def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> 
     return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
 
 
-def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predictor, criteria: BlockCriteria):
+def _predicted(fit: Fit, block: Block, predictor: Predictor, criteria: BlockCriteria):
     """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed.
 
     Of the residuals first without the memory of the noise (``Case.white``), then with it.
@@ -215,7 +214,7 @@ def _predicted(fit: Fit, cases: Sequence[Case], block: Block, predictor: Predict
     case = block.case
     spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
     fitter = Fitter([case], predictor, {case.name: block.start}, whole=True, spin=spin)
-    values = without(fit, cases, block)
+    values = without(fit, block)
     found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
     numbers = found.starts[case.name]
     here, _ = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)

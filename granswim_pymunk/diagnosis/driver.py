@@ -528,7 +528,7 @@ def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> We
     noise = completeness(series_of(tried.best, study.training)).noise
 
     def scores(fit: Fit) -> Scores:
-        return score(fit, study.cases, blocks, study.predictor, noise, study.rng)
+        return score(fit, blocks, study.predictor, noise, study.rng)
 
     before = scores(tried.recalibrated)
     named_scores = scores(revised) if found else None
@@ -588,7 +588,7 @@ def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Rema
     noise = weighed.completeness(revised, study).noise
     scores = weighed.named_scores
     if scores is None or weighed.named is None or revised is tried.recalibrated:
-        scores = score(revised, study.cases, weighed.blocks, study.predictor, noise, study.rng)
+        scores = score(revised, weighed.blocks, study.predictor, noise, study.rng)
     taken = {t.mechanism for t in revised.hypothesis.terms}
     leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
     beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]

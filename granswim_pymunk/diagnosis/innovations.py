@@ -139,7 +139,6 @@ class WindowMap:
     """
 
     rows: tuple[Mapping[str, Any], ...]
-    frames_per_window: int
 
 
 def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
@@ -172,7 +171,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                        "z": normal_score(float(stats.chi2.sf(chi2, dof)))}  # fmt: skip
                 row |= _extent(case, body, part)
                 rows.append(row)
-    return WindowMap(tuple(rows), size)
+    return WindowMap(tuple(rows))
 
 
 def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:

@@ -235,11 +235,6 @@ def _channel_name(case: Case, k: int, *, with_case: bool) -> str:
     return f"{case.name}: {name}" if with_case else name
 
 
-def _axis_name(case: Case, k: int, factor: float, unit: str) -> str:
-    kind = case.channels[k].kind
-    return f"{kind} [{unit}]"
-
-
 def _draw_time(
     axis: Axes, diagnosis: TrackFinding, case: Case, k: int, names: Sequence[str], *, label_time: bool = True,
     span: tuple[float, float] | None = None,
@@ -274,7 +269,7 @@ def _draw_time(
             min(high, (float(seen.max()) + 0.6 * room) * factor),
         )
     axis.yaxis.set_major_locator(MaxNLocator(5))
-    axis.set_ylabel(_axis_name(case, k, factor, label))
+    axis.set_ylabel(f"{case.channels[k].kind} [{label}]")
     if label_time:
         axis.set_xlabel(f"time [{second}]")
 

@@ -70,13 +70,6 @@ class Trial:
         assert self.fit is not None
         return self.fit.u[-self.suspect.size :]
 
-    def own_covariance(self) -> np.ndarray:
-        assert self.fit is not None
-        n = self.suspect.size
-        wide = max(self.fit.chi2 / max(self.fit.count - len(self.fit.u), 1), 1.0)
-        t = float(stats.t.ppf(0.975, max(self.fit.dof, 2))) / 1.96
-        return self.fit.covariance[-n:, -n:] * wide * t**2
-
 
 @dataclass
 class Nulls:
