@@ -53,7 +53,7 @@ WIDE = {
 NAMED = {
     "diagnosis.bed.candidates": 21, "diagnosis.bed.experiment": 3, "diagnosis.bed.hand_over": 7,
     "diagnosis.bed.search": 3, "diagnosis.bed.starts": 1, "diagnosis.bed.windows": 2, "diagnosis.candidates": 7,
-    "diagnosis.data": 2, "diagnosis.driven_terms": 2, "diagnosis.experiment": 8, "diagnosis.fit": 1,
+    "diagnosis.data": 2, "diagnosis.driven_terms": 2, "diagnosis.experiment": 8, "diagnosis.fit": 5,
     "diagnosis.name": 1, "diagnosis.pairs": 3, "diagnosis.segments": 4, "diagnosis.signatures": 1,
     "diagnosis.start": 25, "diagnosis.steps": 3, "diagnosis.swimmer_terms": 10, "diagnosis.unseen.candidates": 9,
     "diagnosis.unseen.checks": 2, "diagnosis.unseen.conclude": 2, "diagnosis.unseen.report": 1,
