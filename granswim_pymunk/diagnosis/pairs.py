@@ -300,6 +300,20 @@ def _is_damping(term: Term) -> bool:
     return len(term.free) == 1 and law is not None and law.damping
 
 
+def _as_much(fitter: Fitter, fit: Fit, at: int, other: Term) -> float | None:
+    """The amount of a law of one number that moves the bodies as the number in place ``at`` of a fit does.
+
+    To first order, by least squares; None where the law moves nothing there.
+    """
+    alone = fitter.fit(fit.hypothesis.with_term(other), [*fit.values, 0.0], fit.starts, stages=())
+    moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
+    column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
+    power = float(column @ column)
+    if power == 0.0:
+        return None
+    return float(np.clip(column @ moved / power, other.free[0].low, other.free[0].high))
+
+
 def _partners(
     pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     inner_scores: dict[str, float], training: Sequence[Case],
@@ -318,16 +332,12 @@ def _partners(
         if not _is_damping(term):
             continue
         rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
-        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
         others = [t for t in terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
         for other in make_bank(fitter, fit, others).signatures:
-            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
-            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
-            power = float(column @ column)
-            if power == 0.0:
+            amount = _as_much(fitter, fit, at, other.term)
+            if amount is None:
                 continue
-            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
             hypothesis = base.hypothesis.with_term(keep.term, other.term)
             begin = [*fit.values[:offset], *fit.values[rows], amount]
             found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
@@ -386,6 +396,36 @@ def exchanges(
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 
 
+def stand_ins(
+    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float
+) -> list[Exchange]:
+    """Laws that stand, in such an apparatus, for one of the two found, refitted in its place.
+
+    They may be the same law in other numbers, so each begins at the amount that moves the bodies as that one does.
+    """
+    result = []
+    first = len(recalibrated.values)
+    cut = first + found[0].numbers
+    for replaced, keep, at, rows in (
+        (found[1], found[0], cut, slice(first, cut)), (found[0], found[1], first, slice(cut, None)),
+    ):  # fmt: skip
+        if replaced.numbers != 1:
+            continue
+        for term in terms:
+            stands = term.suited and replaced.mechanism in all_laws()[term.law].stands_for
+            if not stands or len(term.free) != 1 or term.mechanism == keep.mechanism:
+                continue
+            amount = _as_much(fitter, revised, at, term)
+            if amount is None:
+                continue
+            begin = np.concatenate([revised.values[:first], revised.values[rows], [amount]])
+            fit = fitter.fit(recalibrated.hypothesis.with_term(keep.term, term), begin, revised.starts)
+            (signature,) = make_bank(fitter, revised, [term]).signatures
+            trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
+            result.append(Exchange(keep, replaced, trial, float((revised.chi2 - fit.chi2) / spread)))
+    return result
+
+
 def settled(
     found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     inner_scores: dict[str, float], training: Sequence[Case],
@@ -408,8 +448,8 @@ def settled(
         inner_scores[label_of(*found)] = now
         others = []
     for _ in range(2):  # one of the two, and then the other
-        others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
-        suited = next((e for e in others if _is_of_the_apparatus(e)), None)
+        stand = stand_ins(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+        suited = next((e for e in stand if _is_of_the_apparatus(e)), None)
         if suited is None or suited.trial.fit is None:
             break
         revised = suited.trial.fit
