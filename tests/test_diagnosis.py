@@ -30,7 +30,8 @@ from granswim_pymunk.diagnosis.signatures import Signature
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.inference.significance import normal_score
-from granswim_pymunk.recording import Recording, see, write_recording
+from granswim_pymunk.joints import place
+from granswim_pymunk.recording import Recording, film, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
 from granswim_pymunk.validation.reference import Reference
 
@@ -654,3 +655,27 @@ def test_numbers_that_hang_on_the_step_are_seen():
         errors = np.sqrt(np.diag(fit.covariance))
         assert np.allclose(moved[dt], np.abs(finer.values - fit.values) / errors, rtol=0.3, atol=0.05)
     assert moved[5e-3].max() > 1.0 and moved[2e-4].max() < 0.2
+
+
+def test_the_joint_that_drags_is_told():
+    """Two arms hung from one another, filmed by their angles; only the first axle is not free."""
+    arms = (
+        Body("arm1", "free", 0.02, 0.09, inertia=4.4e-4), Body("arm2", "free", 0.02, 0.14, inertia=1.3e-3)
+    )  # fmt: skip
+    hinges = (
+        use("hinge", bodies=["arm1"], anchor_a=(0.0, 0.11), anchor=(0.0, 0.0)),
+        use("hinge", bodies=["arm1", "arm2"], anchor_a=(0.0, -0.06), anchor_b=(0.0, 0.12)),
+    )
+    believed = Scene(arms, hinges, gravity=(0.0, -9.81))
+    start = place(believed, {"arm1": 0.9, "arm2": 0.5}, {"arm1": 0.0, "arm2": 0.0})
+    truth = replace(believed, bodies=tuple(replace(b, initial=start[b.id]) for b in arms))
+    seen = film(
+        truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 3.0, 0.01),
+        rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
+    )  # fmt: skip
+    verdict = verdict_dict(diagnose_bodies([replace(seen, scene=believed)]))
+    first = verdict["mechanisms"][0]
+    assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
+    assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]
+    for other in verdict["mechanisms"][1:]:  # the second axle is free
+        assert other["bodies"] == ["arm1", "arm2"] and other["parameters"]["c"]["low"] < 1e-6

@@ -77,7 +77,9 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
         r0 = float(radii.mean())
         free: list[Free] = []
         groups: list[tuple[str, tuple[int, ...]]] = []
-        owners = list(bodies) if each else [None]
+        owners: list[Any] = [None]
+        if each:
+            owners = list(joints_by_body(cases)) if law.kind == "joint" else list(bodies)
         for owner in owners:
             where = None if owner is None else frozenset(c.name for c in cases if owner in c.recording.scene.ids)
             for p in fitted:
@@ -202,6 +204,10 @@ class _LawAdder:
                 at += p.size
                 given[p.name] = numbers[0] if p.size == 1 else tuple(numbers)
             bodies = None if owner is None else [owner]
+            if owner is not None and self.law.kind == "joint":
+                bodies = next((list(b) for b in scene.joints_of.values() if b[-1] == owner), None)
+                if bodies is None:
+                    continue
             if owner is None and driven:
                 bodies = [b.id for b in scene.bodies if b.mobile and b.id not in driven]
             acting = [b.radius for b in scene.bodies if b.mobile and (bodies is None or b.id in bodies)]
@@ -317,6 +323,17 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
     ]
 
 
+def joints_by_body(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:
+    """Pins and hinges by the body that hangs from each, the ids that name the joint; empty where one bears two."""
+    found: dict[str, tuple[str, ...]] = {}
+    for case in cases:
+        for bodies in case.recording.scene.joints_of.values():
+            if not bodies or found.get(bodies[-1], bodies) != bodies:
+                return {}
+            found[bodies[-1]] = bodies
+    return found
+
+
 def _is_simple(law: Law) -> bool:
     """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body.
 
@@ -364,7 +381,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             if out_of_place(law, cases):
                 continue
             terms += law_terms(law, cases, each=False)
-            if several and each and _is_simple(law):
+            if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
                 terms += law_terms(law, cases, each=True)
             elif several and each and _is_push(law):
                 terms += _on_one_body(law, cases)

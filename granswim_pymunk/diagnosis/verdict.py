@@ -19,9 +19,10 @@ from ..inference.result import (
     rival_entries,
     with_camera,
 )
+from ..laws import all_laws
 from ..recording import Recording
 from ..scene import Scene, Time
-from .candidates import distinct_bodies, owners
+from .candidates import distinct_bodies, joints_by_body, owners
 from .data import Case
 from .driver import TrackFinding, diagnose_bodies
 from .fit import Fit
@@ -51,6 +52,10 @@ def _entries(diagnosis: TrackFinding, trial: Trial, gain: float | None) -> list[
     offset = _term_offset(fit, trial)
     term = trial.term
     bodies = owners(term)
+    # a joint is named by the bodies that it joins
+    known = all_laws().get(term.law)
+    of_joint = known is not None and known.kind == "joint"
+    joints = {b: list(names) for b, names in joints_by_body(diagnosis.cases).items()} if of_joint else {}
     entries = []
     for owner in list[str | None](bodies) or [None]:
         parameters: dict[str, Any] = {}
@@ -67,7 +72,7 @@ def _entries(diagnosis: TrackFinding, trial: Trial, gain: float | None) -> list[
                 "expression": equation_with(
                     term.expression, ((k, p["value"], p["unit"]) for k, p in parameters.items())
                 ),
-                "bodies": [owner] if owner is not None else _acting(diagnosis, trial),
+                "bodies": _acting(diagnosis, trial) if owner is None else joints.get(owner, [owner]),
                 "parameters": parameters,
                 "surviving_fraction": _number(trial.signature.surviving),
                 "gain_heldout": _number(gain),
