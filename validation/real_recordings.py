@@ -19,6 +19,7 @@ from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.diagnose import ProgressLine
 from granswim_pymunk.result import load_verdict
 
+MOST_NUMBERS = 5  # of a law that are shown: a form without a name has twenty
 HEAD = """# Real recordings
 
 The recordings of real apparatus that come with the package, each diagnosed with the defaults by
@@ -84,12 +85,13 @@ def section(name: str, verdict: Mapping[str, Any], said: str, picture: str) -> s
 
 def told(verdict: Mapping[str, Any], summary: str) -> str:
     """The part of the summary that belongs here: not every candidate and note."""
-    kept, keep = [], False
+    kept, keep, numbers = [], False, 0
     for line in summary.splitlines():
         if line.startswith("[["):
             keep = line[2:-2].split(" in ")[0] in ("Verdict", "Laws", "Explained", "Recalibrated", "Errors", "Rivals")
-        if keep:
-            kept.append(line)
+        numbers = numbers + 1 if line.startswith(8 * " ") else 0
+        if keep and numbers <= MOST_NUMBERS:
+            kept.append(line if numbers < MOST_NUMBERS else 8 * " " + "...")
     return "\n".join(kept)
 
 

@@ -15,7 +15,7 @@ from .candidates import fastest_of
 from .choose import choose, worth
 from .data import Case
 from .fit import Fit, Fitter
-from .hypothesis import Predictor, Term
+from .hypothesis import Hypothesis, Predictor, Term
 from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls
 from .signatures import Signature, make_bank
@@ -396,6 +396,23 @@ def exchanges(
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 
 
+def _sought(fitter: Fitter, hypothesis: Hypothesis, begin: np.ndarray, fit: Fit) -> float:
+    """The last number that leaves least while all others and the starts stay, sought over four decades.
+
+    Over many swings a first-order amount may lie in another valley.
+    """
+    free = hypothesis.free[-1]
+    amounts = abs(begin[-1]) * np.logspace(-2.0, 2.0, 61)
+    best = float(begin[-1])
+    for _ in range(3):  # each time between the neighbours of the best
+        amounts = np.unique(np.clip(amounts, free.low, free.high))
+        left = [fitter.misfit(hypothesis, [*begin[:-1], amount], fit.starts) for amount in amounts]
+        k = int(np.argmin(left))
+        best = float(amounts[k])
+        amounts = np.linspace(amounts[max(k - 1, 0)], amounts[min(k + 1, len(amounts) - 1)], 17)
+    return best
+
+
 def stand_ins(
     found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float
 ) -> list[Exchange]:
@@ -418,8 +435,10 @@ def stand_ins(
             amount = _as_much(fitter, revised, at, term)
             if amount is None:
                 continue
+            hypothesis = recalibrated.hypothesis.with_term(keep.term, term)
             begin = np.concatenate([revised.values[:first], revised.values[rows], [amount]])
-            fit = fitter.fit(recalibrated.hypothesis.with_term(keep.term, term), begin, revised.starts)
+            begin[-1] = _sought(fitter, hypothesis, begin, revised)
+            fit = fitter.fit(hypothesis, begin, revised.starts)
             (signature,) = make_bank(fitter, revised, [term]).signatures
             trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
             result.append(Exchange(keep, replaced, trial, float((revised.chi2 - fit.chi2) / spread)))
