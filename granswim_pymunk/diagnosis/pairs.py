@@ -404,7 +404,7 @@ def _sought(fitter: Fitter, hypothesis: Hypothesis, begin: np.ndarray, fit: Fit)
     free = hypothesis.free[-1]
     amounts = abs(begin[-1]) * np.logspace(-2.0, 2.0, 61)
     best = float(begin[-1])
-    for _ in range(3):  # each time between the neighbours of the best
+    for _ in range(6):  # each time between the neighbours of the best, to 1e-6 in the end
         amounts = np.unique(np.clip(amounts, free.low, free.high))
         left = [fitter.misfit(hypothesis, [*begin[:-1], amount], fit.starts) for amount in amounts]
         k = int(np.argmin(left))
