@@ -449,12 +449,6 @@ class Fitter:
         innovations, steps = self._joined(case, runs, frames)
         return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
 
-    def misfit(
-        self, hypothesis: Hypothesis, values: Sequence[float] | np.ndarray, starts: Mapping[str, np.ndarray]
-    ) -> float:
-        """chi2 of these numbers and starts on the training frames, nothing fitted."""
-        return float(self._chi2(hypothesis, np.asarray(values, dtype=float), dict(starts)))
-
     def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
         return sum(self._loss(c, self.vector(c, hypothesis, values, starts[c.name])) for c in self.cases)
 

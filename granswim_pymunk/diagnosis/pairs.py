@@ -15,7 +15,7 @@ from .candidates import fastest_of
 from .choose import choose, worth
 from .data import Case
 from .fit import Fit, Fitter
-from .hypothesis import Hypothesis, Predictor, Term
+from .hypothesis import Predictor, Term
 from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls
 from .signatures import Signature, make_bank
@@ -300,20 +300,6 @@ def _is_damping(term: Term) -> bool:
     return len(term.free) == 1 and law is not None and law.damping
 
 
-def _as_much(fitter: Fitter, fit: Fit, at: int, other: Term) -> float | None:
-    """The amount of a law of one number that moves the bodies as the number in place ``at`` of a fit does.
-
-    To first order, by least squares; None where the law moves nothing there.
-    """
-    alone = fitter.fit(fit.hypothesis.with_term(other), [*fit.values, 0.0], fit.starts, stages=())
-    moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
-    column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
-    power = float(column @ column)
-    if power == 0.0:
-        return None
-    return float(np.clip(column @ moved / power, other.free[0].low, other.free[0].high))
-
-
 def _partners(
     pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     inner_scores: dict[str, float], training: Sequence[Case],
@@ -332,12 +318,16 @@ def _partners(
         if not _is_damping(term):
             continue
         rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
+        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
         others = [t for t in terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
         for other in make_bank(fitter, fit, others).signatures:
-            amount = _as_much(fitter, fit, at, other.term)
-            if amount is None:
+            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
+            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
+            power = float(column @ column)
+            if power == 0.0:
                 continue
+            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
             hypothesis = base.hypothesis.with_term(keep.term, other.term)
             begin = [*fit.values[:offset], *fit.values[rows], amount]
             found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
@@ -396,55 +386,6 @@ def exchanges(
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 
 
-def _sought(fitter: Fitter, hypothesis: Hypothesis, begin: np.ndarray, fit: Fit) -> float:
-    """The last number that leaves least while all others and the starts stay, sought over four decades.
-
-    Over many swings a first-order amount may lie in another valley.
-    """
-    free = hypothesis.free[-1]
-    amounts = abs(begin[-1]) * np.logspace(-2.0, 2.0, 61)
-    best = float(begin[-1])
-    for _ in range(6):  # each time between the neighbours of the best, to 1e-6 in the end
-        amounts = np.unique(np.clip(amounts, free.low, free.high))
-        left = [fitter.misfit(hypothesis, [*begin[:-1], amount], fit.starts) for amount in amounts]
-        k = int(np.argmin(left))
-        best = float(amounts[k])
-        amounts = np.linspace(amounts[max(k - 1, 0)], amounts[min(k + 1, len(amounts) - 1)], 17)
-    return best
-
-
-def stand_ins(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float
-) -> list[Exchange]:
-    """Laws that stand, in such an apparatus, for one of the two found, refitted in its place.
-
-    They may be the same law in other numbers, so each begins at the amount that moves the bodies as that one does.
-    """
-    result = []
-    first = len(recalibrated.values)
-    cut = first + found[0].numbers
-    for replaced, keep, at, rows in (
-        (found[1], found[0], cut, slice(first, cut)), (found[0], found[1], first, slice(cut, None)),
-    ):  # fmt: skip
-        if replaced.numbers != 1:
-            continue
-        for term in terms:
-            stands = term.suited and replaced.mechanism in all_laws()[term.law].stands_for
-            if not stands or len(term.free) != 1 or term.mechanism == keep.mechanism:
-                continue
-            amount = _as_much(fitter, revised, at, term)
-            if amount is None:
-                continue
-            hypothesis = recalibrated.hypothesis.with_term(keep.term, term)
-            begin = np.concatenate([revised.values[:first], revised.values[rows], [amount]])
-            begin[-1] = _sought(fitter, hypothesis, begin, revised)
-            fit = fitter.fit(hypothesis, begin, revised.starts)
-            (signature,) = make_bank(fitter, revised, [term]).signatures
-            trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
-            result.append(Exchange(keep, replaced, trial, float((revised.chi2 - fit.chi2) / spread)))
-    return result
-
-
 def settled(
     found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     inner_scores: dict[str, float], training: Sequence[Case],
@@ -467,8 +408,8 @@ def settled(
         inner_scores[label_of(*found)] = now
         others = []
     for _ in range(2):  # one of the two, and then the other
-        stand = stand_ins(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
-        suited = next((e for e in stand if _is_of_the_apparatus(e)), None)
+        others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+        suited = next((e for e in others if _is_of_the_apparatus(e)), None)
         if suited is None or suited.trial.fit is None:
             break
         revised = suited.trial.fit
