@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -208,3 +209,11 @@ def test_no_law_is_named_in_the_diagnosis():
 def test_exceptions_are_about_what_is_there(exceptions):
     there = {name for name, _ in functions()} | set(modules())
     assert set(exceptions) <= there
+
+
+def test_the_wheel_carries_every_folder_of_code():
+    """The list in pyproject.toml is kept by hand, as three folders of the repository move into the package."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        listed = set(tomllib.load(file)["tool"]["setuptools"]["packages"])
+    there = {".".join(f.parent.relative_to(ROOT).parts) for f in (ROOT / "granswim_pymunk").rglob("__init__.py")}
+    assert listed == there | {f"granswim_pymunk.{name}" for name in ("benchmarks", "scenarios", "validation")}
