@@ -94,14 +94,17 @@ def fit_of(diagnosis: TrackFinding, model: str) -> Fit:
 
 
 def predicted(diagnosis: TrackFinding, model: str, case: Case) -> np.ndarray:
-    """Predicted channels (T, c) [m or rad] of a recording, NaN where there is no prediction."""
+    """Predicted channels (T, c) [m or rad] of a recording, NaN where there is no prediction.
+
+    Held-out frames as they were predicted; the others, where that covers windows alone, as they were fitted.
+    """
     errors = diagnosis.held.get(model)
-    if errors is not None and errors.predicted is not None and case.name in errors.predicted:
-        return errors.predicted[case.name]
     innovations = fit_of(diagnosis, model).innovations.get(case.name)
-    if innovations is None:
-        return np.full(case.values.shape, np.nan)
-    return case.values - innovations * case.sigma
+    fitted = np.full(case.values.shape, np.nan) if innovations is None else case.values - innovations * case.sigma
+    if errors is not None and errors.predicted is not None and case.name in errors.predicted:
+        told = errors.predicted[case.name]
+        return np.where(np.isfinite(told) | ~case.training[:, None], told, fitted)
+    return fitted
 
 
 def chosen_cases(diagnosis: TrackFinding, most: int = MOST) -> list[Case]:
