@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from granswim_pymunk.benchmarks.full_disk import START as LIMITED
 from granswim_pymunk.cli import main
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
@@ -466,15 +467,6 @@ def test_output_is_tried_before_the_work(two, tmp_path, capsys, monkeypatch):
 
 
 # ---- a disk that takes no more, and being told to end ------------------------------------------
-
-LIMITED = """
-import resource, sys
-from granswim_pymunk.cli import main
-limit = int(sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-sys.exit(main(sys.argv[2:]))
-"""
-
 
 def limited(limit, *arguments):
     command = [sys.executable, "-c", LIMITED, str(limit), *map(str, arguments)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from ..files import written_whole
 from ..recording import Recording
 from ..scene import Scene
 
@@ -238,11 +238,10 @@ def with_camera(scene: Scene, camera: Mapping[str, Any]) -> Scene:
 
 
 def put_text(path: Path, text: str) -> None:
-    """Write beside, then rename: a reader never sees half a file."""
+    """Write a file that appears whole or not at all, and its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)
+    with written_whole(path) as stream:
+        stream.write(text.encode("utf-8"))
 
 
 def write_verdict(found: Diagnosis, out: Path) -> None:

@@ -31,6 +31,7 @@ from ..diagnosis.nulls import Null
 from ..inference.mechanisms import APPARATUS
 from ..joints import arm_of, hinged, place
 from ..laws import Law, all_laws
+from ..scene import Scene
 from ..walls import outline
 from .style import (
     COLOURS,
@@ -1113,37 +1114,46 @@ def _speed_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> F
     return figure
 
 
-def _places_of(case: Case) -> np.ndarray:
-    """Places (k, 2) [m] seen in the training part; of rods and hinged bodies whose angles were measured, too."""
-    recording = case.recording.unwrapped().on_rails()
-    places = [recording.xy[case.training].reshape(-1, 2)]
-    down = np.array(recording.scene.gravity if any(recording.scene.gravity) else (0.0, -1.0), dtype=float)
+def end_of_rod(scene: Scene, body: str, angle: np.ndarray) -> np.ndarray | None:
+    """Places (T, 2) [m] of a body on a pin at these angles (T,), 0 hanging; None where it is on none."""
+    pin = next((item for item in scene.laws_named("pin") if body in (item.bodies or ())), None)
+    if pin is None:
+        return None
+    down = np.array(scene.gravity if any(scene.gravity) else (0.0, -1.0), dtype=float)
     down /= math.hypot(*down)
-    for k, channel in enumerate(case.channels):
-        pin = next((i for i in recording.scene.laws_named("pin") if channel.body in (i.bodies or ())), None)
-        if channel.kind == "angle" and pin is not None:
-            angle = case.values[case.training, k]
-            end = np.cos(angle)[:, None] * down + np.sin(angle)[:, None] * np.array([-down[1], down[0]])
-            places.append(np.array(pin.values["anchor"]) + pin.values["length"] * end)
-    places += _places_of_hinged(case)
-    every = np.concatenate(places)
-    return every[np.isfinite(every).all(axis=1)]
+    end = np.cos(angle)[:, None] * down + np.sin(angle)[:, None] * np.array([-down[1], down[0]])
+    return np.array(pin.values["anchor"]) + pin.values["length"] * end
 
 
-def _places_of_hinged(case: Case) -> list[np.ndarray]:
-    """Where hinged bodies are (k, 2) [m] in some frames of the training part, as their angles tell."""
+def hinged_places(case: Case, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Places (T, 2) [m] of hinged bodies from channels (T, c), as their angles tell; NaN where these do not."""
     scene = case.recording.scene
     turning = set(hinged(scene))
     columns = {c.body: k for k, c in enumerate(case.channels) if c.kind == "angle" and c.body in turning}
-    if not columns:
-        return []
-    frames = np.flatnonzero(case.training & np.isfinite(case.values[:, list(columns.values())]).all(axis=1))
+    found = {body: np.full((len(values), 2), np.nan) for body in columns}
     still = dict.fromkeys(columns, 0.0)
-    found = []
-    for frame in frames[:: max(len(frames) // 200, 1)]:
-        states = place(scene, {body: float(case.values[frame, k]) for body, k in columns.items()}, still)
-        found.append(np.array([state[:2] for state in states.values()]).reshape(-1, 2))
+    for frame, row in enumerate(values if columns else ()):
+        known = {body: float(row[k]) for body, k in columns.items() if math.isfinite(row[k])}
+        for body, state in place(scene, known, still).items():
+            found[body][frame] = state[:2]
     return found
+
+
+def _places_of(case: Case) -> np.ndarray:
+    """Places (k, 2) [m] seen in the training part; of rods and hinged bodies whose angles were measured, too."""
+    recording = case.recording.unwrapped().on_rails()
+    every = [recording.xy[case.training].reshape(-1, 2)]
+    for k, channel in enumerate(case.channels):
+        end = end_of_rod(recording.scene, channel.body, case.values[case.training, k])
+        if channel.kind == "angle" and end is not None:
+            every.append(end)
+    rows = np.flatnonzero(case.training)
+    # some frames are enough
+    turned = hinged_places(case, case.values[rows[:: max(len(rows) // 200, 1)]])
+    if turned:
+        every.append(np.stack(list(turned.values()), axis=1).reshape(-1, 2))
+    places = np.concatenate(every)
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -> Figure:

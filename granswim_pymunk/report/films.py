@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..joints import place
-from ..scene import Scene
-from .figures import chosen_cases, models, predicted
+from .figures import chosen_cases, end_of_rod, hinged_places, models, predicted
 from .player import MOST_FRAMES, Moving
 
 if TYPE_CHECKING:
@@ -19,37 +16,28 @@ if TYPE_CHECKING:
 Hung = tuple[int, "int | tuple[float, float]"]
 
 
-def _down(scene: Scene) -> np.ndarray:
-    """The direction in which a rod hangs at angle 0."""
-    down = np.array(scene.gravity if any(scene.gravity) else (0.0, -1.0), dtype=float)
-    return down / math.hypot(*down)
-
-
 def places(case: Case, values: np.ndarray) -> np.ndarray:
     """Places (T, n, 2) [m] of the observed bodies from channels (T, c); of an angle alone by its pin or hinge.
 
-    NaN where a place is not known. Of a rail, of which one coordinate was recorded, the other is zero.
+    NaN where a place is not known. On a rail, the coordinate that was not recorded is that of the rail.
     """
     scene, column = case.recording.scene, {(c.body, c.kind): k for k, c in enumerate(case.channels)}
+    railed = case.recording.on_rails()
+    turned = hinged_places(case, values)
     found = np.full((len(values), len(case.bodies), 2), np.nan)
     for i, body in enumerate(case.bodies):
-        x, y, angle = (column.get((body, kind)) for kind in ("x", "y", "angle"))
-        if x is not None or y is not None:
-            for axis, k in enumerate((x, y)):
-                found[:, i, axis] = 0.0 if k is None else values[:, k]
-            continue
-        pin = next((item for item in scene.laws_named("pin") if body in (item.bodies or ())), None)
-        if pin is not None and angle is not None:
-            down, turn = _down(scene), values[:, angle, None]
-            end = np.cos(turn) * down + np.sin(turn) * np.array([-down[1], down[0]])
-            found[:, i] = np.array(pin.values["anchor"]) + pin.values["length"] * end
-    if scene.laws_named("hinge") and not np.isfinite(found).any():
-        angles = {body: column[body, "angle"] for body in case.bodies if (body, "angle") in column}
-        still = dict.fromkeys(angles, 0.0)
-        for frame, row in enumerate(values):
-            known = {body: float(row[k]) for body, k in angles.items() if math.isfinite(row[k])}
-            for body, state in place(scene, known, still).items():
-                found[frame, case.bodies.index(body)] = state[:2]
+        seen = [column.get((body, kind)) for kind in "xy"]
+        angle = column.get((body, "angle"))
+        if any(k is not None for k in seen):
+            across = railed.xy[:, railed.ids.index(body)]
+            for axis, k in enumerate(seen):
+                found[:, i, axis] = np.nanmedian(across[:, axis]) if k is None else values[:, k]
+        elif body in turned:
+            found[:, i] = turned[body]
+        elif angle is not None:
+            end = end_of_rod(scene, body, values[:, angle])
+            if end is not None:
+                found[:, i] = end
     return found
 
 

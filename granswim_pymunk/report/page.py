@@ -12,7 +12,6 @@ import importlib
 import importlib.metadata
 import io
 import math
-import os
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 
 from .. import __version__
 from ..errors import InputError
+from ..files import written_whole
 from ..inference.mechanisms import meaning
 from ..inference.result import MODELS, PARTLY, Diagnosis, Table, write_verdict
 from ..laws import all_laws
@@ -431,10 +431,6 @@ def write_diagnosis(d: Diagnosis, out: Path) -> None:
 
 
 def put(path: Path, data: bytes) -> None:
-    """Write under a temporary name beside, then rename."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Write a file that appears whole or not at all."""
+    with written_whole(path) as stream:
+        stream.write(data)
