@@ -129,7 +129,9 @@ def swum(
             continue
         x = candidates[label]
         for k, (value, f) in enumerate(zip(values, x.term.free, strict=True)):
-            numbers = numbers + _change(f"{label}/{k}", (value - f.neutral) / np.abs(x.design[:, k]).max(), frequency)
+            # a flow without speed is drag
+            way = "linear_drag/0" if (label, k) == ("ambient_flow", 0) else f"{label}/{k}"
+            numbers = numbers + _change(way, (value - f.neutral) / np.abs(x.design[:, k]).max(), frequency)
     return _tracks(numbers, frequency, noise, rng)
 
 

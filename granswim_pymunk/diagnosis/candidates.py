@@ -408,10 +408,10 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
             continue
         values: dict[str, Any] = {}
         for p in law.parameters:
-            if p.typical is not None:
-                values[p.name] = float(p.typical) if p.size == 1 else (float(p.typical),) * p.size
-            elif p.default is None:
-                values[p.name] = p.choices[0] if p.choices else (0.0 if p.size == 1 else (0.0,) * p.size)
+            if p.typical is not None or p.default is None:
+                # a typical size outside the bounds says where to begin, not that the law does not apply
+                size = min(max(float(p.typical or 0.0), p.low), p.high)
+                values[p.name] = p.choices[0] if p.choices else (size if p.size == 1 else (size,) * p.size)
         try:
             scene.resolved(use(law, **values))
         except InputError:

@@ -17,6 +17,9 @@ from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms
 from .summaries import Condition, Shim
 
+KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; those of a chain: ``swimmer_terms``
+INSIDE = 0.95  # of the way to a bound, how far amounts are tried
+
 
 @dataclass(frozen=True)
 class Suspect:
@@ -24,11 +27,13 @@ class Suspect:
 
     design : (n, n) rows are amounts (value less neutral) of its n numbers; empty for the apparatus, which needs
     no runs;  extent : the class of bodies it acts on, for the verdict
+    other : times the first amount, where else to look for one that shows: at the size that the units tell
     """
 
     term: Term
     design: np.ndarray
     extent: tuple[str, ...]
+    other: float | None = None
 
     @property
     def name(self) -> str:
@@ -55,7 +60,7 @@ class Suspect:
         design = self.design * factor
         for k, f in enumerate(self.term.free):
             room = (f.low - f.neutral, f.high - f.neutral)
-            design[:, k] = np.clip(design[:, k], 0.95 * room[0], 0.95 * room[1])
+            design[:, k] = np.clip(design[:, k], INSIDE * room[0], INSIDE * room[1])
         return replace(self, design=design)
 
 
@@ -127,7 +132,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
     scale = natural_scale(conditions)
     found = []
     for law in all_laws().values():
-        if law.candidate != "named" or law.kind not in ("body", "pair") or not law.strength:
+        if law.candidate != "named" or law.kind not in KINDS or not law.strength:
             continue
         if any(c.scene.laws_named(law.name) for c in conditions):
             continue  # it is known already; its strength is the adjustables' business
@@ -140,20 +145,36 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
         groups = []
         for name in law.strength:
             p = law.parameter(name)
-            at = len(free)
+            at, size = len(free), _declared(law, p) or scale(p)
             free += [
-                Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, scale(p), None, p.neutral)
+                Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, size, None, p.neutral)
                 for argument in p.arguments
             ]
             groups.append((name, tuple(range(at, len(free)))))
+        amounts = [_inward(f) for f in free]
+        if not all(amounts):
+            continue  # its bounds hold it where it is absent
         term = Term(
             law.mechanism, law.name, tuple(free), _Adder(law), expression=law.expression, groups=tuple(groups),
             choices=_fixed(law),
         )  # fmt: skip
-        # the side on which there is room
-        amounts = [-f.scale if f.neutral + f.scale > f.high else f.scale for f in free]
-        found.append(Suspect(term, np.diag(amounts), ("swimmer", "grains")))
+        declared = _declared(law, law.parameter(law.strength[0]))
+        other = scale(law.parameter(law.strength[0])) / declared if declared else None
+        found.append(Suspect(term, np.diag(amounts), ("swimmer", "grains"), other))
     return found
+
+
+def _declared(law: Law, p: Parameter) -> float | None:
+    """The size that a user's own law declares as typical; sizes of the package's laws follow from the bed."""
+    return None if law.shipped or not p.typical else abs(float(p.typical))
+
+
+def _inward(free: Free) -> float:
+    """The amount of a first try, on the side of neutral with room for it, inside the bounds; 0 where there is none."""
+    up, down = free.high - free.neutral, free.neutral - free.low
+    if up >= free.scale or up >= down:
+        return min(free.scale, INSIDE * up)
+    return -min(free.scale, INSIDE * down)
 
 
 Scale = Callable[[Parameter], float]

@@ -269,8 +269,14 @@ def _shifted(f: Finding, c: Condition) -> tuple[np.ndarray, float] | None:
 
 
 def _rival(s: Search, t: Trial, c: Condition) -> tuple[np.ndarray, float] | None:
-    """Held-out numbers predicted by a rival, run with softer contacts."""
+    """Held-out numbers predicted by a rival, run with softer contacts; None where it was not run there."""
     assert t.fit is not None
+    if c.view is not None:
+        # the later part of a film that was learnt from: its runs are those of the fit
+        try:
+            return t.fit.model.predict(s.test, c, t.fit.u)
+        except KeyError:
+            return None
     label = label_of(s.adjust, rounded(t.fit.u[: len(s.adjust)]), extra_of(s, [t], t.fit))
     camera = {n: float(t.fit.u[k]) for k, n in enumerate(t.fit.model.camera) if n is not None}
     try:

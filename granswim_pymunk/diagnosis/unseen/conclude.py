@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ...inference.criteria import current
+from ...laws import all_laws
 from .candidates import Suspect
 from .response import Fit, fit, spread_of, whitened
 from .search import (
@@ -22,6 +23,7 @@ from .search import (
     extended,
     goodness,
     label_of,
+    model_of,
     more_runs,
     recalibrate,
     refit,
@@ -154,6 +156,7 @@ def search_and_conclude(s: Search) -> Finding:
         return _without(s)
     same = [t for t in leaders if _alike(s, leaders[0], t)]
     chosen_ = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
+    chosen_ = plainer(s, chosen_, leaders)
     found, revised = [chosen_], chosen_.fit
     assert revised is not None
     pair = _pair(s, bank, chosen_, suspects)
@@ -168,7 +171,7 @@ def search_and_conclude(s: Search) -> Finding:
     if all(c.any_view.curve for c in s.training):
         # a few speeds say one thing only: whatever explains it to first order is of the same class
         rivals += [
-            (t, True) for t in open_
+            (_to_first_order(s, t), True) for t in open_
             if t.fit is None and t.gain > 0.95 * open_[0].gain and t.suspect.name != chosen_.suspect.name
         ]  # fmt: skip
     label = label_of(s.adjust, rounded(revised.u[: len(s.adjust)]), extra_of(s, found, revised))
@@ -201,7 +204,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     leaders = [t for t in open_ if t.gain > 0.3 * best or (t.suspect.apparatus and t.gain > 0.15 * best)]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
-        _again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
+        again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
     settled: set[str] = set()
     while leaders:
@@ -210,7 +213,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
         rest = [t for t in near[: s.sizes.leaders] if t.suspect.label not in settled]
         if not rest:
             break
-        _again(s, rest[0], 0.72 + 0.06 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
+        again(s, rest[0], 0.72 + 0.06 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
         settled.add(rest[0].suspect.label)
         leaders.sort(key=lambda t: -t.worth)
     dueled: set[str] = set()
@@ -219,9 +222,48 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
             # the error of the simulated means is what keeps these two together: more runs of both
             for one in (leaders[0], t):
                 if one.suspect.label not in dueled:
-                    _again(s, one, 0.79, 1, s.sizes.duel)
+                    again(s, one, 0.79, 1, s.sizes.duel)
                     dueled.add(one.suspect.label)
     return sorted(leaders, key=lambda t: -t.worth)
+
+
+def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:
+    """The law that a richer one becomes where the numbers that it adds are none within their intervals (contract).
+
+    A flow of no speed is drag in still air. The law itself where they are not, or where the other does not stand.
+    """
+    plain = None if found.fit is None else _nested(s, found.suspect, found.fit, len(s.adjust))
+    if plain is None:
+        return found
+    if plain not in leaders or not plain.refitted:
+        again(s, plain, 0.8, 2, s.sizes.leader)
+    if plain.fit is None or not sensible(s, plain):
+        return found
+    s.notes.append(f"{found.suspect.name}: what it adds to {plain.suspect.name} is none within its intervals")
+    return plain
+
+
+def _nested(s: Search, x: Suspect, found: Fit, at: int) -> Trial | None:
+    """The trial of the law that x is where all its numbers but the first are neutral; None where they are not.
+
+    found : a fit in which the numbers of x begin at ``at``
+    """
+    law = all_laws().get(x.name)
+    if law is None or not law.nests:
+        return None
+    for k in range(at + 1, at + x.size):
+        low, high = found.interval(k)
+        if not low <= found.model.free[k].neutral <= high:
+            return None
+    return next((t for t in s.trials if t.suspect.name in law.nests and not t.reason), None)
+
+
+def _to_first_order(s: Search, t: Trial) -> Trial:
+    """A trial with the fit that its signature gives, where it was not simulated again."""
+    model = model_of(s, [t.suspect])
+    if model is not None:
+        t.fit = fit(model, s.means, s.training)
+    return t
 
 
 def sensible(s: Search, t: Trial) -> bool:
@@ -288,7 +330,7 @@ def _without(s: Search) -> Finding:
     return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
 
 
-def _again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
+def again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
     """Refit a trial by simulation, from where it stands."""
     found, done, reason = refit(s, [t.suspect], share, rounds, count, t.fit)
     t.refitted += done
@@ -356,6 +398,12 @@ def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> t
         found, _, why = refit(s, pair, 0.81, 2, s.sizes.leader, start)
         if found is None or why:
             continue
+        simpler = _simpler(s, pair, found)
+        if simpler != pair:
+            pair = simpler
+            found, _, why = refit(s, pair, 0.82, 2, s.sizes.leader)
+            if found is None or why:
+                continue
         _level(s)
         found = fit(found.model, s.means, s.training)
         assert first.fit is not None
@@ -366,6 +414,18 @@ def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> t
         trials = [replace(known[x.label], fit=found, gain=first.gain + gains, refitted=2) for x in pair]
         return trials, found
     return None
+
+
+def _simpler(s: Search, pair: list[Suspect], found: Fit) -> list[Suspect]:
+    """The laws, each that is a simpler one within its intervals as that one; the same where that is there already."""
+    at = len(s.adjust)
+    result: list[Suspect] = []
+    for x in pair:
+        plain = _nested(s, x, found, at)
+        at += x.size
+        other = x if plain is None else plain.suspect
+        result.append(x if other.name in {o.name for o in (*pair, *result)} else other)
+    return result
 
 
 def _earned(s: Search, laws: Sequence[Suspect], found: Fit, cost: float) -> bool:

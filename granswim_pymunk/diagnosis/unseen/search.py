@@ -281,9 +281,11 @@ class Amount:
     """The search for an amount of a candidate that shows, in units of its first one.
 
     tried : shift at each amount, infinite where the run did not survive it;  factor : what is tried next
+    other : what is tried after the first, where that did not show or overturned everything
     """
 
     factor: float = 1.0
+    other: float | None = None
     tried: dict[float, float] = field(default_factory=dict)
     settled: bool = False
 
@@ -293,7 +295,9 @@ class Amount:
         small = max((f for f, r in self.tried.items() if r < LEAST_SHOWN), default=None)
         large = min((f for f, r in self.tried.items() if r > MOST_SHOWN), default=None)
         self.settled = LEAST_SHOWN <= size <= MOST_SHOWN or (size < LEAST_SHOWN and at_bound)
-        if small is not None and large is not None:
+        if self.other is not None:
+            self.factor, self.other = self.other, None
+        elif small is not None and large is not None:
             self.factor = math.sqrt(small * large)
         elif size < LEAST_SHOWN:
             self.factor *= 6.0
@@ -316,7 +320,7 @@ def scaled_candidates(s: Search) -> list[Suspect]:
     probe = s.training[0]
     chance = math.sqrt(2.0 * len(probe.numbers))
     covariance = s.means.covariance[probe.name]
-    amounts = {x.label: Amount() for x in physical}
+    amounts = {x.label: Amount(other=x.other) for x in physical}
     for attempt in range(PROBES):
         trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
         if not trying:
