@@ -438,6 +438,12 @@ def rescaled(term: Term, scales: Sequence[float], firsts: Sequence[float]) -> Te
     return replace(term, free=free)
 
 
+def scaled_like(term: Term, other: Term) -> Term:
+    """The term with the scales that numbers of the same names have in another form of it."""
+    scales = {f.name: f.scale for f in other.free}
+    return replace(term, free=tuple(replace(f, scale=scales.get(f.name, f.scale)) for f in term.free))
+
+
 class _Partly:
     """Applies a term with some of its numbers; the others stay where the law is absent."""
 

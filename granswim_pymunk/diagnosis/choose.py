@@ -198,7 +198,7 @@ def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, traini
     return float(share)
 
 
-def rivals_of(found: list[Trial], alive: list[Trial], spread: float, verdict: str) -> list[tuple[Trial, bool]]:
+def rivals_of(found: list[Trial], alive: list[Trial], spread: float) -> list[tuple[Trial, bool]]:
     """Other candidates than the one found, best first, once for each name; True where data cannot tell them apart."""
     if not found:
         return []

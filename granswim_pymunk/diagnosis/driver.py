@@ -17,7 +17,7 @@ from ..inference.noise import Noise
 from ..inference.significance import after_looks
 from ..recording import Recording
 from .blocks import Block, make_blocks, score
-from .candidates import flexible_terms, named_terms
+from .candidates import flexible_terms, named_terms, scaled_like
 from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import Proposal, propose
@@ -37,6 +37,7 @@ from .intervals import with_limits
 from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
+from .settle import in_names_of_apparatus, that_earn_their_place
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
 
@@ -159,7 +160,7 @@ def diagnose_bodies(
     cases, training = study.cases, study.training
     naive, recalibrated = tried.naive, tried.recalibrated
     null, chosen = _beyond_nulls(study, tried)
-    found, revised, dropped, others = _explained(study, tried, chosen)
+    found, revised, dropped, near = _explained(study, tried, chosen)
     fitter = study.fitter
     if found and fitter.segmented:
         fitter, revised = joined(fitter, revised)
@@ -174,12 +175,11 @@ def diagnose_bodies(
     judged, found, revised, closest = _judged(study, tried, found, revised, spread, weighed)
     verdict = judged.verdict
     flexible = weighed.best_form
+    taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
     if len(found) > 1:
-        near = rivals_of_pair(others, notes)
-        taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
-        rivals = [*near, *((t, False) for t in tried.alive if t.mechanism not in taken)][:3]
+        rivals = [*near, *((t, False) for t in tried.alive if t.mechanism not in taken)][: max(3, len(near))]
     else:
-        rivals = rivals_of(found, tried.alive, spread, verdict)
+        rivals = [*near, *(r for r in rivals_of(found, tried.alive, spread) if r[0].mechanism not in taken)]
 
     if found and verdict in ("missing_physics", "measurement"):
         revised = with_limits(fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
@@ -277,6 +277,8 @@ def _tried(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     progress("signatures of the candidates", 0.1)
     terms = named_terms(study.cases)
     bank = make_bank(fitter, recalibrated, terms)
+    # whatever their units, later fits step by what changes the prediction as much as the noise does
+    terms = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
     trials = try_candidates(
         fitter,
         recalibrated,
@@ -406,10 +408,11 @@ def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None
 
 def _explained(
     study: Study, tried: Tried, chosen: Trial | None
-) -> tuple[list[Trial], Fit, dict[str, str], list[Exchange]]:
+) -> tuple[list[Trial], Fit, dict[str, str], list[tuple[Trial, bool]]]:
     """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
 
-    Also, for each body that the law was not kept for, why, and what could stand in place of one of two.
+    Also, for each body that the law was not kept for, why, and what could stand in place of what was found: True where
+    these data cannot tell.
     """
     fitter, inner, predictor, recalibrated = study.fitter, study.inner, study.predictor, tried.recalibrated
     found: list[Trial] = []
@@ -453,7 +456,15 @@ def _explained(
         found, revised = third_law(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
         )
-    return found, revised, dropped, others
+    near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
+    if found and not study.late(0.75):
+        found, revised, equal = in_names_of_apparatus(found, revised, recalibrated, fitter, tried.terms, training)
+        gave_way = [(e.gave_way, True) for e in equal]
+        named = {t.mechanism for t in (*found, *(t for t, _ in gave_way))}
+        near = [*gave_way, *(r for r in near if r[0].mechanism not in named)]
+        found, revised, gone = that_earn_their_place(found, revised, recalibrated, fitter, training)
+        dropped |= gone
+    return found, revised, dropped, near
 
 
 def _finely(

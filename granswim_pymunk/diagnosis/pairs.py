@@ -407,23 +407,8 @@ def settled(
         found = [replace(t, fit=revised, gain=better.trial.gain, inner=now) for t in (better.keep, better.trial)]
         inner_scores[label_of(*found)] = now
         others = []
-    for _ in range(2):  # one of the two, and then the other
-        others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
-        suited = next((e for e in others if _is_of_the_apparatus(e)), None)
-        if suited is None or suited.trial.fit is None:
-            break
-        revised = suited.trial.fit
-        found = [replace(t, fit=revised, gain=suited.trial.gain, inner=score) for t in (suited.keep, suited.trial)]
-        inner_scores[label_of(*found)] = score
-        others = []
     others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
     return found, revised, others
-
-
-def _is_of_the_apparatus(e: Exchange) -> bool:
-    """Whether a law does as well as the one it would replace, for which it stands in such an apparatus."""
-    stands = e.trial.term.suited and e.replaced.mechanism in all_laws()[e.trial.term.law].stands_for
-    return stands and e.ahead > -current().verdict.same
 
 
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:

@@ -54,7 +54,7 @@ def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     return starts, np.hstack([starts, basis(left)])
 
 
-def _columns(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
+def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
     """d(predicted/sigma)/d(number) of a term's numbers (n, k), and scales that change the prediction by a sigma."""
     hypothesis = fit.hypothesis.with_term(term)
     columns = []
@@ -136,7 +136,7 @@ def _flow_signature(
     probes = []
     for along, across in ((0.0, 0.0), (top, 0.0), (0.0, top)):
         probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
-        probes.append(_columns(fitter, fit, probe)[0][:, 0])
+        probes.append(columns_of(fitter, fit, probe)[0][:, 0])
     columns = np.column_stack([probes[0], (probes[1] - probes[0]) / top, (probes[2] - probes[0]) / top])
     rms = np.sqrt(np.mean(columns**2, axis=0))
     scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
@@ -167,7 +167,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         if term.mechanism == "ambient_flow" and len(term.free) == 3:
             signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
             continue
-        columns, scales = _columns(fitter, fit, term)
+        columns, scales = columns_of(fitter, fit, term)
         answered = _independent(columns)
         if not answered.any():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))

@@ -1,0 +1,169 @@
+"""What was found, told in the names of the apparatus, and with those entries alone that earn their place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy import stats
+
+from ..inference.criteria import current
+from ..laws import all_laws
+from .candidates import for_bodies, owners, with_numbers
+from .data import Case
+from .fit import Fit, Fitter, project
+from .hypothesis import Term
+from .name import Trial, spread_of
+from .signatures import columns_of, make_bank
+
+REFIT = 30  # evaluations of a fit that begins where another ended
+CHANCE = 0.05  # with which numbers that are absent gain as much: what it means that a 95 % interval holds "absent"
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """A law ``named`` in place of one that ``gave_way``, and by how much of chi2 over the spread it is ``ahead``."""
+
+    named: Trial
+    gave_way: Trial
+    ahead: float
+
+
+def rows_of(found: Sequence[Trial], first: int) -> list[slice]:
+    """Where the numbers of each of several laws lie among those of their fit; ``first``: of the adjustables."""
+    ends = first + np.cumsum([0, *(t.numbers for t in found)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def in_names_of_apparatus(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
+    training: Sequence[Case],
+) -> tuple[list[Trial], Fit, list[StandIn]]:  # fmt: skip
+    """Each law exchanged for the one that by its declaration stands for it in such an apparatus and does as well.
+
+    Of one law, two or three. They may be the same law in other numbers, so each begins at the amount that moves the
+    bodies alike. Also which laws gave way: these data cannot tell them from those that are named.
+    """
+    found, told = list(found), list[StandIn]()
+    for k in range(len(found)):
+        best: StandIn | None = None
+        for term in _standing_for(found[k].term, terms):
+            if term.mechanism in {t.mechanism for t in found}:
+                continue
+            trial = _in_place(found, k, term, revised, recalibrated, fitter)
+            if trial is None or trial.fit is None:
+                continue
+            ahead = (revised.chi2 - trial.fit.chi2) / spread_of(trial.fit, training)
+            if ahead > -current().verdict.same and (best is None or ahead > best.ahead):
+                best = StandIn(trial, found[k], float(ahead))
+        if best is None or best.named.fit is None:
+            continue
+        told.append(best)
+        found[k], revised = best.named, best.named.fit
+        found = [replace(t, fit=revised, gain=best.named.gain) for t in found]
+    return found, revised, told
+
+
+def _standing_for(term: Term, terms: Sequence[Term]) -> list[Term]:
+    """Terms of laws that stand for this one in the apparatus of the recordings, with numbers for the same bodies."""
+    laws, bodies = all_laws(), owners(term)
+    result = []
+    for other in terms:
+        if not other.suited or term.mechanism not in laws[other.law].stands_for:
+            continue
+        part = for_bodies(other, bodies) if bodies else None
+        mine = part[0] if part is not None else other
+        if owners(mine) == bodies and len(mine.free) == len(term.free):
+            result.append(mine)
+    return result
+
+
+def _in_place(
+    found: Sequence[Trial], k: int, term: Term, revised: Fit, recalibrated: Fit, fitter: Fitter
+) -> Trial | None:
+    """A law refitted in place of the ``k``-th of those found, from the amount that moves the bodies as that one does.
+
+    To first order, by least squares, the starts projected out of both; None where it does not move them.
+    """
+    columns = columns_of(fitter, revised, term)[0]
+    rows = rows_of(found, len(recalibrated.values))[k]
+    amount = revised.values[rows] - np.array([f.neutral for f in found[k].term.free])
+    left, moved, at = [], [], 0
+    for case in fitter.cases:
+        by_value, by_start = revised.jacobian[case.name]
+        both = np.column_stack([columns[at : at + len(by_value)], by_value[:, rows] @ amount])
+        at += len(by_value)
+        both = both - project(by_start, both)
+        left.append(both[:, :-1])
+        moved.append(both[:, -1])
+    size = np.linalg.norm(np.concatenate(left), axis=0)
+    if not size.all():
+        return None
+    numbers = np.linalg.lstsq(np.concatenate(left) / size, np.concatenate(moved), rcond=1e-6)[0] / size
+    low, high = np.array([(f.low, f.high) for f in term.free]).T
+    begin = revised.values.copy()
+    begin[rows] = np.clip(numbers + [f.neutral for f in term.free], low, high)
+    hypothesis = recalibrated.hypothesis.with_term(*(term if t is found[k] else t.term for t in found))
+    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=REFIT)
+    (signature,) = make_bank(fitter, recalibrated, [term]).signatures
+    return Trial(replace(signature, term=term), fit, recalibrated.chi2 - fit.chi2, found[k].inner)
+
+
+def that_earn_their_place(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, training: Sequence[Case]
+) -> tuple[list[Trial], Fit, dict[str, str]]:
+    """The laws without the entries (of a body or joint, or one of several laws) whose numbers may as well be absent.
+
+    One after the other, that which is nearest to absent first, and all refitted: an entry goes where the intervals of
+    all its strengths hold their neutral values, and chi2 without it rises no further than chance. One entry stays.
+    Also why each went, by the body or the law.
+    """
+    found, dropped = list(found), dict[str, str]()
+    first = len(recalibrated.values)
+    while sum(max(len(owners(t.term)), 1) for t in found) > 1:
+        weakest = _weakest(found, fitter.sharpened(revised), first, spread_of(revised, training))
+        if weakest is None:
+            break
+        k, owner, numbers = weakest
+        kept = [n for n in range(found[k].numbers) if n not in numbers]
+        fewer = list(found)
+        if kept:
+            bodies = tuple(b for b in owners(found[k].term) if b != owner)
+            term = replace(with_numbers(found[k].term, kept), bodies=bodies)
+            fewer[k] = replace(found[k], signature=replace(found[k].signature, term=term))
+        else:
+            del fewer[k]
+        rows = rows_of(found, first)[k]
+        begin = np.delete(revised.values, [rows.start + n for n in numbers])
+        fit = fitter.fit(
+            recalibrated.hypothesis.with_term(*(t.term for t in fewer)), begin, revised.starts, evaluations=REFIT
+        )
+        rise = (fit.chi2 - revised.chi2) / spread_of(revised, training)
+        if rise > stats.chi2.isf(CHANCE, len(numbers)):
+            break
+        dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
+        gain = recalibrated.chi2 - fit.chi2
+        found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
+    return found, revised, dropped
+
+
+def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:
+    """The entry that is nearest to absent: its law's place, its body ("" where it is for all) and its numbers.
+
+    None where the interval of at least one strength of every entry leaves out where the law is absent.
+    """
+    nearest: tuple[float, int, str, list[int]] | None = None
+    for k, (trial, rows) in enumerate(zip(found, rows_of(found, first), strict=True)):
+        for owner in owners(trial.term) or [""]:
+            mine = [n for n, f in enumerate(trial.term.free) if not owner or f.name.endswith(f"[{owner}]")]
+            away = 0.0
+            for n in mine:
+                free = trial.term.free[n]
+                if not free.inner:
+                    error = float(np.sqrt(max(fit.covariance[rows.start + n, rows.start + n] * spread, 1e-300)))
+                    away = max(away, abs(float(fit.values[rows.start + n]) - free.neutral) / error)
+            if away < stats.norm.isf(CHANCE / 2) and (nearest is None or away < nearest[0]):
+                nearest = away, k, owner, mine
+    return None if nearest is None else nearest[1:]

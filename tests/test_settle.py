@@ -1,0 +1,129 @@
+"""Names of the apparatus for one law, two or three, scales of numbers, and entries that earn their place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
+from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.fit import Fitter
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.name import Trial
+from granswim_pymunk.diagnosis.settle import in_names_of_apparatus, that_earn_their_place
+from granswim_pymunk.diagnosis.signatures import make_bank
+from granswim_pymunk.joints import place
+from granswim_pymunk.recording import Recording, film
+from granswim_pymunk.scene import Body, Scene, use
+
+G, MASS, LENGTH, ARM = 9.81, 0.15, 0.15, 2e-4  # m/s^2, kg, m, kg m^2: of an arm about its centre
+
+
+def swing(kind: str, t: np.ndarray, *, quadratic=0.0, mu=0.0, drag=0.0, push=0.0, seed=0) -> Recording:
+    """Angles of an arm in a pin or hinge: I w' = -m g l sin(theta) - (c l^3 |w| + mu m g l sign + c_1 l^2) w + push."""
+    inertia = MASS * LENGTH**2 + ARM
+
+    def rate(_, y):
+        v = LENGTH * y[1]
+        force = -quadratic * abs(v) * v - mu * MASS * G * v / math.hypot(v, 1e-3) - drag * v
+        force += MASS * push * math.cos(y[0]) - MASS * G * math.sin(y[0])
+        return [y[1], force * LENGTH / inertia]
+
+    path = solve_ivp(rate, (t[0], t[-1]), [1.2, 0.0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
+    seen = path + np.random.default_rng(seed).normal(size=len(t)) * 1e-4
+    body = Body("arm", "free", 0.02, MASS, inertia=ARM)
+    law = (
+        use("pin", bodies=["arm"], anchor=(0.0, 0.0), length=LENGTH)
+        if kind == "pin"
+        else use("hinge", bodies=["arm"], anchor_a=(0.0, LENGTH), anchor=(0.0, 0.0))
+    )
+    scene = Scene((body,), (use("gravity"), law), gravity=(0.0, -G))
+    xy = np.full((len(t), 1, 2), np.nan)
+    return Recording("swing", scene, t, ("arm",), xy, seen[:, None], angle_noise=1e-4, sampling=1 / (t[1] - t[0]))
+
+
+def fitted(recording: Recording, *names: str):
+    """A fit of these laws at once, as trials, with all that an exchange needs."""
+    case = prepare(recording, held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    base = fitter.fit(Hypothesis(), None, stages=(0.3, 1.0))
+    terms = named_terms([case])
+    bank = make_bank(fitter, base, terms)
+    terms = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
+    mine = [next(k for k, t in enumerate(terms) if t.label == name) for name in names]
+    hypothesis = Hypothesis(tuple(terms[k] for k in mine))
+    fit = fitter.fit(hypothesis, None, base.starts, stages=(0.1, 0.3, 1.0), evaluations=60)
+    found = [Trial(replace(bank.signatures[k], term=terms[k]), fit, base.chi2 - fit.chi2, 1.0) for k in mine]
+    return fitter, case, base, terms, found, fit
+
+
+def test_scales_follow_the_unit_of_a_number():
+    """A tenth of a scale, by which derivatives step, changes the prediction by about a tenth of the noise."""
+    t = np.arange(0.0, 3.0, 0.02)
+    fitter, case, base, terms, *_ = fitted(swing("pin", t, mu=0.003), "coulomb_substrate")
+    for term in terms:
+        if term.mechanism not in ("joint_friction", "joint_drag", "linear_drag", "coulomb_substrate"):
+            continue
+        moved = fitter.vector(case, Hypothesis((term,)), np.array([term.free[0].scale]), base.starts[case.name])
+        here = fitter.vector(case, Hypothesis(), np.zeros(0), base.starts[case.name])
+        assert 0.5 < float(np.sqrt(np.mean((moved - here) ** 2))) < 2.0, term.label
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "expected", "amounts"),
+    [
+        ("pin", ["coulomb_substrate"], ["joint_friction"], {"torque": 0.003 * MASS * G * LENGTH}),
+        ("hinge", ["quadratic_drag", "coulomb_substrate"], ["quadratic_drag", "joint_friction"], {}),
+        ("pin", ["coulomb_substrate", "linear_drag"], ["joint_friction", "joint_drag"], {}),
+        ("hinge", ["linear_drag", "uniform_force"], ["joint_drag", "uniform_force"], {"c": 0.02 * LENGTH**2}),
+        ("pin", ["quadratic_drag", "linear_drag", "coulomb_substrate"],
+         ["quadratic_drag", "joint_drag", "joint_friction"], {}),
+    ],
+)  # fmt: skip
+def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected, amounts):
+    true = {"coulomb_substrate": {"mu": 0.003}, "linear_drag": {"drag": 0.02}, "quadratic_drag": {"quadratic": 0.05},
+            "uniform_force": {"push": 0.05}}  # fmt: skip
+    effects = {k: v for name in names for k, v in true[name.split()[0]].items()}
+    labels = [name.split()[0] for name in names]
+    recording = swing(kind, np.arange(0.0, 6.0, 0.03), **effects)
+    fitter, case, base, terms, found, fit = fitted(recording, *labels)
+    assert fit.chi2 < 1.4 * fit.count
+    now, revised, told = in_names_of_apparatus(found, fit, base, fitter, terms, [case])
+    assert [t.mechanism for t in now] == expected
+    assert revised.chi2 == pytest.approx(fit.chi2, abs=1.0)
+    assert {e.gave_way.mechanism for e in told} == set(labels) - set(expected)
+    # the same law in other numbers: its derivatives are as good, so are its intervals
+    for free, value, variance in zip(revised.hypothesis.free, revised.values, np.diag(revised.covariance), strict=True):
+        name = free.name.split(".")[1]
+        if name in amounts:
+            assert abs(value - amounts[name]) < 4 * math.sqrt(variance) and math.sqrt(variance) < 0.05 * value
+
+
+def test_a_joint_that_does_not_drag_gets_no_entry():
+    """Two arms hung from one another; only the first axle drags, and both are fitted."""
+    arms = (
+        Body("arm1", "free", 0.02, 0.09, inertia=4.4e-4), Body("arm2", "free", 0.02, 0.14, inertia=1.3e-3)
+    )  # fmt: skip
+    hinges = (
+        use("hinge", bodies=["arm1"], anchor_a=(0.0, 0.11), anchor=(0.0, 0.0)),
+        use("hinge", bodies=["arm1", "arm2"], anchor_a=(0.0, -0.06), anchor_b=(0.0, 0.12)),
+    )
+    believed = Scene(arms, hinges, gravity=(0.0, -G))
+    start = place(believed, {"arm1": 0.9, "arm2": 0.5}, {"arm1": 0.0, "arm2": 0.0})
+    truth = replace(believed, bodies=tuple(replace(b, initial=start[b.id]) for b in arms))
+    seen = film(
+        truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 2.0, 0.02),
+        rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
+    )  # fmt: skip
+    fitter, case, base, terms, found, fit = fitted(replace(seen, scene=believed), "joint_drag (each body)")
+    assert len(fit.values) == 2
+    now, revised, dropped = that_earn_their_place(found, fit, base, fitter, [case])
+    assert list(dropped) == ["arm2"] and [f.name for f in revised.hypothesis.free] == ["joint_drag.c[arm1]"]
+    assert abs(revised.values[0] - 6e-4) < 4 * math.sqrt(revised.covariance[0, 0])
+    # what is needed stays
+    again = that_earn_their_place(now, revised, base, fitter, [case])
+    assert again[1] is revised and not again[2]
