@@ -677,5 +677,4 @@ def test_the_joint_that_drags_is_told():
     first = verdict["mechanisms"][0]
     assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
     assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]
-    for other in verdict["mechanisms"][1:]:  # the second axle is free
-        assert other["bodies"] == ["arm1", "arm2"] and other["parameters"]["c"]["low"] < 1e-6
+    assert len(verdict["mechanisms"]) == 1  # the second axle is free

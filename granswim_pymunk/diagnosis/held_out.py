@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -243,6 +244,36 @@ def _by_windows(
         out[rest] = seen[rest]
         lengths.append(float(np.ptp(case.t[rest])))
     return (out, float(np.mean(lengths))) if lengths else (None, 0.0)
+
+
+def window_errors(
+    hypothesis: Hypothesis, values: np.ndarray, case: Case, rows: np.ndarray, length: float, predictor: Predictor,
+    share: float = 1.0,
+) -> np.ndarray:  # fmt: skip
+    """Root mean squares [m or rad] of what each window of ``rows`` of a recording is predicted worse than it was seen.
+
+    length : [s] of a window;  share : of its frames that its start is fitted on. The others are what is predicted; where
+    there are none, all of them. (windows,), NaN where a window cannot be run
+    """
+    t = case.t[rows]
+    count = max(int(np.floor((t[-1] - t[0]) / length + 1e-6)), 1)
+    found = []
+    for k in range(count):
+        begin = t[0] + k * length
+        mine = rows[(t >= begin - 1e-9) & (t < begin + length - 1e-9)]
+        first, rest = np.zeros(len(case.t), dtype=bool), np.zeros(len(case.t), dtype=bool)
+        cut_at = max(math.ceil(share * len(mine)), current().blocks.start_frames)
+        first[mine[:cut_at]] = True
+        rest[mine[cut_at:] if cut_at < len(mine) else mine] = True
+        fitter = Fitter([case], predictor, {case.name: first}, whole=True)
+        try:
+            fit = fitter.fit(hypothesis, values, None, fixed=True, stages=(0.2, 1.0), evaluations=15)
+            left = (case.values - fitter.predict(fit, case, first | rest))[rest]
+        except Failed:
+            found.append(np.nan)
+            continue
+        found.append(float(np.sqrt(np.nanmean(left**2))))
+    return np.array(found)
 
 
 def noise_floor(
