@@ -119,7 +119,7 @@ def test_a_joint_that_does_not_drag_gets_no_entry():
         truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 2.0, 0.02),
         rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
     )  # fmt: skip
-    fitter, case, base, terms, found, fit = fitted(replace(seen, scene=believed), "joint_drag (each body)")
+    fitter, case, base, _, found, fit = fitted(replace(seen, scene=believed), "joint_drag (each body)")
     assert len(fit.values) == 2
     now, revised, dropped = that_earn_their_place(found, fit, base, fitter, [case])
     assert list(dropped) == ["arm2"] and [f.name for f in revised.hypothesis.free] == ["joint_drag.c[arm1]"]

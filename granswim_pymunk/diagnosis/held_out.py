@@ -250,10 +250,10 @@ def window_errors(
     hypothesis: Hypothesis, values: np.ndarray, case: Case, rows: np.ndarray, length: float, predictor: Predictor,
     share: float = 1.0,
 ) -> np.ndarray:  # fmt: skip
-    """Root mean squares [m or rad] of what each window of ``rows`` of a recording is predicted worse than it was seen.
+    """Errors (windows,) [m or rad, rms] over windows of ``rows`` of a recording, NaN where one cannot be run.
 
-    length : [s] of a window;  share : of its frames that its start is fitted on. The others are what is predicted; where
-    there are none, all of them. (windows,), NaN where a window cannot be run
+    length : [s] of a window;  share : of its frames that its start is fitted on; the others are predicted, or all of
+    them where the start was fitted on all
     """
     t = case.t[rows]
     count = max(int(np.floor((t[-1] - t[0]) / length + 1e-6)), 1)
