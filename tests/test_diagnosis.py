@@ -20,6 +20,7 @@ from granswim_pymunk.diagnosis import (
 )
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
@@ -27,6 +28,7 @@ from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.pairs import any_field
 from granswim_pymunk.diagnosis.signatures import Signature
+from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.inference.significance import normal_score
@@ -678,3 +680,33 @@ def test_the_joint_that_drags_is_told():
     assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
     assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]
     assert len(verdict["mechanisms"]) == 1  # the second axle is free
+
+
+def test_friction_on_a_table_that_is_not_level_acts_on_all_disks():
+    """One disk runs along the slope, which hides most of its friction: asked too early, it would have none."""
+    def disks(*laws):
+        ways = ((-0.85, -0.66), (-0.85, -0.73), (0.57, -0.69))
+        bodies = [Body(str(k), "free", 0.01, 0.02, initial=(0.3 * k, 0.0, *v)) for k, v in enumerate(ways)]
+        return Scene(tuple(bodies), laws)
+
+    truth = disks(use("coulomb_substrate", mu=0.02), use("uniform_force", a=(0.04, 0.0)))
+    found = diagnose_bodies([filmed(truth, disks(), np.arange(0.0, 3.0, 0.05), np.random.default_rng(4))])
+    entries = {m["name"]: m for m in verdict_dict(found)["mechanisms"]}
+    assert set(entries) == {"coulomb_substrate", "uniform_force"} and len(found.found) == 2
+    assert all(set(m["bodies"]) == {"0", "1", "2"} for m in entries.values())
+    assert entries["coulomb_substrate"]["parameters"]["mu"]["value"] == pytest.approx(0.02, rel=2e-3)
+    assert entries["uniform_force"]["parameters"]["a"]["value"] == pytest.approx([0.04, 0.0], abs=4e-4)
+
+
+def test_a_proposal_of_a_long_film_of_bodies_on_rods():
+    """What is shortened is shortened as a whole: starts on rods are read from the recording's own frames."""
+    car, load = Body("car", "free", 0.02, 1.0), Body("load", "free", 0.01, 0.1)
+    laws = (use("rail", direction=(1.0, 0.0), bodies=["car"]), use("rod", bodies=["car", "load"], length=0.3))
+    t = np.arange(0.0, 1.0, 0.002)
+    swing = 0.4 * np.cos(5.7 * t)
+    xy = np.stack([np.zeros((len(t), 2)), 0.3 * np.stack([np.sin(swing), -np.cos(swing)], axis=1)], axis=1)
+    scene = Scene((car, load), laws, gravity=(0.0, -9.81))
+    recording = Recording("r", scene, t, ("car", "load"), xy, sampling=500.0, position_noise=NOISE)
+    case = _shortened(prepare(recording, held_out=False, split=True))
+    assert len(case.t) == len(case.recording.t) == 400
+    assert {s.form for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {"rail", "rod"}

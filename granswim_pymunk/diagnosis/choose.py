@@ -14,7 +14,7 @@ from ..laws import all_laws
 from .candidates import camera_terms, for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
-from .hypothesis import Hypothesis, Predictor
+from .hypothesis import Predictor
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
@@ -136,15 +136,7 @@ def prune(
         mine = [c for c in fitter.cases if owner in c.recording.scene.ids]
         if not mine:
             continue
-        alone = Fitter(mine, predictor, {c.name: fitter.frames[c.name] for c in mine}, stop)
-        base_fit = alone.fit(base.hypothesis, base.values, base.starts, fixed=True)
-        own = for_bodies(chosen.term, [owner])
-        assert own is not None
-        term, index = own
-        n = len(base.hypothesis.free)
-        start = np.concatenate([base.values, chosen.fit.values[n + np.array(index)]])
-        hypothesis = Hypothesis((*base.hypothesis.terms, term))
-        with_law = alone.fit(hypothesis, start, chosen.fit.starts)
+        base_fit, with_law = _without_and_with(owner, chosen, base, fitter, mine)
         own_spread = spread_of(with_law, mine)
         gain = (base_fit.chi2 - with_law.chi2) / own_spread
         split = InnerSplit.make(mine, predictor, stop)
@@ -166,11 +158,38 @@ def prune(
     part = for_bodies(chosen.term, kept)
     assert part is not None
     term, index = part
-    values = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)]])
+    values = _with_numbers(chosen, len(base.values), index)
     fit = fitter.fit(base.hypothesis.with_term(term), values, chosen.fit.starts)
     score, _ = inner.score(fit)
     signature = replace(chosen.signature, term=term)
     return Trial(signature, fit, base.chi2 - fit.chi2, score), dropped
+
+
+def _without_and_with(owner: str, chosen: Trial, base: Fit, fitter: Fitter, mine: list[Case]) -> tuple[Fit, Fit]:
+    """Fits to the recordings with this body, ``mine``: the law on all others in them, and on this one too.
+
+    The others keep theirs: what they would miss without it would drown what this one gains.
+    """
+    assert chosen.fit is not None
+    there = [b for b in owners(chosen.term) if any(b in c.recording.scene.ids for c in mine)]
+    alone = Fitter(mine, fitter.predictor, {c.name: fitter.frames[c.name] for c in mine}, fitter.stop)
+    fits = []
+    for kept in ([b for b in there if b != owner], there):
+        part = for_bodies(chosen.term, kept)
+        if part is None:
+            fits.append(alone.fit(base.hypothesis, base.values, base.starts, fixed=True))
+            continue
+        # the other numbers begin where they are with the law: without it they may have made up for it
+        start, starts = _with_numbers(chosen, len(base.values), part[1]), chosen.fit.starts
+        fits.append(alone.fit(base.hypothesis.with_term(part[0]), start, starts))
+    return fits[0], fits[1]
+
+
+def _with_numbers(chosen: Trial, before: int, index: Sequence[int], *more: float) -> np.ndarray:
+    """Values of a fit: those ``before`` the law's, those of its numbers that are kept, and further ones."""
+    assert chosen.fit is not None
+    values = chosen.fit.values
+    return np.concatenate([values[:before], values[before + np.array(index)], more])
 
 
 def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, spread: float) -> bool:
@@ -180,7 +199,7 @@ def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, sp
     if scale is None or others is None or chosen.fit is None:
         return False
     term, index = others
-    start = np.concatenate([base.values, chosen.fit.values[len(base.values) + np.array(index)], [1.0]])
+    start = _with_numbers(chosen, len(base.values), index, 1.0)
     rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
     return (rival.chi2 - chosen.fit.chi2) / spread < current().verdict.same
 

@@ -40,6 +40,7 @@ from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, seco
 from .settle import in_names_of_apparatus, that_earn_their_place
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
+from .whom import whom
 
 Progress = Callable[[str, float], None]
 FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
@@ -419,19 +420,24 @@ def _explained(
     revised = recalibrated
     dropped: dict[str, str] = {}
     if chosen is not None and chosen.fit is not None:
-        chosen, dropped = prune(
-            chosen, recalibrated, fitter, inner, tried.spread, predictor, study.stop, study.notes
+        found, revised = [chosen], chosen.fit
+    scores, training = tried.inner, study.training
+    in_time = not study.late(0.6)
+    if in_time:
+        study.progress("pairs", 0.7)
+        found, revised = second_law(
+            found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
         )
-        if chosen is not None and chosen.fit is not None:
-            found, revised = [chosen], chosen.fit
-    if study.late(0.6):
+    if len(found) == 1:
+        # of two, whom each acts on is asked when both have their last form
+        kept, dropped = prune(
+            found[0], recalibrated, fitter, inner, tried.spread, predictor, study.stop, study.notes
+        )
+        found = [] if kept is None else [kept]
+        revised = recalibrated if kept is None or kept.fit is None else kept.fit
+    if not in_time:
         study.notes.append("pairs were not tried: the time was up")
         return found, revised, dropped, []
-    study.progress("pairs", 0.7)
-    scores, training = tried.inner, study.training
-    found, revised = second_law(
-        found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
-    )
     # a poor first law, or none although the innovations are not noise: perhaps two are needed together
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
@@ -455,6 +461,10 @@ def _explained(
     if not study.late(0.7):
         found, revised = third_law(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
+        )
+    if len(found) > 1 and not study.late(0.75):
+        found, revised, dropped = whom(
+            found, revised, recalibrated, fitter, tried.terms, inner, training, study.notes
         )
     near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
     if found and not study.late(0.75):

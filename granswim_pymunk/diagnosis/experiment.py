@@ -30,6 +30,7 @@ def _shortened(case: Case, most: int = 400) -> Case:
     return replace(
         case, t=case.t[keep], values=case.values[keep], training=case.training[keep], start=case.start[keep],
         scored=case.scored[keep], late=None if case.late is None else case.late[keep],
+        recording=case.recording.select(keep),
     )  # fmt: skip
 
 
