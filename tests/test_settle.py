@@ -11,11 +11,13 @@ from scipy.integrate import solve_ivp
 
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import Trial
 from granswim_pymunk.diagnosis.settle import in_names_of_apparatus, that_earn_their_place
 from granswim_pymunk.diagnosis.signatures import make_bank
+from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.joints import place
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.scene import Body, Scene, use
@@ -101,6 +103,17 @@ def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected
         name = free.name.split(".")[1]
         if name in amounts:
             assert abs(value - amounts[name]) < 4 * math.sqrt(variance) and math.sqrt(variance) < 0.05 * value
+
+
+def test_starts_of_hinged_bodies_are_told_from_the_frames_of_the_case():
+    """A case may hold fewer frames than its recording, as where the next experiment is thought out."""
+    recording = swing("hinge", np.arange(0.0, 2.0, 0.01))
+    angle = recording.angle[:, 0]
+    xy = LENGTH * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)[:, None]
+    case = prepare(replace(recording, xy=xy, angle=None, position_noise=2e-5), held_out=False, split=False)
+    short = _shortened(case, 60)
+    first, whole = (describe_starts(c, np.ones(len(c.t), dtype=bool)) for c in (short, case))
+    assert np.array_equal(first[0].first, whole[0].first) and abs(first[0].first[0] - 1.2) < 1e-2
 
 
 def test_a_joint_that_does_not_drag_gets_no_entry():

@@ -33,7 +33,7 @@ from .held_out import (
 )
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_of, whiteness, window_map
-from .intervals import with_limits
+from .intervals import with_believed_errors, with_limits
 from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
@@ -184,6 +184,7 @@ def diagnose_bodies(
 
     if found and verdict in ("missing_physics", "measurement"):
         revised = with_limits(fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
+        revised = with_believed_errors(fitter, revised, spread)
         if revised.limits:
             names = ", ".join(revised.hypothesis.free[k].name for k in revised.limits)
             notes.append(f"{names} and the adjustables are known only together: their intervals are profiles of chi2")

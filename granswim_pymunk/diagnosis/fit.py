@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -34,6 +35,7 @@ class Fit:
     values : (p,) free numbers of the terms;  starts : numbers of each recording's starts, segment after segment
     segments : of each recording, one where the whole of it is followed from one start
     innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
+    believed : (p,) variance of the values by errors of the believed masses and radii, None where they are exact
     whitened : the same with the memory of the noise taken out (``Case.white``); left out where it has none
     steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording
     covariance : (p, p) of the values, noise taken as known and white
@@ -54,6 +56,7 @@ class Fit:
     limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     steps: Mapping[str, np.ndarray] = field(default_factory=dict)
     whitened: Mapping[str, np.ndarray] = field(default_factory=dict)
+    believed: np.ndarray | None = None
 
     @property
     def white(self) -> Mapping[str, np.ndarray]:
@@ -74,11 +77,15 @@ class Fit:
     def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]
-        if k in self.limits:
-            return float(self.values[k]), *self.limits[k]
-        half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
         value = float(self.values[k])
-        return value, max(value - half, free.low), min(value + half, free.high)
+        more = 0.0 if self.believed is None else 1.96**2 * float(self.believed[k])
+        if k in self.limits:
+            low, high = self.limits[k]
+        else:
+            half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
+            low, high = value - half, value + half
+        low, high = value - math.hypot(value - low, math.sqrt(more)), value + math.hypot(high - value, math.sqrt(more))
+        return value, max(low, free.low), min(high, free.high)
 
     def used(self, case: str) -> np.ndarray:
         """Innovations of a recording as one vector, the steps between its segments after them, weighted."""

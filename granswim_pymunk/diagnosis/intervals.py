@@ -8,12 +8,13 @@ Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from .fit import Fit, Fitter, information_of
+from .data import Case
+from .fit import Fit, Fitter, information_of, project
 
 ALONE = 1e-3  # share of its information that a number keeps beside the others, below which it is not known alone
 LEVEL = 3.84  # rise of chi2 at the ends of 95 %
@@ -51,6 +52,58 @@ def unknown_alone(information: np.ndarray) -> list[int]:
     # of a singular matrix the inverse of what it lacks is huge
     inverse = np.linalg.inv(part + 1e-9 * np.eye(len(part)))
     return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * ALONE > 1.0]
+
+
+def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
+    """The fit with the variance that errors of the believed masses and radii add to its numbers.
+
+    ``mass_error`` and ``radius_error`` of the recordings are standard deviations of relative errors b, one of each for
+    every body: nuisances with a prior. With J and M the derivatives of the prediction by the numbers and by b over its
+    standard deviation, starts projected out, the covariance of both is ([J M]'[J M]/spread + diag(0, 1))^-1: of the
+    numbers alone J'J/spread would be left, the difference is added.
+    """
+    p = len(fit.values)
+    nuisances = dict.fromkeys(key for case in fitter.cases for key, _, _ in _believed(case))
+    if not p or not nuisances:
+        return fit
+    place = {key: p + k for k, key in enumerate(nuisances)}
+    told = np.zeros((p + len(place), p + len(place)))
+    for case in fitter.cases:
+        by_value, by_start = fit.jacobian[case.name]
+        both = np.hstack([by_value, np.zeros((len(by_value), len(place)))])
+        for key, low, high in _believed(case):
+            below, above = (fitter.vector(c, fit.hypothesis, fit.values, fit.starts[case.name]) for c in (low, high))
+            # of two runs, one standard deviation times PART to either side
+            both[:, place[key]] = (below - above) / (2 * PART) * fit.roots(case.name)
+        both = both - project(by_start, both)
+        told += both.T @ both / spread
+    alone = np.linalg.pinv(told[:p, :p])
+    whole = np.linalg.pinv(told + np.diag([0.0] * p + [1.0] * len(place)))[:p, :p]
+    return replace(fit, believed=np.maximum(np.diag(whole) - np.diag(alone), 0.0))
+
+
+PART = 0.1  # of the standard deviation of a mass or radius, by which derivatives step
+
+
+def _believed(case: Case) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
+    """For each mass and radius that is not known well: whose, and the case with it smaller and larger by ``PART``.
+
+    A body with the same id, radius and mass in two recordings is the same body, and off by the same. What never moves
+    has no mass that matters.
+    """
+    recording = case.recording
+    for kind, error in (("mass", recording.mass_error), ("radius", recording.radius_error)):
+        for body in recording.scene.bodies if error else ():
+            if kind == "mass" and not body.mobile:
+                continue
+            changed = []
+            for side in (-1.0, 1.0):
+                factor = 1.0 + side * PART * float(error or 0.0)
+                other = replace(body, **{kind: getattr(body, kind) * factor})
+                bodies = tuple(other if b is body else b for b in recording.scene.bodies)
+                scene = replace(recording.scene, bodies=bodies)
+                changed.append(replace(case, recording=replace(recording, scene=scene)))
+            yield (kind, body.id, body.radius, body.mass), changed[0], changed[1]
 
 
 def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: float) -> float:

@@ -158,6 +158,22 @@ def rods_of(scene: Scene) -> dict[str, tuple[str, float]]:
     return found
 
 
+def _seen_at(case: Case, body: str, frames: np.ndarray) -> np.ndarray:
+    """Places (T_frames, 2) [m] of a body in a case, which may hold other frames than its recording; NaN where not seen.
+
+    A coordinate that is no channel did not change.
+    """
+    xy = np.full((int(frames.sum()), 2), np.nan)
+    for axis, kind in enumerate("xy"):
+        mine = [k for k, c in enumerate(case.channels) if (c.body, c.kind) == (body, kind)]
+        if mine:
+            xy[:, axis] = case.values[frames, mine[0]]
+        elif body in case.recording.ids:
+            known = case.recording.xy[:, case.recording.ids.index(body), axis]
+            xy[:, axis] = np.median(known[np.isfinite(known)]) if np.isfinite(known).any() else np.nan
+    return xy
+
+
 def _start_of_hinged(body, case, frames, scene, estimates) -> StartBody:
     """Angle and rate from the tracked angle, else from the places of the bodies it hangs from."""
     if "angle" in estimates:
@@ -167,9 +183,8 @@ def _start_of_hinged(body, case, frames, scene, estimates) -> StartBody:
     given = np.array([b.initial or (0.0, 0.0, 0.0, 0.0) for b in scene.bodies], dtype=float)
     xy = np.repeat(given[None, :, :2], len(t), axis=0)
     for k, other in enumerate(scene.bodies):
-        if other.id in case.recording.ids:
-            seen = case.recording.xy[frames][:, case.recording.ids.index(other.id)]
-            xy[:, k] = seen if np.isfinite(seen).any() else xy[:, k]
+        seen = _seen_at(case, other.id, frames)
+        xy[:, k] = seen if np.isfinite(seen).any() else xy[:, k]
     row = scene.ids.index(body)
     angle = angles_of(scene, xy, np.zeros_like(xy))[0][:, row]
     finite = np.isfinite(angle)
@@ -192,9 +207,8 @@ def _start_of_rod(body, rod, scene, estimates, x, y, case, frames) -> StartBody:
     for name in (other, body):
         given = scene.body(name).initial or (0.0, 0.0, 0.0, 0.0)
         seen = np.full((len(t), 2), given[:2])
-        if name in case.recording.ids:
-            tracked = case.recording.xy[frames][:, case.recording.ids.index(name)]
-            seen = tracked if np.isfinite(tracked).any() else seen
+        tracked = _seen_at(case, name, frames)
+        seen = tracked if np.isfinite(tracked).any() else seen
         places.append(seen)
     arm = places[1] - places[0]
     angle = np.arctan2(arm @ across, arm @ down)

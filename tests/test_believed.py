@@ -1,0 +1,82 @@
+"""Masses and radii that are believed and not known: what they add to intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.diagnosis import result_of
+from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
+from granswim_pymunk.diagnosis.data import prepare
+from granswim_pymunk.diagnosis.driver import diagnose_bodies
+from granswim_pymunk.diagnosis.fit import Fitter
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.intervals import with_believed_errors
+from granswim_pymunk.diagnosis.signatures import make_bank
+from granswim_pymunk.recording import film
+from granswim_pymunk.scene import Body, Scene, use
+
+
+def seen(scene: Scene, *laws, seconds=0.6, **errors):
+    recording = film(
+        scene.with_laws(*laws), np.arange(0.0, seconds, 0.01), rng=np.random.default_rng(4), noise=2e-5
+    )
+    bodies = tuple(replace(b, initial=None) for b in scene.bodies)
+    return replace(recording, scene=replace(scene, bodies=bodies), **errors)
+
+
+def fitted(recording, label: str):
+    case = prepare(recording, held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 5e-4}))
+    base = fitter.fit(Hypothesis(), None)
+    terms = [t for t in named_terms([case]) if t.label == label]
+    (signature,) = make_bank(fitter, base, terms).signatures
+    hypothesis = Hypothesis((scaled_like(terms[0], signature.term),))
+    return fitter, fitter.fit(hypothesis, [f.first for f in signature.term.free], base.starts)
+
+
+SLIDING = Scene((Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.4, 0.1)),))
+MEETING = Scene(
+    (Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.5, 0.01)),
+     Body("b", "free", 0.015, 0.05, initial=(0.1, 0.010, -0.1, 0.0))),
+    (use("contact_elastic", restitution=0.95),),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "share"),
+    [("linear_drag", {"c": 0.01}, 1.0), ("coulomb_substrate", {"mu": 0.02}, 0.0),
+     ("uniform_force", {"a": (0.1, 0)}, 0.0)],
+)  # fmt: skip
+def test_a_force_per_mass_is_as_unknown_as_the_mass(law, values, share):
+    """A drag c shows as c/m alone, so that c is off as m is; friction and a tilt are accelerations."""
+    errors = {}
+    for error in (None, 0.03):
+        fitter, fit = fitted(seen(SLIDING, use(law, **values), mass_error=error), law)
+        errors[error] = with_believed_errors(fitter, fit, 1.0).interval(0)
+    value, low, high = errors[None]
+    added = np.sqrt(max((errors[0.03][2] - errors[0.03][1]) ** 2 - (high - low) ** 2, 0.0)) / (2 * 1.96)
+    assert added == pytest.approx(share * 0.03 * value, rel=0.05, abs=1e-3 * abs(value))
+
+
+def test_radii_count_where_bodies_meet():
+    """What an impact that is not central tells of restitution is off as the radii are; a push in flight is not."""
+    lossy = replace(MEETING, laws=(use("contact_elastic", restitution=0.75),))
+    told = {}
+    for label, law in (("restitution", ()), ("uniform_force", (use("uniform_force", a=(0.5, 0.2)),))):
+        recording = seen(lossy if not law else MEETING, *law, seconds=0.4, radius_error=0.03)
+        fitter, fit = fitted(replace(recording, scene=replace(recording.scene, laws=MEETING.laws)), label)
+        believed = with_believed_errors(fitter, fit, 1.0).believed
+        assert believed is not None
+        told[label] = float(np.max(believed / np.diag(fit.covariance)))
+    assert told["restitution"] > 0.02 and told["uniform_force"] < 1e-3
+
+
+def test_what_the_verdict_says_is_wider_by_the_mass():
+    """The interval of a drag that the data alone tell to a tenth of a per cent is as wide as the mass is unknown."""
+    found = diagnose_bodies([seen(SLIDING, use("linear_drag", c=0.01), seconds=0.8, mass_error=0.02)])
+    c = result_of(found).verdict["mechanisms"][0]["parameters"]["c"]
+    assert (c["high"] - c["low"]) / (2 * 1.96) == pytest.approx(0.02 * 0.01, rel=0.2)
+    assert c["low"] < 0.01 < c["high"]
