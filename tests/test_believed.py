@@ -80,3 +80,18 @@ def test_what_the_verdict_says_is_wider_by_the_mass():
     c = result_of(found).verdict["mechanisms"][0]["parameters"]["c"]
     assert (c["high"] - c["low"]) / (2 * 1.96) == pytest.approx(0.02 * 0.01, rel=0.2)
     assert c["low"] < 0.01 < c["high"]
+
+
+def test_masses_off_as_stated_are_no_physics():
+    """A car on a spring: a mass 2 % off changes the period, and 2 % were stated."""
+    body = Body("c", "free", 0.02, 0.3, initial=(0.08, 0.0, 0.0, 0.0))
+    laws = (use("rail", direction=(1.0, 0.0)), use("spring", anchor=(0.0, 0.0), stiffness=8.0, bodies=["c"]))
+    heavier = Scene((replace(body, mass=0.306),), laws)
+    verdicts = {}
+    for error in (None, 0.02):
+        recording = seen(heavier, seconds=2.0, mass_error=error)
+        believed = replace(recording, scene=replace(recording.scene, bodies=(replace(body, initial=None),)))
+        verdicts[error] = result_of(diagnose_bodies([believed])).verdict
+    assert verdicts[None]["verdict"] in ("missing_physics", "measurement")
+    assert verdicts[0.02]["verdict"] == "no_mismatch" and not verdicts[0.02]["mechanisms"]
+    assert any("as far off as was stated" in note for note in verdicts[0.02]["notes"])

@@ -37,7 +37,7 @@ from .intervals import with_believed_errors, with_limits
 from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import Null, noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
-from .settle import in_names_of_apparatus, that_earn_their_place
+from .settle import in_names_of_apparatus, that_earn_their_place, within_belief
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
 from .whom import whom
@@ -582,6 +582,9 @@ def _judged(
     left = weighed.completeness(recalibrated, study)
     real = bool(found) or left.chance < weighed.criteria.verdict.alarm
     if _below_tolerance(recalibrated, study.training) and left.passes:
+        found, real = [], False
+    if found and within_belief(found, revised, recalibrated, study.fitter, spread):
+        notes.append(f"{label_of(*found)}: masses and radii as far off as was stated do the same")
         found, real = [], False
     if not real:
         improved = tried.naive.chi2 - recalibrated.chi2

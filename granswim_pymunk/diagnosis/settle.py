@@ -15,6 +15,7 @@ from .candidates import for_bodies, owners, with_numbers
 from .data import Case
 from .fit import Fit, Fitter, project
 from .hypothesis import Term
+from .intervals import with_believed_errors
 from .name import Trial, spread_of
 from .signatures import columns_of, make_bank
 
@@ -147,6 +148,22 @@ def that_earn_their_place(
         gain = recalibrated.chi2 - fit.chi2
         found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
     return found, revised, dropped
+
+
+def within_belief(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, spread: float) -> bool:
+    """Whether masses and radii that are off as the experimenter says they may be do what was found.
+
+    Where the interval of every strength, with what these errors add to it, holds its neutral value.
+    """
+    fit = with_believed_errors(fitter, revised, spread)
+    if not found or fit.believed is None:
+        return False
+    for trial, rows in zip(found, rows_of(found, len(recalibrated.values)), strict=True):
+        for k, free in zip(range(rows.start, rows.stop), trial.term.free, strict=True):
+            _, low, high = fit.interval(k, spread)
+            if not free.inner and not low <= free.neutral <= high:
+                return False
+    return True
 
 
 def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:
