@@ -26,8 +26,8 @@ from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
-from granswim_pymunk.diagnosis.pairs import any_field
-from granswim_pymunk.diagnosis.signatures import Signature
+from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
+from granswim_pymunk.diagnosis.signatures import Signature, make_bank
 from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.engine import Simulation
@@ -710,3 +710,33 @@ def test_a_proposal_of_a_long_film_of_bodies_on_rods():
     case = _shortened(prepare(recording, held_out=False, split=True))
     assert len(case.t) == len(case.recording.t) == 400
     assert {s.form for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {"rail", "rod"}
+
+
+def test_a_third_law_that_leaves_one_of_two_nothing_to_do_takes_its_place():
+    """Beside a push friction and drag are alike; with both of them in the scene the data tell which one it is."""
+    truth = table(use("uniform_force", a=(0.05, 0.0)), use("linear_drag", c=0.006))
+    case = prepare(filmed(truth, table(), SHORT, np.random.default_rng(21)), held_out=False, split=False)
+    predictor = Predictor({"r": 1e-3})
+    fitter, inner = Fitter([case], predictor), InnerSplit.make([case], predictor, lambda: False)
+    terms = {t.mechanism: t for t in reversed(named_terms([case], each=False))}
+    base = fitter.fit(Hypothesis(), [])
+    push, friction, drag = (
+        make_bank(fitter, base, [terms[name]]).signatures[0]
+        for name in ("uniform_force", "coulomb_substrate", "linear_drag")
+    )
+
+    def fitted(*of: Signature) -> Fit:
+        hypothesis = Hypothesis().with_term(*(s.term for s in of))
+        return fitter.fit(hypothesis, [f.first for s in of for f in s.term.free], evaluations=40)
+
+    wrong, all_three = fitted(push, friction), fitted(push, friction, drag)
+    assert wrong.chi2 > 1.5 * all_three.chi2
+    two = [Trial(s, wrong, 1.0, 1.0) for s in (push, friction)]
+    third = Trial(drag, all_three, 1.0, 1.0)
+    idle = _idle(two, all_three, 0, 1.0)
+    assert [t.mechanism for t in idle] == ["coulomb_substrate"]
+    found, fit = _in_place(idle, two, third, wrong, base, fitter, inner, {})
+    assert [t.mechanism for t in found] == ["uniform_force", "linear_drag"]
+    assert fit.values == pytest.approx([0.05, 0.0, 0.006], abs=2e-3)
+    # where it does worse in that place, the two stay
+    assert _in_place(idle, two, third, replace(fit, chi2=0.0), base, fitter, inner, {})[0] is two

@@ -60,18 +60,48 @@ def third_law(
     two, alone, best = _one_more(found, revised, recalibrated, fitter, apart, inner, rng, training)
     if best is None or best.fit is None:
         return two, alone
-    fit, at = best.fit, len(recalibrated.values)
-    spread = spread_of(fit, training)
-    for t in two:
-        # what the third does in place of one of the two is no third law
-        ends = [fit.interval(at + k, spread)[1:] for k in range(t.numbers)]
-        inside = [low <= f.neutral <= high for f, (low, high) in zip(t.term.free, ends, strict=True) if not f.inner]
-        if inside and all(inside):
-            return two, alone
-        at += t.numbers
+    fit = best.fit
+    idle = _idle(two, fit, len(recalibrated.values), spread_of(fit, training))
+    if idle:
+        # the third does what one of the two was there for: in its place it may lead where that one could not
+        return _in_place(idle, two, best, alone, recalibrated, fitter, inner, inner_scores)
     gain = recalibrated.chi2 - fit.chi2
     inner_scores[label_of(*two, best)] = best.inner
     return [replace(t, fit=fit, gain=gain, inner=best.inner) for t in (*two, best)], fit
+
+
+def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
+    """Laws all of whose strengths are compatible with none; their numbers follow the ``first`` ones of the fit."""
+    idle, at = [], first
+    for t in found:
+        ends = [fit.interval(at + k, spread)[1:] for k in range(t.numbers)]
+        inside = [low <= f.neutral <= high for f, (low, high) in zip(t.term.free, ends, strict=True) if not f.inner]
+        if inside and all(inside):
+            idle.append(t)
+        at += t.numbers
+    return idle
+
+
+def _in_place(
+    idle: Sequence[Trial], two: list[Trial], third: Trial, revised: Fit, recalibrated: Fit, fitter: Fitter,
+    inner: InnerSplit, inner_scores: dict[str, float],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """The third law in place of an idle one of the two, where the data then are followed more closely."""
+    assert third.fit is not None
+    best, fit = two, revised
+    first, cut = len(recalibrated.values), len(recalibrated.values) + two[0].numbers
+    values = third.fit.values
+    for gone in idle:
+        keep, rows = (two[1], slice(cut, cut + two[1].numbers)) if gone is two[0] else (two[0], slice(first, cut))
+        begin = [*values[:first], *values[rows], *values[cut + two[1].numbers :]]
+        hypothesis = recalibrated.hypothesis.with_term(keep.term, third.term)
+        found = fitter.fit(hypothesis, begin, third.fit.starts, evaluations=60)
+        if found.chi2 < fit.chi2:
+            score, _ = inner.score(found)
+            gain = recalibrated.chi2 - found.chi2
+            best, fit = [replace(t, fit=found, gain=gain, inner=score) for t in (keep, third)], found
+            inner_scores[label_of(*best)] = score
+    return best, fit
 
 
 def drag_and_push(
