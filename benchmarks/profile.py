@@ -43,10 +43,11 @@ def _verlet(scene: Scene) -> dict[str, Any]:
 def _chipmunk(scene: Scene) -> dict[str, Any]:
     bare = replace(scene, laws=())
     moving = Simulation(bare, mode="chipmunk")
-    moving._remove_shapes()
+    moving.backend.world.remove_shapes()
     passing = Simulation(bare, mode="chipmunk")
     nothing = pymunk.ShapeFilter(categories=0, mask=0)
-    for circle in [*passing._circles, *(circle for _, circle in passing._ghosts)]:
+    world = passing.backend.world
+    for circle in [*world.circles, *(circle for _, circle in world.ghosts)]:
         circle.filter = nothing
     return {
         "Chipmunk's calls of drift and kick": moving,

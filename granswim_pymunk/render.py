@@ -25,10 +25,10 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from .choices import COLORS
-from .engine import Contacts, State
 from .errors import InputError
 from .files import written_whole
 from .scene import LawUse, Scene
+from .snapshot import Contacts, State
 from .walls import outline
 
 TRAIL = 300  # states

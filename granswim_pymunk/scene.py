@@ -556,8 +556,8 @@ class Scene:
 
         Raises InputError where a body has no ``initial`` place.
         """
-        from .engine import State
         from .render import draw_frame
+        from .snapshot import State
 
         if state is None:
             lost = [b.id for b in self.bodies if b.initial is None]

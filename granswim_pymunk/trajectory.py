@@ -37,7 +37,7 @@ from .files import Reserved, refuse_links
 from .scene import ROLES, Scene, scene_from_dict
 
 if TYPE_CHECKING:
-    from .engine import State
+    from .snapshot import State
 
 UNITS = {"position": "m", "velocity": "m s-1", "angle": "rad", "spin": "rad s-1", "contact_force": "N"}
 
@@ -70,7 +70,7 @@ class Trajectory:
 
     def state(self, frame: int) -> State:
         """One frame as the engine gives it."""
-        from .engine import State
+        from .snapshot import State
 
         zero = np.zeros(len(self.ids))
         angle = self.more["angle"][frame] if "angle" in self.more else zero

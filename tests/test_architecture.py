@@ -24,19 +24,15 @@ SHORT, FEW = 80, 8  # lines of a function, parameters of a signature in the infe
 
 # against the flow, each imported late, inside a function: (who, what)
 AGAINST = {
-    ("scene", "engine"),  # Scene.draw makes a state to be drawn
-    ("scene", "render"),
+    ("scene", "render"),  # Scene.plot draws itself
     ("diagnosis.diagnose", "report"),  # diagnose(..., out=...) writes its report
     ("commands.completion", "cli"),
 }
 # modules that import one another, at least one of them late
-CIRCLES = {
-    "engine.python_mode", "engine.links", "engine.callbacks", "engine.simulation", "engine.units", "engine.checkpoint",
-    "engine.advice", "engine", "scene", "render",
-}  # fmt: skip
+CIRCLES = {"scene", "render"}
 # lines of functions that are longer; "engine.callbacks" and "proof.kernels" hold generated and compiled kernels
 LONG = {
-    "engine.callbacks._native_text": 314, "engine.simulation._arrays": 218, "engine.callbacks.generate": 185,
+    "engine.callbacks._native_text": 314, "engine.callbacks.generate": 185,
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
     "diagnosis.driver.diagnose_bodies": 105, "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,

@@ -14,7 +14,6 @@ import pymunk
 import pytest
 
 from granswim_pymunk.engine import MODES, Simulation
-from granswim_pymunk.engine.callbacks import INTS
 from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.scene import Body, Scene, Time, swimmer, use
@@ -132,11 +131,9 @@ class TestLists:
         scene = small_bed()
         expected = run(scene, steps=500).state()
         sim = Simulation(scene)
-        sim._room = 40
-        sim._allocate_lists(sim._a)
-        sim._refresh_context()
+        sim.backend.make_room(40)
         sim.advance(500)
-        assert sim._room > 40
+        assert sim.backend.state.lists.room > 40
         assert bits(sim.state().xy, sim.state().v) == bits(expected.xy, expected.v)
 
     def test_touching_disks_without_a_pair_law(self):
@@ -158,17 +155,13 @@ class TestLists:
         plain = Simulation(scene)
         plain.advance(6000)
         tight = Simulation(scene)
-        tight._room = 60
-        tight._allocate_lists(tight._a)
-        tight._refresh_context()
+        tight.backend.make_room(60)
         tight.advance(6000)
-        assert tight._room > 60 and int(tight._ints[INTS.index("n_pairs")]) > 60
+        assert tight.backend.state.lists.room > 60 and tight.backend.context["n_pairs"] > 60
         assert bits(plain.state().xy) == bits(tight.state().xy)
         times = np.linspace(0.0, 0.012, 7)
         sampled = Simulation(scene)
-        sampled._room = 60
-        sampled._allocate_lists(sampled._a)
-        sampled._refresh_context()
+        sampled.backend.make_room(60)
         np.testing.assert_array_equal(sampled.sample(times), Simulation(scene).sample(times))
 
     def test_skin_changes_no_bit(self):
@@ -189,9 +182,8 @@ class TestLists:
         )
         sim = Simulation(Scene(bodies, laws=(CONTACT,), periodic_x=periodic or None, time=Time(dt=1e-6)))
         extra = 3e-4
-        count = sim._fresh_list(sim._a["x"].copy(), sim._a["y"].copy(), extra)
-        rows = sim._rows_of
-        i, j = sim._a["pair_i"][:count].astype(int), sim._a["pair_j"][:count].astype(int)
+        i, j = sim.backend.pairs_within(sim.backend.raw(), extra)
+        rows = sim.backend.order.rows_of
         assert ((i[1:] > i[:-1]) | ((i[1:] == i[:-1]) & (j[1:] > j[:-1]))).all()
         found = {(min(a, b), max(a, b)) for a, b in zip(rows[i].tolist(), rows[j].tolist(), strict=True)}
         expected = set()
@@ -202,7 +194,7 @@ class TestLists:
                     d[0] -= periodic * math.floor(d[0] / periodic + 0.5)
                 if math.hypot(*d) < radius[a] + radius[b] + extra and not (a % 9 == 0 and b % 9 == 0):
                     expected.add((a, b))
-        assert found == expected and len(found) == count
+        assert found == expected and len(found) == len(i)
 
     def test_collapsed_bed_is_an_error(self):
         """Bodies that run away are told as such, or as not finite, and never as a crash."""
@@ -599,6 +591,14 @@ def test_impacts_begin_again_with_the_same_bits():
             again.sample(t[:9])
         again.restart(xy, v, 0.0)
         np.testing.assert_array_equal(again.sample(t), fresh.sample(t))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_absent_bodies_are_not_a_number(mode):
+    run = Simulation(_row_of_disks(3), mode=mode, only=[0, 2])
+    run.advance(3)
+    for values in (run.state().xy, run.forces(), run.raw()["x"]):
+        assert np.isnan(values[1]).all() and np.isfinite(values[[0, 2]]).all()
 
 
 def test_parts_that_cannot_be_simulated_are_refused():

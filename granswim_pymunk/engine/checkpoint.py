@@ -15,15 +15,14 @@ import tempfile
 import tomllib
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, SimulationError
 from ..scene import scene_from_dict
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
+from .simulation import Simulation
+from .units import Units
 
 FORMAT = "granswim checkpoint"
 VERSION = 1
@@ -57,14 +56,14 @@ def save_checkpoint(
     if simulation.impulse:
         raise InputError("a run with impulses cannot be continued from a checkpoint", where="law contact_elastic")
     path = Path(path)
-    raw = simulation._frozen()
+    raw = simulation.freeze()
     arrays = {name: np.asarray(raw[name], dtype=np.float64) for name in FIELDS}
     state = None if random is None else random.bit_generator.state
     about = json.dumps(
         {
             "mode": simulation.mode, "dt": simulation.dt.hex(), "step": simulation.step,
             "units": [u.hex() for u in (simulation.units.length, simulation.units.time, simulation.units.mass)],
-            "begun": simulation._started, "start": simulation._start_kind,
+            "begun": simulation.begun, "start": simulation.start,
             "scene": simulation.scene.to_toml(), "random": state, "note": note or {},
         },
         default=lambda value: value.tolist(),
@@ -124,9 +123,6 @@ def resume(path: str | Path) -> tuple[Simulation, np.random.Generator | None, di
     On the same machine and with the same versions of the libraries the run has the bits of one that was never
     stopped. Raises InputError as ``load_checkpoint`` does.
     """
-    from .simulation import Simulation
-    from .units import Units
-
     about, arrays = load_checkpoint(path)
     try:
         scene = scene_from_dict(tomllib.loads(about["scene"]))
@@ -134,7 +130,7 @@ def resume(path: str | Path) -> tuple[Simulation, np.random.Generator | None, di
         simulation = Simulation(
             scene, mode=about["mode"], dt=float.fromhex(about["dt"]), start=about["start"], units=units
         )
-        simulation._thaw(arrays, int(about["step"]), bool(about["begun"]))
+        simulation.thaw(arrays, int(about["step"]), bool(about["begun"]))
         random, note = None, about["note"]
         if about["random"] is not None:
             name = about["random"]["bit_generator"]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..errors import SimulationError
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
+from .simulation import Simulation
 
 OVERLAP = 0.02  # of the smaller radius, between the hard grains of a bed
 THROUGH = 0.5  # in a scene without grains, whose bodies may be as soft as one likes

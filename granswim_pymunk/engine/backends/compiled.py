@@ -1,0 +1,122 @@
+"""Modes whose laws are compiled: forces of all bodies in one call, and the first kick."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import neighbours
+from ..callbacks import HALF_STEP, LINKS, SCALARS, WALLS, Kernel, compile_laws
+from ..native import ROW
+from .base import Backend
+
+# what the kernel's sum of forces is given, behind the state (see ``callbacks.generate``)
+_BEHIND = [name.strip() for name in f"{LINKS}, {WALLS}".split(",")]
+
+
+class Compiled(Backend):
+    """A mode with a kernel."""
+
+    kernel: Kernel
+
+    def compiled(self) -> Kernel:
+        """The compiled laws."""
+        return compile_laws([item.law for item in self.scene.laws], self.offsets)
+
+    def array_forces(
+        self, constrained: bool, t: float, state: np.ndarray | None = None, in_step: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forces and torques [N, N m] at the positions and velocities in ``state``; left out, those of now.
+
+        constrained : with the constraints;  in_step : the velocities are those of half a step before, as in a step
+        """
+        b, laws, lists, numbers = self.state.bodies, self.state.laws, self.state.lists, self.state.numbers
+        c = b.columns
+        if state is None:
+            state = self.rows_of_now()
+        for name in ("fx", "fy", "torque"):
+            state[:, c[name]] = 0.0
+        reach = numbers["reach"]
+        x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
+        if lists.room:
+            self.fresh_list(x, y, reach)
+            neighbours.prune(
+                x, y, b.radius + 0.5 * reach, b.inverse_mass, b.radius, lists.starts, laws.blocks, lists.pair_i,
+                lists.pair_j, lists.pair_shift, lists.near_i, lists.near_j, lists.near_shift, lists.near_touch,
+                lists.near_mass, lists.near_starts, lists.near_seam, ROW,
+            )  # fmt: skip
+            walls = self.state.walls
+            neighbours.near_walls(
+                x, y, b.radius, b.mobile, walls.walls, self.scene.periodic_x or 0.0, laws.blocks, walls.wall_i,
+                walls.wall_k, walls.wall_starts,
+            )  # fmt: skip
+        self.state.forget_lists()
+        plain = laws.scalars.copy()  # forces of this moment, not of a step
+        plain[SCALARS.index("share")] = 0.0
+        if not in_step:
+            plain[SCALARS.index("scheme")] = HALF_STEP
+        self.kernel.add_forces(
+            1, int(constrained), t, self.dt, state, b.mass, b.inverse_mass, b.radius, b.given_inertia, laws.parameters,
+            laws.uses, laws.runs, laws.run_starts, laws.blocks, laws.mask, lists.near_i, lists.near_j,
+            lists.near_shift, lists.near_touch, lists.near_mass, lists.near_starts, lists.near_seam, plain,
+            laws.chains, laws.input_t, laws.input_v, laws.input_at, lists.which, lists.work, b.kick_mass,
+            b.inverse_moment, b.kept, *(self.state.array(name) for name in _BEHIND),
+        )  # fmt: skip
+        return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
+
+    def rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
+        """(n, ROW) rows as the laws see them, apart from Chipmunk's memory, at ``raw`` or where the bodies are."""
+        state = np.zeros((self.order.n, ROW))
+        for name, values in (raw or self.raw()).items():
+            if name in self.state.bodies.columns:
+                state[:, self.state.bodies.columns[name]] = values
+        return state
+
+    def first_kick(self) -> None:
+        """Half a kick; of bodies that a constraint holds, a whole one from half a step before."""
+        half = 0.5 * self.dt
+        b = self.state.bodies
+        weight, turning, c = b.inverse_mass, b.inverse_moment, b.columns
+        state = self.rows_of_now()
+        start_x, start_y, start_spin = (state[:, c[name]].copy() for name in ("vx", "vy", "spin"))
+        held = self.held_rows()
+        fx, fy, torque = (f.copy() for f in self.array_forces(True, self.t, state))
+        # bodies that no constraint holds: half a kick
+        vx, vy = start_x + half * (fx * weight), start_y + half * (fy * weight)
+        spin = start_spin + half * torque * turning
+        if held.any():
+            # a constraint sees the velocity half a step behind, here as in every later step: that velocity
+            # is what the force of the constraint itself leads to, found in two rounds
+            fx, fy, moment = self.array_forces(False, self.t, state)
+            for _ in range(2):
+                state[:, c["vx"]] = np.where(held, start_x - half * fx * weight, start_x)
+                state[:, c["vy"]] = np.where(held, start_y - half * fy * weight, start_y)
+                state[:, c["spin"]] = np.where(held, start_spin - half * moment * turning, start_spin)
+                fx, fy, moment = self.array_forces(True, self.t, state, in_step=True)
+            vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
+            vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
+            spin = np.where(held, state[:, c["spin"]] + self.dt * moment * turning, spin)
+        u, m = self.units, self.order.n_mobile
+        self.set_velocities(vx[:m] / u.velocity, vy[:m] / u.velocity)
+        for row in np.flatnonzero(spin[:m]):
+            self.world.bodies[int(row)].angular_velocity = float(spin[row] * u.time)
+        b.fx[:], b.fy[:] = fx, fy
+
+    def forces(self) -> np.ndarray:
+        """(n, 2) sum of all forces on each body at the last force call [N], inner order; 0 on walls."""
+        b = self.state.bodies
+        if self.step == 0:
+            result = np.column_stack(self.array_forces(True, self.t)[:2])
+        else:
+            result = np.column_stack([b.fx, b.fy]) * b.ease[:, None]
+        result[self.order.n_mobile :] = 0.0
+        return result
+
+    def pair_forces(self, i: np.ndarray, j: np.ndarray, normal: np.ndarray, raw: dict[str, np.ndarray]) -> np.ndarray:
+        """(k,) force on each j along ``normal`` (k, 2) [N] by all laws of pairs, bodies being as ``raw`` says."""
+        b, laws = self.state.bodies, self.state.laws
+        force = np.empty(len(i))
+        self.kernel.pair_forces(
+            i, j, normal, self.t, self.rows_of_now(raw), b.inverse_mass, b.radius, laws.parameters, laws.uses,
+            laws.mask, laws.scalars, force,
+        )  # fmt: skip
+        return force

@@ -1,0 +1,95 @@
+"""The default mode: one compiled force call a step over a neighbour list; Chipmunk finds no contacts."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ...joints import angles_of, hinged
+from .. import stepping
+from ..callbacks import Kernel, spins
+from ..motion import Motion
+from ..native import Offsets, column
+from ..tables import close_links
+from .base import Plan
+from .native import Native
+
+
+class Verlet(Native):
+    """Forces over a list of near pairs; where it can be, the laws read and write Chipmunk's own memory."""
+
+    name: ClassVar[str] = "verlet"
+    from_list: ClassVar[bool] = True
+    carries: ClassVar[bool] = True
+    averages: ClassVar[bool] = True
+    moves_in_place: ClassVar[bool] = True
+
+    def __init__(self, plan: Plan, offsets: Offsets | None = None, motion: Motion | None = None) -> None:
+        """See ``Backend``."""
+        super().__init__(plan, offsets, motion)
+        self._turning = any(spins(item.law) for item in self.uses.items) or bool(len(self.joints.links.rows))
+
+    def step_function(self, kernel: Kernel) -> int:
+        """Address of the constraint's preSolve that gives the forces of a step."""
+        return int(kernel.verlet_step.address)
+
+    def before_steps(self) -> None:
+        """What the user put on the bodies goes to the coming force call."""
+        if not self.in_place:
+            return
+        b, o = self.state.bodies, self.offsets
+        turns, pushed = stepping.take(
+            b.memory, self.order.n_mobile, column(o.force), column(o.torque), column(o.spin), b.push
+        )
+        self.context["pushed"] = int(pushed)
+        how = "turning" if turns or self._turning else "still"
+        if how != self.moving:
+            self.moving = how
+            self.let_move(how)
+
+    def after_steps(self) -> None:
+        """The forces of the last step go to their arrays, Chipmunk's transforms are renewed."""
+        if not self.in_place:
+            return
+        b, o = self.state.bodies, self.offsets
+        stepping.settle(
+            b.memory, self.order.n_mobile, column(o.force), column(o.torque), column(o.position), column(o.transform),
+            b.fx, b.fy, b.torque,
+        )  # fmt: skip
+
+    def restart(self, xy: np.ndarray, v: np.ndarray, t: float, spin: np.ndarray | None) -> None:
+        """Begin again, see ``Simulation.restart``."""
+        u, b, rows = self.units, self.state.bodies, self.order.rows_of
+        b.initial = np.column_stack([xy, v])[rows]
+        b.initial[self.order.n_mobile :, 2:] = 0.0
+        turned = angles_of(self.scene, xy, v)
+        if spin is not None:
+            free = np.array([b not in hinged(self.scene) for b in self.scene.ids])
+            turned = (turned[0], np.where(free, spin, turned[1]))
+        b.turned = np.stack(turned, axis=1)[rows]
+        close_links(self.scene, self.joints.links, b)
+        b.images[:] = 0.0
+        place, speed = b.initial[:, :2] / u.length, b.initial[:, 2:] / u.velocity
+        self.world.remove_shapes()  # and with them Chipmunk's contacts and their impulses
+        self.put(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], b.turned[:, 0], b.turned[:, 1] * u.time)
+        if not self.in_place:
+            for k, name in enumerate(("x", "y")):
+                b.row(name)[:] = b.initial[:, k]  # walls are not read again
+        self.begin_at(t)
+        if self.impulse:
+            self.world.add_shapes()
+            self.forget_events()
+        self.state.numbers["step"] = 0.0
+        self.context["status"] = 0
+        self.step, self.begun, self.start = 0, False, "synchronised"
+        self.state.forget_lists()
+
+    def steer(self, v: np.ndarray) -> None:
+        """From now on carried bodies move at these velocities, see ``Simulation.steer``."""
+        rows = np.flatnonzero((self.state.bodies.mobile == 0)[: self.order.n_mobile])
+        speed = np.asarray(v, dtype=float)[self.order.rows_of[rows]] / self.units.velocity
+        self.write_velocities(rows, np.ascontiguousarray(speed.T))
+        if not self.in_place:
+            for k, name in enumerate(("vx", "vy")):
+                self.state.bodies.row(name)[rows] = speed[:, k] * self.units.velocity
