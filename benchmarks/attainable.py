@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.driver import diagnose_bodies
+from granswim_pymunk.diagnosis import diagnose_tracks
 from granswim_pymunk.diagnosis.held_out import right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Predictor
 from granswim_pymunk.recording import read_recording
@@ -29,12 +29,13 @@ def main(argv: list[str]) -> int:
     rows = []
     for name in argv:
         recording = read_recording(name)
-        d = diagnose_bodies([recording])
+        result = diagnose_tracks([recording])
+        d = result.evidence
         rms, floor = d.held["revised"].rms, d.floor[1]
         if d.verdict != "missing_physics" or rms is None or not floor:
             print(f"| {recording.name} | {d.verdict} | – | – |", flush=True)
             continue
-        predictor, fit = Predictor(d.dt), d.revised
+        predictor, fit = Predictor({u.name: u.dt for u in result.used}), d.revised
         rng = np.random.default_rng(0)
         alike = right_law_errors(fit.hypothesis, fit, d.cases, predictor, lambda: False, rng, REPEATS) / floor
         if not len(alike):

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import granswim_pymunk
+from granswim_pymunk.diagnosis.bed import diagnose_bed
 from granswim_pymunk.diagnosis.bed.cut import REACH, cut_out
-from granswim_pymunk.diagnosis.bed.driver import diagnose_windows
 from granswim_pymunk.diagnosis.bed.windows import COARSE, BedCase, BedPredictor, bed_case
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis
 from granswim_pymunk.engine import Simulation
@@ -106,16 +106,17 @@ def main(argv: list[str]) -> int:
     spent = 0.0
     for cut in (False, True):
         began = time.perf_counter()
-        d = diagnose_windows([recording], minutes=10 * minutes if not cut else minutes, cut=cut)
+        d = diagnose_bed([recording], minutes=10 * minutes if not cut else minutes, cut=cut)
         took = time.perf_counter() - began
         spent = spent or took
         law, factor = "none", ""
-        if d.found is not None:
-            law = d.found.term.label
-            half = 1.96 * float(np.sqrt(d.found.covariance[0, 0]))
-            factor = f"{d.found.values[0]:.3f}, {d.found.values[0] - half:.3f} to {d.found.values[0] + half:.3f}"
-        held = [d.held[k].rms for k in ("recalibrated", "revised")]
-        errors = ", ".join(f"{1e6 * e:.0f} µm" for e in (*held, d.floor[1]) if e is not None)
+        laws = d.evidence.laws
+        if laws:
+            law = laws[0].label
+            half = 1.96 * float(np.sqrt(laws[0].covariance[0, 0]))
+            factor = f"{laws[0].values[0]:.3f}, {laws[0].values[0] - half:.3f} to {laws[0].values[0] + half:.3f}"
+        held = [d.verdict["fit"]["heldout"][k] for k in ("recalibrated", "revised", "noise_floor")]
+        errors = ", ".join(f"{1e6 * e:.0f} µm" for e in held if e is not None)
         print(f"| {'cut' if cut else 'whole bed'} | {law} | {factor} | {errors} | {took / spent:.2f} |")
     print(f"\nconcealed: joint 4, factor {FACTOR:g}")
     return 0

@@ -35,25 +35,25 @@ LONG = {
     "engine.callbacks._native_text": 314, "engine.callbacks.generate": 185,
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
-    "diagnosis.driver.diagnose_bodies": 105, "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,
+    "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,
     "scene.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
     "proof.kernels.list_pairs": 84, "engine.callbacks._pair_block": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
     "inference.result.mismatch_entry": 12, "diagnosis.pairs.pair_of": 11, "diagnosis.solve.descend": 9,
     "diagnosis.pairs.second_law": 9, "diagnosis.pairs.third_law": 9,
-    "diagnosis.bed.starts._relax": 9, "diagnosis.bed.polish.polish": 9, "diagnosis.bed.judge.verdict_among": 9,
-    "diagnosis.bed.driver.diagnose_windows": 9, "diagnosis.bed.driver.begin": 9, "diagnosis.bed.driver._refined": 9,
+    "diagnosis.bed.starts._relax": 9, "diagnosis.bed.polish.polish": 9, "diagnosis.bed.driver.begin": 9,
+    "diagnosis.bed.driver.refined": 9, "diagnosis.bed.model.__init__": 9,
     "diagnosis.hypothesis.run": 9,
 }  # fmt: skip
 # how often a law is named by a literal in the diagnosis
 NAMED = {
-    "diagnosis.bed.candidates": 21, "diagnosis.bed.experiment": 3, "diagnosis.bed.hand_over": 7,
+    "diagnosis.bed.candidates": 21, "diagnosis.bed.experiment": 3, "diagnosis.bed.verdict": 7,
     "diagnosis.bed.search": 3, "diagnosis.bed.starts": 1, "diagnosis.bed.windows": 2, "diagnosis.candidates": 7,
     "diagnosis.data": 2, "diagnosis.driven_terms": 2, "diagnosis.experiment": 8, "diagnosis.fit": 5,
     "diagnosis.name": 1, "diagnosis.pairs": 3, "diagnosis.segments": 4, "diagnosis.signatures": 1,
     "diagnosis.start": 25, "diagnosis.steps": 3, "diagnosis.swimmer_terms": 10, "diagnosis.unseen.candidates": 9,
-    "diagnosis.unseen.checks": 2, "diagnosis.unseen.conclude": 2, "diagnosis.unseen.report": 1,
+    "diagnosis.unseen.checks": 2, "diagnosis.unseen.conclude": 2, "diagnosis.unseen.verdict": 1,
     "diagnosis.unseen.runs": 3, "diagnosis.unseen.summaries": 6,
     "diagnosis.hypothesis": 2,
 }  # fmt: skip

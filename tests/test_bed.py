@@ -19,24 +19,20 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.diagnosis.bed import diagnose_bed
 from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import BedDiagnosis, diagnose_windows, plainer_of, windows_of
-from granswim_pymunk.diagnosis.bed.hand_over import (
-    parameters_of,
-    result_of,
-    revised_scene,
-    verdict_of,
-)
-from granswim_pymunk.diagnosis.bed.judge import Errors, astray
+from granswim_pymunk.diagnosis.bed.driver import plainer_of, windows_of
+from granswim_pymunk.diagnosis.bed.judge import astray
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
 from granswim_pymunk.diagnosis.bed.search import no_narrower, plainer_first, signature_of
 from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.diagnosis.bed.trial import BedTrial, first_order
+from granswim_pymunk.diagnosis.bed.verdict import entry_of, parameters_of
 from granswim_pymunk.diagnosis.bed.weigh import (
     by_others,
     fitted_by_others,
@@ -54,8 +50,11 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.explained import Explained
-from granswim_pymunk.inference.judge import Judgement, Remains
+from granswim_pymunk.inference.judge import Claim, Judgement, Remains
+from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
+from granswim_pymunk.inference.pipeline import verdict_of
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
+from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
@@ -519,8 +518,8 @@ def damaged(recording: Recording) -> Recording:
 
 
 def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
-    found = diagnose_windows([damaged(small("small_joint"))], plan=PLAN, candidates=FEW, minutes=60.0)
-    verdict = verdict_of(found)
+    found = diagnose_bed([damaged(small("small_joint"))], plan=PLAN, candidates=FEW, minutes=60.0)
+    verdict = found.verdict
     check_verdict(verdict)
     json.dumps(verdict, allow_nan=False)
     assert verdict["verdict"] == "missing_physics"
@@ -535,23 +534,23 @@ def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
     assert verdict["explained"]["share"] > 0.6 and 0.0 < verdict["explained"]["low"]
     assert verdict["fit"]["window"] == pytest.approx(0.016)
     assert verdict["mismatch"][0]["where"]["region"] == "joint 4"
-    assert any("labels put back" in note for note in found.notes)
-    scene = revised_scene(found, 0)
+    assert any("labels put back" in note for note in verdict["notes"])
+    (scene,) = found.revised.values()
     assert not scene.camera and scene.laws_named("weak_joint")[0].values["joint"] == 4
     assert np.isfinite(Simulation(scene).sample([scene.time.start + 0.002])).all()
-    result = result_of(found)
-    drawn = pictures(result)
+    drawn = pictures(found)
     assert {"map", "along", "cycle", "candidates", "null", "held_out", "overlay"} == set(drawn)
     assert all(drawing.draw().axes for drawing in drawn.values())
-    assert "joint 4" in headline(result)
-    (shown,) = maps(found.bench, found.predicted["recalibrated"])
-    assert shown.disks.shape == (len(found.beds[0].starts), 7)
+    assert "joint 4" in headline(found)
+    seen = found.evidence
+    (shown,) = maps(seen.bench, seen.predicted["recalibrated"])
+    assert shown.disks.shape == (len(seen.beds[0].starts), 7)
 
 
 def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
     # the plan of an idle machine: with fewer windows the interval just misses the truth
-    found = diagnose_windows([small("small_stiffness")], plan=Plan(3, 1, 8, 45, 4), candidates=FEW, minutes=60.0)
-    verdict = verdict_of(found)
+    found = diagnose_bed([small("small_stiffness")], plan=Plan(3, 1, 8, 45, 4), candidates=FEW, minutes=60.0)
+    verdict = found.verdict
     assert verdict["verdict"] == "recalibrate" and verdict["mechanisms"] == []
     stiffness = verdict["recalibrated"]["bending.stiffness"]
     assert stiffness["low"] < 1.5e-3 < stiffness["high"] and stiffness["high"] < 1.9e-3
@@ -568,9 +567,9 @@ def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     # a force that squeezes the links looks like a small one: neither taken for granted nor left out of the candidates
     squeezed = replace(right, value=0.998, error=2e-4)
     assert squeezed.off and not squeezed.wrong
-    verdict = verdict_of(
-        diagnose_windows([replace(true, xy=1.01 * true.xy)], plan=PLAN, candidates=FEW, minutes=60.0)
-    )
+    verdict = diagnose_bed(
+        [replace(true, xy=1.01 * true.xy)], plan=PLAN, candidates=FEW, minutes=60.0
+    ).verdict
     assert verdict["verdict"] == "measurement"
     (entry,) = verdict["mechanisms"]
     s = entry["parameters"]["s"]
@@ -625,16 +624,16 @@ def test_whole_recordings_are_held_out():
     recording = small("small_joint")
     other = replace(recording, name="other")
     plan = Plan(1, 1, 4, 8, 2)
-    found = diagnose_windows([recording], [other], candidates=["weak_joint"], plan=plan)
-    assert [int(b.training.sum()) for b in found.beds] == [8, 0]
-    verdict = verdict_of(found)
+    found = diagnose_bed([recording], [other], candidates=["weak_joint"], plan=plan)
+    assert [int(b.training.sum()) for b in found.evidence.beds] == [8, 0]
+    verdict = found.verdict
     check_verdict(verdict)
     assert [m["name"] for m in verdict["mechanisms"]] == ["weak_joint"]
     held = verdict["fit"]["heldout"]
     assert 0 < held["noise_floor"] < held["recalibrated"] and held["revised"] < held["recalibrated"]
-    assert set(result_of(found).revised) == {recording.name, "other"}
+    assert set(found.revised) == {recording.name, "other"}
     # the held-out recording is simulated with the stiffness that was learnt from the other
-    scenes = [revised_scene(found, k) for k in (0, 1)]
+    scenes = found.revised.values()
     first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)
     assert first == second != recording.scene.laws_named("bending")[0].values["stiffness"]
 
@@ -650,16 +649,16 @@ def test_p_is_not_small_where_the_scene_is_the_truth():
         film = predictor.twin(Hypothesis(()), np.zeros(0), 50 + number)
         t, xy = film.t[2:], film.xy[2:][:, recording.track_rows]
         twin = replace(recording, name=f"twin{number}", t=t, xy=xy)
-        found.append(diagnose_windows([twin], candidates=FEW, plan=Plan(2, 2, 6, 26, 3)))
-    p = sorted(d.p for d in found)
+        found.append(diagnose_bed([twin], candidates=FEW, plan=Plan(2, 2, 6, 26, 3)))
+    p = sorted(d.verdict["null"]["p_false_alarm"] for d in found)
     assert p[0] > 0.004 and p[-1] > 0.1, p
-    assert not any(d.laws for d in found)
+    assert not any(d.verdict["mechanisms"] for d in found)
 
 
 def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
     recording = small("small_joint")
     options = {"candidates": ["weak_joint"], "plan": Plan(1, 1, 4, 8, 2), "seed": 3}
-    whole = diagnose_windows([recording], **options)
+    whole = diagnose_bed([recording], **options)
     tried = []
 
     def stop(text: str, share: float) -> None:
@@ -668,12 +667,13 @@ def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose_windows([recording], **options, progress=stop)
-    rest = diagnose_windows([recording], **options)
+        diagnose_bed([recording], **options, progress=stop)
+    rest = diagnose_bed([recording], **options)
     assert rest.runs < 0.7 * whole.runs  # recalibration, twins and three signatures were kept
-    assert rest.score == whole.score and np.array_equal(rest.values, whole.values)
-    assert rest.found is not None and np.array_equal(rest.found.values, whole.found.values)
-    again = diagnose_windows([recording], **options)
+    assert rest.evidence.score == whole.evidence.score
+    assert rest.verdict["recalibrated"] == whole.verdict["recalibrated"]
+    assert rest.verdict["mechanisms"] == whole.verdict["mechanisms"] != []
+    again = diagnose_bed([recording], **options)
     assert again.runs == whole.runs  # with its verdict a diagnosis is forgotten: the next one starts anew
 
 
@@ -863,17 +863,31 @@ def drag_trial(gain: float = 40.0) -> BedTrial:
     return BedTrial(signature, np.ones(1), np.array([2e-5]), np.array([[1e-12]]), gain, gain)
 
 
-def finished(verdict: str, **more) -> BedDiagnosis:
-    """A diagnosis as it is handed over, without its windows."""
-    bed = SimpleNamespace(scene=small("small_nothing").scene, span=0.016, frequency=lambda: 9.0, name="film")
-    nothing = {k: Errors(1e-4, 1.0) for k in ("naive", "recalibrated", "revised")}
-    fields = dict(
-        bench=SimpleNamespace(beds=[bed]), verdict=verdict, adjustables=(), naive_values=np.zeros(0),
-        recalibrated_values=np.zeros(0), values=np.zeros(0), value_covariance=np.zeros((0, 0)), found=None,
-        partner=None, rivals=[], trials=[], null=np.zeros(499), score=40.0, p=0.002, train=nothing, held=nothing,
-        floor=(5e-5, 5e-5), gain_held=None, places=[], proposal=None, predicted={}, excess={},
-    )  # fmt: skip
-    return BedDiagnosis(**{**fields, **more})
+class Finished:
+    """What is written of a bed, without its windows."""
+
+    unit, tail, notes = "m rms", "", ()
+
+    def mechanisms(self, course: Course) -> list[dict]:
+        scene = small("small_nothing").scene
+        return [entry_of(trial, scene, course.held.gain) for trial in course.judged.claim.laws]
+
+    def false_alarm(self, course: Course) -> float:
+        return course.null.p
+
+    def adjustables(self, course: Course) -> dict:
+        return {}
+
+    def closing_notes(self, course: Course) -> list[str]:
+        return []
+
+
+def finished(judged: Judgement, left: Left, outcome: str | None = None, **more) -> dict:
+    """The verdict of a course of which the rest is nothing."""
+    errors = dict.fromkeys(("naive", "recalibrated", "revised"), 1e-4) | {"noise_floor": 5e-5}
+    held = HeldOut(errors, errors, outcome, more.pop("gain", None), judged.claim, window=0.016)
+    course = Course(Null(np.zeros(499), 40.0), judged, held, left=left, **more)
+    return verdict_of(Finished(), course)
 
 
 def told(verdict: dict) -> Diagnosis:
@@ -881,9 +895,8 @@ def told(verdict: dict) -> Diagnosis:
 
 
 def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first():
-    trial = drag_trial()
-    found = finished("unmodelled", withdrawn=[trial], withdrawn_gain=-12.0, heldout="fails", complete=False)
-    verdict = verdict_of(found)
+    judged = Judgement("unmodelled", Claim((), None), withdrawn=(drag_trial(),))
+    verdict = finished(judged, Left(False, None), "fails", gain=-12.0)
     check_verdict(verdict)
     assert verdict["mechanisms"] == [] and verdict["heldout"] == "fails" and verdict["explained"] is None
     assert verdict["rivals"][0] == {
@@ -898,11 +911,9 @@ def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far():
     trial = drag_trial()
     share = Explained(0.7, 0.6, 0.8, 1.0, 3.0, True, 0.1)
     remains = Remains(8e-5, 1.6, ("3",), (0.1, 0.2), None, "nothing that was tried")
-    found = finished(
-        "missing_physics", found=trial, judged=Judgement("missing_physics", share, 0.5), complete=False,
-        remains=remains, heldout="undecided", rivals=[(drag_trial(), True)],
-    )  # fmt: skip
-    verdict = verdict_of(found)
+    named = Judgement("missing_physics", Claim((trial,), None), share, 0.5)
+    rival = Rival(drag_trial(), None, True)
+    verdict = finished(named, Left(False, remains), "undecided", rivals=[rival])
     check_verdict(verdict)
     assert verdict["explained"] == {"share": 0.7, "low": 0.6, "high": 0.8, "best_free_form": 0.5}
     assert not verdict["complete"] and verdict["remains"]["times_floor"] == 1.6
@@ -911,6 +922,6 @@ def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far():
     said = {question: re.sub("<[^>]*>", "", text).replace("\u00a0", " ") for question, text in answers(told(verdict))}
     assert "70 % (60 % to 80 %)" in said["How much is explained?"] and "1.6 times" in said["What is left?"]
     assert "do not decide" in said["How much better?"]
-    near = finished("unmodelled", closest=[(trial, 0.3)], complete=False)
-    verdict = verdict_of(near)
+    near = Judgement("unmodelled", Claim((), None), closest=((trial, 0.3),))
+    verdict = finished(near, Left(False, None), closest=[(Rival(trial, None, False), 0.3)])
     assert verdict["rivals"][0]["share"] == 0.3 and "explains 30\u00a0% of it" in headline(told(verdict))

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import result_of
+from granswim_pymunk.diagnosis import diagnose_tracks
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.driver import diagnose_bodies
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.intervals import with_believed_errors
@@ -76,8 +75,8 @@ def test_radii_count_where_bodies_meet():
 
 def test_what_the_verdict_says_is_wider_by_the_mass():
     """The interval of a drag that the data alone tell to a tenth of a per cent is as wide as the mass is unknown."""
-    found = diagnose_bodies([seen(SLIDING, use("linear_drag", c=0.01), seconds=0.8, mass_error=0.02)])
-    c = result_of(found).verdict["mechanisms"][0]["parameters"]["c"]
+    found = diagnose_tracks([seen(SLIDING, use("linear_drag", c=0.01), seconds=0.8, mass_error=0.02)])
+    c = found.verdict["mechanisms"][0]["parameters"]["c"]
     assert (c["high"] - c["low"]) / (2 * 1.96) == pytest.approx(0.02 * 0.01, rel=0.2)
     assert c["low"] < 0.01 < c["high"]
 
@@ -91,7 +90,7 @@ def test_masses_off_as_stated_are_no_physics():
     for error in (None, 0.02):
         recording = seen(heavier, seconds=2.0, mass_error=error)
         believed = replace(recording, scene=replace(recording.scene, bodies=(replace(body, initial=None),)))
-        verdicts[error] = result_of(diagnose_bodies([believed])).verdict
+        verdicts[error] = diagnose_tracks([believed]).verdict
     assert verdicts[None]["verdict"] in ("missing_physics", "measurement")
     assert verdicts[0.02]["verdict"] == "no_mismatch" and not verdicts[0.02]["mechanisms"]
     assert any("as far off as was stated" in note for note in verdicts[0.02]["notes"])

@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import (
-    choose,
-    diagnose_bodies,
-    nulls,
-    result_of,
-    revised_scene,
-    verdict_dict,
-    write_verdict,
-)
+from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verdict
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
@@ -92,7 +84,7 @@ SWING = np.arange(0.0, 4.0, 0.01)
 
 def close(diagnosis, name: str, parameter: str, value: float) -> None:
     """The first mechanism has this name, and its interval holds the value or misses it by less than its width."""
-    entry = verdict_dict(diagnosis)["mechanisms"][0]
+    entry = diagnosis.verdict["mechanisms"][0]
     assert entry["name"] == name
     found = entry["parameters"][parameter]
     width = found["high"] - found["low"]
@@ -101,7 +93,7 @@ def close(diagnosis, name: str, parameter: str, value: float) -> None:
 
 
 def heldout(diagnosis) -> dict:
-    return verdict_dict(diagnosis)["fit"]["heldout"]
+    return diagnosis.verdict["fit"]["heldout"]
 
 
 @pytest.mark.parametrize(
@@ -114,10 +106,10 @@ def heldout(diagnosis) -> dict:
 )
 def test_drag_and_friction_of_sliding_disks_are_named(law, values, parameter):
     truth = table(use(law, **values))
-    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(3))])
-    assert found.verdict == "missing_physics"
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(3))])
+    assert found.verdict["verdict"] == "missing_physics"
     close(found, law, parameter, values[parameter])
-    entry = verdict_dict(found)["mechanisms"][0]
+    entry = found.verdict["mechanisms"][0]
     assert set(entry["bodies"]) == {"0", "1", "2"}
     if "p" in values:
         assert entry["parameters"]["p"]["value"] == values["p"]
@@ -128,9 +120,9 @@ def test_drag_and_friction_of_sliding_disks_are_named(law, values, parameter):
 
 def test_tilted_table_is_a_uniform_force_with_both_components():
     truth = table(use("uniform_force", a=(0.02, -0.01)))
-    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(4))])
-    entry = verdict_dict(found)["mechanisms"][0]
-    assert (found.verdict, entry["name"]) == ("missing_physics", "uniform_force")
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(4))])
+    entry = found.verdict["mechanisms"][0]
+    assert (found.verdict["verdict"], entry["name"]) == ("missing_physics", "uniform_force")
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.02, -0.01), atol=1e-3)
 
 
@@ -138,16 +130,16 @@ def test_a_tilt_is_that_of_the_table_and_not_of_the_disk():
     """Disks that are each pushed elsewhere are not on a tilted table, though a force for each would fit."""
     pushes = {"0": (0.05, 0.0), "1": (-0.05, 0.03), "2": (0.0, -0.06)}
     truth = table(*(use("uniform_force", a=a, bodies=[b]) for b, a in pushes.items()))
-    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(4))])
-    assert found.verdict == "unmodelled"
-    assert "uniform_force (each body)" not in {t.term.label for t in found.trials}
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(4))])
+    assert found.verdict["verdict"] == "unmodelled"
+    assert "uniform_force (each body)" not in {t.term.label for t in found.evidence.trials}
 
 
 def test_a_push_on_one_disk_is_located_there():
     truth = table(use("uniform_force", a=(0.05, -0.03), bodies=["1"]))
-    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(5))])
-    (entry,) = verdict_dict(found)["mechanisms"]
-    assert (found.verdict, entry["name"], entry["bodies"]) == ("missing_physics", "uniform_force", ["1"])
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(5))])
+    (entry,) = found.verdict["mechanisms"]
+    assert (found.verdict["verdict"], entry["name"], entry["bodies"]) == ("missing_physics", "uniform_force", ["1"])
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.05, -0.03), atol=1e-3)
 
 
@@ -158,9 +150,9 @@ def test_a_force_on_a_slanted_rail_has_one_component():
     body = replace(cart().bodies[0], initial=(0.08 * math.sin(across), 0.08 * math.cos(across), 0.0, 0.0))
     naive = Scene((body,), slanted)
     truth = Scene((body,), (*slanted, use("linear_drag", c=0.1), use("uniform_force", a=(0.0, 0.2))))
-    found = diagnose_bodies([filmed(truth, naive, SWING[::4], np.random.default_rng(9))])
+    found = diagnose_tracks([filmed(truth, naive, SWING[::4], np.random.default_rng(9))])
     # a stream that did the same would be faster than the cart, which is no explanation
-    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    entries = {e["name"]: e["parameters"] for e in found.verdict["mechanisms"]}
     assert set(entries) == {"linear_drag", "uniform_force"}
     a = entries["uniform_force"]["a"]
     assert a["value"][0] == 0.0 and a["low"][0] is None
@@ -169,23 +161,23 @@ def test_a_force_on_a_slanted_rail_has_one_component():
 
 
 def test_nothing_missing_gives_no_mismatch():
-    found = diagnose_bodies([filmed(table(), table(), SHORT, np.random.default_rng(5))])
-    verdict = verdict_dict(found)
+    found = diagnose_tracks([filmed(table(), table(), SHORT, np.random.default_rng(5))])
+    verdict = found.verdict
     assert verdict["verdict"] == "no_mismatch"
     assert verdict["mechanisms"] == []
     assert verdict["null"]["p_false_alarm"] >= 1 / (verdict["null"]["replicates"] + 1)
 
 
 def test_lossy_collision_is_restitution():
-    found = diagnose_bodies([filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))])
-    assert found.verdict == "missing_physics"
+    found = diagnose_tracks([filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))])
+    assert found.verdict["verdict"] == "missing_physics"
     close(found, "restitution", "restitution", 0.75)
 
 
 def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():
     belief = collision(0.95, adjustable=(Adjustable("contact_elastic", "restitution", 0.5, 1.0),))
-    found = diagnose_bodies([filmed(collision(0.8), belief, SHORT, np.random.default_rng(7))])
-    verdict = verdict_dict(found)
+    found = diagnose_tracks([filmed(collision(0.8), belief, SHORT, np.random.default_rng(7))])
+    verdict = found.verdict
     assert verdict["verdict"] == "recalibrate"
     assert verdict["mechanisms"] == []
     assert verdict["recalibrated"]["contact_elastic.restitution"]["value"] == pytest.approx(0.8, abs=0.005)
@@ -193,11 +185,11 @@ def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():
 
 def test_pendulum_with_viscous_drag():
     truth = pendulum(use("linear_drag", c=0.01))
-    found = diagnose_bodies([filmed(truth, pendulum(), SWING, np.random.default_rng(8), noise=1e-4)])
-    assert found.verdict == "missing_physics"
+    found = diagnose_tracks([filmed(truth, pendulum(), SWING, np.random.default_rng(8), noise=1e-4)])
+    assert found.verdict["verdict"] == "missing_physics"
     # of the apparatus: what hangs from a pin has a joint, and a torque c l^2 w
     close(found, "joint_drag", "c", 0.01 * 0.2**2)
-    verdict = verdict_dict(found)
+    verdict = found.verdict
     assert {r["name"]: r["indistinguishable"] for r in verdict["rivals"]}["linear_drag"]
     worse = [r["gain_heldout"] for r in verdict["rivals"] if not r["indistinguishable"]]
     assert worse and max(worse) < verdict["mechanisms"][0]["gain_heldout"]
@@ -205,18 +197,18 @@ def test_pendulum_with_viscous_drag():
 
 @pytest.mark.parametrize(("camera", "name"), [({"scale": 1.01}, "camera_scale"), ({"tilt": 0.02}, "camera_tilt")])
 def test_the_apparatus_is_suspected_before_physics(camera, name):
-    found = diagnose_bodies([filmed(pendulum(), pendulum(), SWING, np.random.default_rng(9), noise=1e-4, **camera)])
-    assert found.verdict == "measurement"
-    assert verdict_dict(found)["mechanisms"][0]["name"] == name
+    found = diagnose_tracks([filmed(pendulum(), pendulum(), SWING, np.random.default_rng(9), noise=1e-4, **camera)])
+    assert found.verdict["verdict"] == "measurement"
+    assert found.verdict["mechanisms"][0]["name"] == name
     if name == "camera_tilt":  # a turned picture of a pendulum is a turned gravity
-        rivals = {r["name"]: r["indistinguishable"] for r in verdict_dict(found)["rivals"]}
+        rivals = {r["name"]: r["indistinguishable"] for r in found.verdict["rivals"]}
         assert rivals["uniform_force"] is True
 
 
 def test_two_laws_that_are_needed_together():
     truth = cart(use("linear_drag", c=0.05), use("coulomb_substrate", mu=0.003))
-    found = diagnose_bodies([filmed(truth, cart(), SWING, np.random.default_rng(10), noise=1e-4)])
-    assert {e["name"] for e in verdict_dict(found)["mechanisms"]} == {"linear_drag", "coulomb_substrate"}
+    found = diagnose_tracks([filmed(truth, cart(), SWING, np.random.default_rng(10), noise=1e-4)])
+    assert {e["name"] for e in found.verdict["mechanisms"]} == {"linear_drag", "coulomb_substrate"}
     assert heldout(found)["revised"] < 1.5 * heldout(found)["noise_floor"]
 
 
@@ -226,8 +218,8 @@ def test_two_laws_where_neither_alone_comes_near():
     truth = table(drag, use("coulomb_substrate", mu=0.003), use("ambient_flow", c=0.001, u=(-0.02, -0.1)))
     naive = replace(table(drag), adjustable=(Adjustable("linear_drag", "c", 5e-4, 0.05),))
     t = np.arange(0.0, 2.0, 0.025)
-    found = diagnose_bodies([filmed(truth, naive, t, np.random.default_rng(31), noise=3e-5)])
-    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    found = diagnose_tracks([filmed(truth, naive, t, np.random.default_rng(31), noise=3e-5)])
+    entries = {e["name"]: e["parameters"] for e in found.verdict["mechanisms"]}
     assert set(entries) == {"coulomb_substrate", "ambient_flow"}
     assert entries["coulomb_substrate"]["mu"]["low"] < 0.003 < entries["coulomb_substrate"]["mu"]["high"]
     assert heldout(found)["revised"] < 2 * heldout(found)["noise_floor"] < 0.1 * heldout(found)["recalibrated"]
@@ -281,8 +273,8 @@ def meeting(*laws) -> Scene:
 def test_a_repulsion_and_a_drag_when_neither_helps_alone():
     t = np.arange(0.0, 0.8, 0.005)
     truth = meeting(use("distance_force", s=0.02, n=2.0), use("linear_drag", c=0.005))
-    found = diagnose_bodies([filmed(truth, meeting(), t, np.random.default_rng(15))])
-    entries = {e["name"]: e["parameters"] for e in verdict_dict(found)["mechanisms"]}
+    found = diagnose_tracks([filmed(truth, meeting(), t, np.random.default_rng(15))])
+    entries = {e["name"]: e["parameters"] for e in found.verdict["mechanisms"]}
     assert set(entries) == {"distance_force", "linear_drag"}
     # strength and power are correlated over the short approach: the interval is wide and holds the truth
     strength = entries["distance_force"]["s"]
@@ -292,8 +284,8 @@ def test_a_repulsion_and_a_drag_when_neither_helps_alone():
 
 def test_wind_over_the_table_is_an_ambient_flow():
     truth = table(use("ambient_flow", c=0.004, u=(0.1, -0.05)))
-    found = diagnose_bodies([filmed(truth, table(), SHORT, np.random.default_rng(16))])
-    entry = verdict_dict(found)["mechanisms"][0]
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(16))])
+    entry = found.verdict["mechanisms"][0]
     assert entry["name"] == "ambient_flow"
     np.testing.assert_allclose(entry["parameters"]["u"]["value"], (0.1, -0.05), atol=5e-3)
 
@@ -342,8 +334,8 @@ def test_force_outside_the_library_is_not_given_a_confident_name():
         xy = Reference(truth, dt=1e-4, extra=pull).sample(SHORT) + rng.normal(size=(len(SHORT), 3, 2)) * NOISE
         record = filmed(truth, table(seed=k), SHORT, rng, name=f"r{k}")
         records.append(replace(record, xy=xy))
-    found = diagnose_bodies(records)
-    verdict = verdict_dict(found)
+    found = diagnose_tracks(records)
+    verdict = found.verdict
     assert verdict["verdict"] == "unmodelled"
     assert [e["name"] for e in verdict["mechanisms"]] in ([], ["unknown"])
     assert verdict["mismatch"]
@@ -364,9 +356,9 @@ def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
     rng = np.random.default_rng(21)
     record = filmed(table(seed=3), table(seed=3), SHORT, rng)
     xy = Reference(table(seed=3), dt=1e-4, extra=OUTSIDE[arm]).sample(SHORT) + rng.normal(size=(80, 3, 2)) * NOISE
-    found = diagnose_bodies([replace(record, xy=xy)])
-    assert found.verdict == "unmodelled" and found.found[0].mechanism == arm
-    entry = verdict_dict(found)["mechanisms"][0]
+    found = diagnose_tracks([replace(record, xy=xy)])
+    assert found.verdict["verdict"] == "unmodelled" and found.evidence.found[0].mechanism == arm
+    entry = found.verdict["mechanisms"][0]
     assert entry["name"] == "unknown"
     if arm == "flexible_power":
         n = entry["parameters"]["n"]
@@ -398,10 +390,10 @@ def test_an_attraction_of_disks_that_meet_is_not_a_loss_in_the_impact():
     belief = collision(0.5, adjustable=(Adjustable("contact_elastic", "restitution", 0.3, 1.0),))
     truth = collision(0.9).with_laws(use("cohesion", force=0.12, range=2.5e-3))
     t = np.arange(0.0, 0.6, 0.006)
-    found = diagnose_bodies([filmed(truth, belief, t, np.random.default_rng(25))])
-    assert [x.mechanism for x in found.found] == ["cohesion"]
-    assert found.verdict == "missing_physics"
-    wide = verdict_dict(found)["mechanisms"][0]["parameters"]["range"]  # strength and range lie along a valley
+    found = diagnose_tracks([filmed(truth, belief, t, np.random.default_rng(25))])
+    assert [x.mechanism for x in found.evidence.found] == ["cohesion"]
+    assert found.verdict["verdict"] == "missing_physics"
+    wide = found.verdict["mechanisms"][0]["parameters"]["range"]  # strength and range lie along a valley
     assert wide["low"] < 2.5e-3 < wide["high"]
 
 
@@ -424,8 +416,8 @@ def test_a_lubrication_of_wide_range_is_found_where_it_is_far_from_small():
     )
     naive = Scene(bodies, (use("contact_linear", stiffness=150.0, damping=5.0),))
     truth = naive.with_laws(use("pair_lubrication", c=1.1, range=4e-3))
-    found = diagnose_bodies([filmed(truth, naive, np.arange(0.0, 0.7, 0.008), np.random.default_rng(22))])
-    entry = verdict_dict(found)["mechanisms"][0]
+    found = diagnose_tracks([filmed(truth, naive, np.arange(0.0, 0.7, 0.008), np.random.default_rng(22))])
+    entry = found.verdict["mechanisms"][0]
     assert entry["name"] == "pair_lubrication"
     width = entry["parameters"]["range"]
     assert 3e-3 < width["low"] < 4e-3 < width["high"] < 5e-3
@@ -476,7 +468,7 @@ def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     training = filmed(truth, table(), SHORT, rng, name="training")
     held = filmed(table(use("linear_drag", c=0.004), seed=2), table(seed=2), SHORT, rng, name="held")
     spoiled = replace(held, xy=held.xy + 0.05 * held.t[:, None, None] ** 2)
-    a, b = (verdict_dict(diagnose_bodies([training], [other])) for other in (held, spoiled))
+    a, b = (diagnose_tracks([training], [other]).verdict for other in (held, spoiled))
     assert a["mechanisms"][0]["parameters"] == b["mechanisms"][0]["parameters"]
     assert a["verdict"] == b["verdict"] and a["null"] == b["null"]
     assert b["fit"]["heldout"]["revised"] > 10 * a["fit"]["heldout"]["revised"]
@@ -495,12 +487,12 @@ def test_adjustables_of_a_held_out_recording_alone_are_found_with_its_start():
         filmed(scene(length), believed, SHORT, rng, name=name)
         for name, length in (("one", 0.04), ("two", 0.06), ("other", 0.09))
     ]
-    found = diagnose_bodies(records[:2], records[2:])
-    assert found.verdict == "recalibrate"
-    errors = verdict_dict(found)["fit"]["heldout"]
+    found = diagnose_tracks(records[:2], records[2:])
+    assert found.verdict["verdict"] == "recalibrate"
+    errors = found.verdict["fit"]["heldout"]
     # a 4 cm error of the length would be seen at once
     assert errors["revised"] < 2 * errors["noise_floor"]
-    (length,) = [u.values["length"] for u in revised_scene(found, found.cases[2]).laws_named("spring")]
+    (length,) = [u.values["length"] for u in list(found.revised.values())[2].laws_named("spring")]
     assert length == pytest.approx(0.09, abs=1e-3)
 
 
@@ -514,9 +506,9 @@ def test_late_camera_of_a_driven_body_is_a_time_offset():
     # a frame stamped t shows the state at t + 10 ms
     late = replace(record, t=record.t - 0.01, xy=record.xy)
     late = replace(late, t=late.t[1:], xy=late.xy[1:])
-    found = diagnose_bodies([late])
-    assert found.verdict == "measurement"
-    entry = verdict_dict(found)["mechanisms"][0]
+    found = diagnose_tracks([late])
+    assert found.verdict["verdict"] == "measurement"
+    entry = found.verdict["mechanisms"][0]
     assert entry["name"] == "time_offset"
     assert entry["parameters"]["offset"]["value"] == pytest.approx(0.01, abs=2e-4)
 
@@ -548,7 +540,7 @@ def test_fault_of_a_motor_is_named(fault, name, parameter, true):
     inputs = {"m": (tuple(t[::20]), tuple(command[::20]))}
     scene = Scene((Body("m", "free", 0.02, 0.3),), laws, inputs=inputs)
     record = Recording("motor", scene, t[frames], ("m",), xy[:, None], sampling=100.0, position_noise=2e-5)
-    found = verdict_dict(diagnose_bodies([record]))
+    found = diagnose_tracks([record]).verdict
     assert found["verdict"] == "missing_physics"
     (entry,) = found["mechanisms"]
     assert entry["name"] == name and entry["bodies"] == ["m"]
@@ -581,7 +573,7 @@ def test_the_same_seed_gives_the_same_verdict_file(tmp_path):
     record = filmed(cart(use("linear_drag", c=0.02)), cart(), SHORT, np.random.default_rng(12), noise=1e-4)
     texts = []
     for name in ("one", "two"):
-        write_verdict(result_of(diagnose_bodies([record], seed=5)), tmp_path / name)
+        write_verdict(diagnose_tracks([record], seed=5), tmp_path / name)
         texts.append((tmp_path / name / "verdict.json").read_text())
     assert texts[0] == texts[1]
 
@@ -634,8 +626,8 @@ def test_a_drag_on_a_table_that_is_not_level_is_no_stream():
     """-c v + m a is -c (v - u): a stream slow beside the bodies is told as drag and tilt, itself as their equal."""
     one = replace(table(), bodies=table().bodies[:1])
     truth = replace(one, laws=(use("linear_drag", c=0.012), use("uniform_force", a=(0.012, -0.008))))
-    found = diagnose_bodies([filmed(truth, one, SHORT, np.random.default_rng(30))])
-    verdict = verdict_dict(found)
+    found = diagnose_tracks([filmed(truth, one, SHORT, np.random.default_rng(30))])
+    verdict = found.verdict
     assert [m["name"] for m in verdict["mechanisms"]] == ["linear_drag", "uniform_force"]
     c = verdict["mechanisms"][0]["parameters"]["c"]
     assert c["low"] < 0.012 < c["high"]
@@ -675,7 +667,7 @@ def test_the_joint_that_drags_is_told():
         truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 3.0, 0.01),
         rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
     )  # fmt: skip
-    verdict = verdict_dict(diagnose_bodies([replace(seen, scene=believed)]))
+    verdict = diagnose_tracks([replace(seen, scene=believed)]).verdict
     first = verdict["mechanisms"][0]
     assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
     assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]
@@ -690,9 +682,9 @@ def test_friction_on_a_table_that_is_not_level_acts_on_all_disks():
         return Scene(tuple(bodies), laws)
 
     truth = disks(use("coulomb_substrate", mu=0.02), use("uniform_force", a=(0.04, 0.0)))
-    found = diagnose_bodies([filmed(truth, disks(), np.arange(0.0, 3.0, 0.05), np.random.default_rng(4))])
-    entries = {m["name"]: m for m in verdict_dict(found)["mechanisms"]}
-    assert set(entries) == {"coulomb_substrate", "uniform_force"} and len(found.found) == 2
+    found = diagnose_tracks([filmed(truth, disks(), np.arange(0.0, 3.0, 0.05), np.random.default_rng(4))])
+    entries = {m["name"]: m for m in found.verdict["mechanisms"]}
+    assert set(entries) == {"coulomb_substrate", "uniform_force"} and len(found.evidence.found) == 2
     assert all(set(m["bodies"]) == {"0", "1", "2"} for m in entries.values())
     assert entries["coulomb_substrate"]["parameters"]["mu"]["value"] == pytest.approx(0.02, rel=2e-3)
     assert entries["uniform_force"]["parameters"]["a"]["value"] == pytest.approx([0.04, 0.0], abs=4e-4)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import diagnose_bodies, verdict_dict
+from granswim_pymunk.diagnosis import diagnose_tracks
 from granswim_pymunk.diagnosis.data import prepare_all
 from granswim_pymunk.diagnosis.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
@@ -45,8 +45,8 @@ def test_a_simulation_begun_again_predicts_as_a_new_one():
 
 
 def test_inertia_that_was_not_counted_is_added_mass():
-    found = diagnose_bodies([filmed(pendulum(use("added_mass", beta=0.1)), pendulum(), 3)])
-    verdict = verdict_dict(found)
+    found = diagnose_tracks([filmed(pendulum(use("added_mass", beta=0.1)), pendulum(), 3)])
+    verdict = found.verdict
     entry = verdict["mechanisms"][0]
     assert (verdict["verdict"], entry["name"]) == ("missing_physics", "added_mass")
     beta = entry["parameters"]["beta"]

@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granswim_pymunk.diagnosis import TrackFinding, diagnose_bodies, result_of
+from granswim_pymunk.diagnosis import Diagnosis, diagnose_tracks
 from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.experiment import Proposal
-from granswim_pymunk.diagnosis.held_out import Errors
-from granswim_pymunk.diagnosis.nulls import Null
+from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import pictures, write_report
@@ -53,18 +52,23 @@ def spring(stiffness: float) -> LawUse:
     return use("spring", anchor=(0.0, 0.0), stiffness=stiffness, length=0.03)
 
 
-def diagnosed(recording: Recording) -> TrackFinding:
+def diagnosed(recording: Recording) -> Diagnosis:
     with warnings.catch_warnings():
         # hopeless steps of the solver overflow and are taken back
         warnings.simplefilter("ignore", RuntimeWarning)
-        return diagnose_bodies([recording])
+        return diagnose_tracks([recording])
 
 
 @pytest.fixture(scope="module")
-def cases() -> dict[str, TrackFinding]:
+def cases() -> dict[str, Diagnosis]:
     """One small diagnosis for each verdict; ``unmodelled`` is the first with its flexible arm put first."""
     drag = diagnosed(filmed([use("linear_drag", c=DRAG)], []))
-    assert drag.flexible is not None and drag.flexible.fit is not None
+    shown = drag.evidence
+    assert shown.flexible is not None and shown.flexible.fit is not None
+    (entry,) = Told(shown.flexible.fit, shown.spread, shown.cases).entries(shown.flexible, None)
+    nameless = {
+        "verdict": "unmodelled", "mechanisms": [entry | {"name": "unknown"}], "rivals": [], "next_experiment": None,
+    }  # fmt: skip
     found = {
         "missing_physics": drag,
         "no_mismatch": diagnosed(filmed([], [])),
@@ -73,15 +77,13 @@ def cases() -> dict[str, TrackFinding]:
         ),
         "measurement": diagnosed(filmed([spring(0.7)], [spring(0.7)], scale=1.03)),
         "unmodelled": replace(
-            drag,
-            verdict="unmodelled",
-            found=[drag.flexible],
-            revised=drag.flexible.fit,
-            rivals=[],
-            proposal=None,
+            drag, verdict={**drag.verdict, **nameless},
+            evidence=replace(
+                shown, verdict="unmodelled", found=[shown.flexible], revised=shown.flexible.fit, rivals=[]
+            ),
         ),
-    }
-    assert {name: d.verdict for name, d in found.items()} == {name: name for name in found}
+    }  # fmt: skip
+    assert {name: d.verdict["verdict"] for name, d in found.items()} == {name: name for name in found}
     return found
 
 
@@ -89,12 +91,12 @@ def cases() -> dict[str, TrackFinding]:
 def written(cases, tmp_path_factory) -> dict[str, Path]:
     """The report of each verdict, in a folder of its own that did not exist."""
     folder = tmp_path_factory.mktemp("reports")
-    return {name: write_report(result_of(found), folder / name) for name, found in cases.items()}
+    return {name: write_report(found, folder / name) for name, found in cases.items()}
 
 
-def told(found: TrackFinding) -> str:
+def told(found: Diagnosis) -> str:
     """All answers of the page, one after the other."""
-    return " ".join(text for _, text in answers(result_of(found)))
+    return " ".join(text for _, text in answers(found))
 
 
 class _Page(HTMLParser):
@@ -158,7 +160,7 @@ def test_page_is_whole_and_needs_nothing_beside_it(cases, written, verdict):
     assert "http" not in text and "url(" not in text and "@import" not in text
     # every figure is embedded, and lies beside as a file with the same content
     files = {p.stem: p.read_bytes() for p in (path.parent / "figures").glob("*.png")}
-    assert set(files) == set(pictures(result_of(cases[verdict]))) and sorted(files.values()) == sorted(page.images)
+    assert set(files) == set(pictures(cases[verdict])) and sorted(files.values()) == sorted(page.images)
     for data in page.images:
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
         assert picture.shape[1] > 1000 and picture.std() > 5  # something was drawn
@@ -181,7 +183,7 @@ def test_the_film_shows_recording_and_simulations(cases, written):
     assert [name for name, *_ in played["panels"]] == ["seen", "naive", "revised"]
     left, bottom, _, _ = played["box"]
     told = np.array(played["panels"][0][2], dtype=float) / played["steps"] * played["size"] + (left, bottom)
-    seen = case.cases[0].recording.xy[:, 0]
+    seen = case.evidence.cases[0].recording.xy[:, 0]
     np.testing.assert_allclose(told, seen, atol=played["size"] / played["steps"])
     naive, revised = (np.array(p[2], dtype=float) for p in played["panels"][1:])
     true = np.array(played["panels"][0][2], dtype=float)
@@ -229,23 +231,28 @@ def test_a_pendulum_of_which_the_angle_alone_was_seen_is_placed_by_its_pin():
     ],
 )
 def test_headline(cases, verdict, sentence):
-    assert headline(result_of(cases[verdict])) == sentence
+    assert headline(cases[verdict]) == sentence
 
 
 def test_first_paragraph_says_where_and_what_to_measure_next(cases):
     d = cases["missing_physics"]
-    place = max(d.places, key=lambda p: p.z)
-    assert f"The scene fails most clearly on {listed(list(place.bodies))}" in told(d)
-    proposal = Proposal("twice the speed", ("linear_drag", "quadratic_drag"), 3.0)
-    said = told(replace(d, proposal=proposal))
+    place = max(d.verdict["mismatch"], key=lambda p: p["z"])
+    assert f"The scene fails most clearly on {listed(place['bodies'])}" in told(d)
+
+    def proposed(d_prime: float) -> Diagnosis:
+        pair = ["linear_drag", "quadratic_drag"]
+        change = {"change": "twice the speed", "separates": pair, "d_prime": d_prime}
+        return replace(d, verdict={**d.verdict, "next_experiment": change})
+
+    said = told(proposed(3.0))
     assert "<strong>Twice the speed</strong>: it parts linear drag and quadratic drag" in said and "likely" in said
     assert "fails most clearly" not in told(cases["no_mismatch"])
-    weak = told(replace(d, proposal=replace(proposal, d_prime=0.5)))
+    weak = told(proposed(0.5))
     assert "None that was thought of would decide; the best is twice the speed (d′ = 0.50)" in weak
 
 
 def test_figures_of_each_verdict(cases):
-    names = {verdict: set(pictures(result_of(d))) for verdict, d in cases.items()}
+    names = {verdict: set(pictures(d)) for verdict, d in cases.items()}
     assert "flexible" in names["unmodelled"] and "windows" not in names["no_mismatch"]
     for verdict in VERDICTS[:4]:
         assert "flexible" not in names[verdict]
@@ -253,7 +260,7 @@ def test_figures_of_each_verdict(cases):
 
 
 def test_law_is_given_with_its_number_unit_and_interval(cases):
-    found = {name: result_of(d).verdict for name, d in cases.items()}
+    found = {name: d.verdict for name, d in cases.items()}
     c = found["missing_physics"]["mechanisms"][0]["parameters"]["c"]
     # the interval is 95 %: allow the 1 in 1000 that lies beyond twice its half-width
     assert c["unit"] == "kg/s" and abs(c["value"] - DRAG) < c["high"] - c["low"] and c["low"] < c["value"] < c["high"]
@@ -265,12 +272,13 @@ def test_law_is_given_with_its_number_unit_and_interval(cases):
 def test_page_shows_the_numbers(cases, written):
     d = cases["missing_physics"]
     page = _Page(written["missing_physics"].read_text(encoding="utf-8"))
-    value, between = interval(d.revised.values[0], *d.revised.interval(0, d.spread)[1:], "kg/s")
+    shown = d.evidence
+    value, between = interval(shown.revised.values[0], *shown.revised.interval(0, shown.spread)[1:], "kg/s")
     plain = re.sub(r"\s+", " ", re.sub("<[^>]*>", "", value))
     assert plain in page.text and re.sub(r"\s+", " ", re.sub("<[^>]*>", "", between)) in page.text
-    for errors in (*d.train.values(), *d.held.values()):
+    for errors in (*shown.train.values(), *shown.held.values()):
         assert length(errors.rms, "m").replace("\u00a0", " ") in page.text
-    assert d.cases[0].recording.scene.identity[:12] in page.text and f"seed {d.seed}" in page.text
+    assert shown.cases[0].recording.scene.identity[:12] in page.text and f"seed {d.seed}" in page.text
 
 
 def test_remainder_is_said_plainly():
@@ -285,36 +293,49 @@ def test_remainder_is_said_plainly():
 
 def test_summary_admits_what_held_out_data_say_against_it(cases):
     d = cases["missing_physics"]
-    worse = {**d.held, "revised": replace(d.held["revised"], rms=2 * d.held["naive"].rms)}
-    assert "speak against it" in told(replace(d, held=worse))
-    same = {**d.held, "revised": replace(d.held["revised"], rms=0.98 * d.held["naive"].rms)}
-    assert "do not confirm it" in told(replace(d, held=same))
+
+    def leaving(factor: float) -> Diagnosis:
+        fit = d.verdict["fit"]
+        held = {**fit["heldout"], "revised": factor * fit["heldout"]["naive"]}
+        return replace(d, verdict={**d.verdict, "fit": {**fit, "heldout": held}})
+
+    assert "speak against it" in told(leaving(2.0))
+    assert "do not confirm it" in told(leaving(0.98))
 
 
 def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):
     d = cases["missing_physics"]
-    trial = d.rivals[0][0]
-    alike = replace(d, rivals=[(trial, True)])
+    trial = d.evidence.rivals[0][0]
+    rival = {"name": trial.mechanism, "gain_heldout": None, "indistinguishable": True}
+    alike = replace(
+        d, verdict={**d.verdict, "rivals": [rival]}, evidence=replace(d.evidence, rivals=[(trial, True)])
+    )  # fmt: skip
     assert f"cannot tell it apart from {spoken(trial.mechanism)}" in told(alike)
-    labels = [t.get_text() for t in draw.candidates(alike).axes[0].get_yticklabels()]
+    labels = [t.get_text() for t in draw.candidates(alike.evidence).axes[0].get_yticklabels()]
     assert [name for name in labels if "≈" in name] == [f"{trial.term.label} ≈"]
 
 
 def test_page_without_anything_that_may_be_absent(cases, tmp_path):
-    nothing = Errors(None, {})
-    bare = replace(
-        cases["no_mismatch"], null=None, windows=None, places=(), trials=[], flexible=None, rivals=[],
-        held={k: nothing for k in ("naive", "recalibrated", "revised")}, floor=(None, None), inner={},
-        notes=[],
+    d = cases["no_mismatch"]
+    nothing = dict.fromkeys(("naive", "recalibrated", "revised", "noise_floor"))
+    train = {**d.verdict["fit"]["train"], "noise_floor": None}
+    fit = {**d.verdict["fit"], "train": train, "heldout": nothing}
+    without = {"null": None, "mismatch": [], "rivals": [], "notes": [], "fit": fit}
+    errors = {k: replace(e, rms=None, by_case={}) for k, e in d.evidence.held.items()}
+    shown = replace(
+        d.evidence, null=None, windows=None, trials=[], flexible=None, rivals=[], held=errors, floor=(None, None),
+        inner={},
     )  # fmt: skip
-    page = _Page(write_report(result_of(bare), tmp_path).read_text(encoding="utf-8"))
+    bare = replace(d, verdict={**d.verdict, **without}, evidence=shown)
+    page = _Page(write_report(bare, tmp_path).read_text(encoding="utf-8"))
     assert len(page.images) == 3 and "None" not in page.text
-    failed = replace(bare, train={k: nothing for k in bare.train})
+    failed = replace(bare, verdict={**bare.verdict, "fit": {**fit, "train": nothing}})
     assert "could be finished" in told(failed)
 
 
 def test_names_cannot_break_the_page(cases, tmp_path):
-    d = cases["no_mismatch"]
+    whole = cases["no_mismatch"]
+    d = whole.evidence
     case = d.cases[0]
     name = '<b>$x_1$ & "it"</b>'
     odd = replace(case, recording=replace(case.recording, name=name))
@@ -330,15 +351,9 @@ def test_names_cannot_break_the_page(cases, tmp_path):
     }
     page = _Page(
         write_report(
-            result_of(
-                replace(
-                    d,
-                    cases=[odd],
-                    dt={name: 1e-3},
-                    dropped_bodies={"<i>": "no <reason>"},
-                    notes=["<script>alert(1)</script>"],
-                    **moved,
-                )
+            replace(
+                whole, evidence=replace(d, cases=[odd], **moved), used=(replace(whole.used[0], name=name),),
+                verdict={**whole.verdict, "notes": ["<script>alert(1)</script>", "<i>: not named, no <reason>"]},
             ),
             tmp_path,
         ).read_text(encoding="utf-8")
@@ -351,14 +366,15 @@ def test_pictures_of_an_earlier_report_do_not_stay(cases, tmp_path):
     own = tmp_path / "figures" / "my_own.png"
     for path in (own, tmp_path / "figures" / "windows.png"):
         path.write_bytes(b"of an earlier day")
-    write_report(result_of(replace(cases["no_mismatch"], windows=None, places=())), tmp_path)
+    d = cases["no_mismatch"]
+    write_report(replace(d, evidence=replace(d.evidence, windows=None)), tmp_path)
     assert not (tmp_path / "figures" / "windows.png").exists() and own.exists()
 
 
 def test_folder_that_cannot_be_written_is_one_clear_line(cases, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(InputError, match="cannot be written"):
-        write_report(result_of(cases["no_mismatch"]), tmp_path / "file")
+        write_report(cases["no_mismatch"], tmp_path / "file")
 
 
 def test_null_marks_the_case_where_it_lies():

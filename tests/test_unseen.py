@@ -16,9 +16,9 @@ from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.diagnosis.hypothesis import Free
 from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.candidates import dimension, suspects_of
-from granswim_pymunk.diagnosis.unseen.checks import confirm, score
-from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer, price, search_and_conclude
-from granswim_pymunk.diagnosis.unseen.diagnose import planned_sizes
+from granswim_pymunk.diagnosis.unseen.checks import confirm, gain_of, predicted_by
+from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer
+from granswim_pymunk.diagnosis.unseen.model import planned_sizes
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
 from granswim_pymunk.diagnosis.unseen.search import (
@@ -43,6 +43,7 @@ from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditio
 from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.engine.advice import contact_duration
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
 from granswim_pymunk.packing import pack
@@ -446,7 +447,7 @@ def test_what_cannot_be_used_is_said_in_one_line(make, said, tmp_path):
 @pytest.fixture
 def world(monkeypatch):
     """Runs that cost nothing; everything that follows from them is as in a diagnosis."""
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.diagnose.Runner", World)
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.model.Runner", World)
     return world_candidates()
 
 
@@ -481,13 +482,14 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     joint = next(t for t in f.search.trials if t.suspect.label == "weak_joint at joint 3")
     worse = [t for t in f.search.trials if t.fit is not None and t.suspect.name != "weak_joint"][:2]
     assert worse
-    f.rivals, f.rival_gain = [(t, False) for t in (joint, *worse)], {}
-    confirm(f)
-    score(f)
-    assert set(f.rival_gain) == {t.suspect.label for t, _ in f.rivals}
+    rivals = [joint, *worse]
+    confirm(f, rivals)
+    gains = [gain_of(f, lambda c, t=t: predicted_by(f.search, [t], t.fit, c)) for t in rivals]
     # the same law as its own rival gains the same, to within what two sets of runs differ by
-    assert f.rival_gain[joint.suspect.label] == pytest.approx(f.named_gain, rel=0.3, abs=3.0)
-    assert all(f.rival_gain[t.suspect.label] < f.named_gain for t in worse)
+    (entry,) = verdict["mechanisms"]
+    assert gains[0][0] == pytest.approx(entry["gain_heldout"], rel=0.3, abs=3.0)
+    assert all(gain[0] < entry["gain_heldout"] for gain in gains[1:])
+    assert all(r["gain_heldout"] is not None for r in verdict["rivals"])
 
 
 @pytest.mark.parametrize(("push", "named"), [(0.0, "linear_drag"), (1.0, "ambient_flow")])
@@ -521,10 +523,10 @@ def test_nothing_is_named_in_packings_of_the_world(world):
     left, ranks = [], []
     for seed in range(8):
         off = 1.0 if seed % 2 else 1.08
-        conditions = conditions_of(filmed({"stiffness": [off * STIFFNESS]}, 100 + seed, 1 + 3 * (seed % 2)), [], 0)
-        s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
-        found = search_and_conclude(s)
-        assert found.verdict == ("no_mismatch" if seed % 2 else "recalibrate") and not found.found
+        films = filmed({"stiffness": [off * STIFFNESS]}, 100 + seed, 1 + 3 * (seed % 2))
+        found = diagnose_unseen(films, sizes=Sizes())
+        s, verdict = found.evidence.search, found.verdict
+        assert verdict["verdict"] == ("no_mismatch" if seed % 2 else "recalibrate") and not verdict["mechanisms"]
         left.append(s.base.chi2 / (s.base.count - len(s.base.u)))
         ranks.append(s.p_search)
     # the yardstick is right: recordings that took no part in it have a mean square of one

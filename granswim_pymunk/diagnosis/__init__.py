@@ -2,10 +2,6 @@
 
 from ..inference.result import Diagnosis, write_verdict
 from .diagnose import diagnose
-from .driver import TrackFinding, diagnose_bodies
-from .verdict import result_of, revised_scene, verdict_dict
+from .tracks import TrackFinding, diagnose_tracks
 
-__all__ = [
-    "Diagnosis", "TrackFinding", "diagnose", "diagnose_bodies", "result_of", "revised_scene", "verdict_dict",
-    "write_verdict",
-]  # fmt: skip
+__all__ = ["Diagnosis", "TrackFinding", "diagnose", "diagnose_tracks", "write_verdict"]

@@ -14,8 +14,8 @@ from ..inference.result import Diagnosis
 from ..recording import Recording, read_recording, resolve_recording
 from .bed import diagnose_bed
 from .together import diagnose_together
+from .tracks import diagnose_tracks
 from .unseen import diagnose_unseen
-from .verdict import diagnose_tracks
 
 # how recordings are compared: each method takes (training, held out, minutes=, seed=, progress=)
 METHODS: dict[str, Callable[..., Diagnosis]] = {

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..inference.criteria import current
+from ..inference.model import Proposal
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Predictor
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A change of the experiment, what it separates, and the d' to expect after refitting the loser."""
-
-    change: str
-    separates: tuple[str, str]
-    d_prime: float
 
 
 def _shortened(case: Case, most: int = 400) -> Case:

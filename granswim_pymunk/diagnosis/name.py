@@ -47,6 +47,10 @@ class Trial:
         return self.signature.term.mechanism
 
     @property
+    def label(self) -> str:
+        return self.signature.term.label
+
+    @property
     def numbers(self) -> int:
         return len(self.signature.term.free)
 

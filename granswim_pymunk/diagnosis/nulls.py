@@ -3,29 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..inference.significance import Null
 from .data import Case
 from .fit import Fit
 from .signatures import Bank
-
-
-@dataclass(frozen=True)
-class Null:
-    """Best gains of the whole search on innovations without a candidate in them.
-
-    gains : (replicates,) best fall in chi2 over all candidates;  case : that of the recording
-    p : (1 + how many reach the case)/(replicates + 1), so never below 1/(replicates + 1)
-    """
-
-    gains: np.ndarray
-    case: float
-
-    @property
-    def p(self) -> float:
-        return float((1 + np.sum(self.gains >= self.case)) / (len(self.gains) + 1))
 
 
 def correlation_time(series: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 
 from ..inference.criteria import current
+from ..inference.significance import price
 from ..laws import all_laws
 from .candidates import fastest_of
 from .choose import choose, worth
@@ -153,17 +154,6 @@ def drag_and_push(
 
 
 STILL = 0.15  # of the fastest body, below which a stream is rather a correction to a drag than a stream
-
-
-def price(candidates: int, numbers: int) -> float:
-    """Fall in chi2 that one more law of a set has to earn: 2 ln(n_0/p_0) of n_0 candidates, and AIC of its numbers.
-
-    Source: Gerardos & Ronceray 2025, Phys. Rev. Lett. 135, 167401.
-    """
-    return 2 * math.log(max(candidates, 1) / BY_CHANCE) + 2 * (numbers - 1)
-
-
-BY_CHANCE = 1e-3  # probability with which one more law is named although there is none
 
 
 def _one_more(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from .criteria import Criteria, current
 from .explained import Explained, Scores
+from .mechanisms import APPARATUS, nameless
 from .noise import Noise, chance_of, fit_noise
 
 
@@ -34,15 +35,16 @@ def completeness(residuals: Sequence[np.ndarray], criteria: Criteria | None = No
 class Remains:
     """What is left of unseen training data: rms [m or rad], its ratio to the floor, whom, when, and what it is like."""
 
-    rms: float
-    times_floor: float
+    rms: float | None
+    times_floor: float | None
     bodies: tuple[str, ...]
     t: tuple[float, float] | None
     before_contact: bool | None
     looks_like: str
+    phase: tuple[float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        when = {"t": None if self.t is None else list(self.t), "phase": None, "before_contact": self.before_contact}
+        when = {"t": self.t, "phase": self.phase, "before_contact": self.before_contact}
         return {
             "rms": self.rms, "times_floor": self.times_floor, "bodies": list(self.bodies), "when": when,
             "looks_like": self.looks_like,
@@ -77,18 +79,145 @@ def remains_of(scores: Scores, times: Sequence[np.ndarray], looks_like: str) -> 
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """What a diagnosis concludes, and why.
+class Claim:
+    """What is said to be missing, and the scene with it.
 
-    verdict : as in the contract;  explained : of what was named, or of the curve; None where no share can be said
+    laws : one to three candidates, the more telling first, or one form without a name; empty: the recalibrated scene
+    fit : the numbers of the scene with them, as the kind of recording keeps them
+    """
+
+    laws: tuple[Any, ...]
+    fit: Any
+
+    @property
+    def nameless(self) -> bool:
+        return any(nameless(law.mechanism) for law in self.laws)
+
+    @property
+    def label(self) -> str:
+        return " and ".join(law.label for law in self.laws)
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form without a name in place of the names: what it explains; worth: its gain, paid for its numbers (AIC)."""
+
+    claim: Claim
+    explained: Explained
+    worth: float
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What is explained of unseen blocks of the training part.
+
+    named : by the claim, None where it could not be run there
+    forms : by forms without a name;  possible : whether such forms were among the candidates: where none of them was
+        weighed, none led anywhere
+    ahead : chi2 by which the claim is ahead of the best form, numbers paid for (AIC)
+    few : the floor is that of few replicates, which know it badly
+    """
+
+    named: Explained | None = None
+    forms: tuple[Form, ...] = ()
+    possible: bool = False
+    ahead: float = 0.0
+    few: bool = False
+
+    @property
+    def free_form(self) -> float | None:
+        """The largest share of a form without a name, at least 0; None where none was weighed."""
+        return max(0.0, *(f.explained.share for f in self.forms)) if self.forms else None
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Whether the scene is off by more than replicates without a mismatch are, and whether an adjustable moved."""
+
+    real: bool
+    moved: bool
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a diagnosis concludes.
+
+    verdict : as in the contract;  claim : what stands, without laws where nothing does
+    explained : of what was named, or of the curve; None where no share can be said
     free_form : the largest share of a form without a name, None where none was possible
-    notes : what a reader should know of how it came about
+    closest : names that were not accepted, with their share;  withdrawn : those that held-out data turned down
     """
 
     verdict: str
-    explained: Explained | None
-    free_form: float | None
-    notes: tuple[str, ...] = field(default=())
+    claim: Claim
+    explained: Explained | None = None
+    free_form: float | None = None
+    closest: tuple[tuple[Any, float], ...] = ()
+    withdrawn: tuple[Any, ...] = ()
+
+
+def named_verdict(laws: Sequence[Any]) -> str:
+    """The verdict where these laws are the explanation."""
+    if nameless(laws[0].mechanism):
+        return "unmodelled"
+    return "measurement" if all(law.mechanism in APPARATUS for law in laws) else "missing_physics"
+
+
+def without_laws(mismatch: Mismatch) -> str:
+    """The verdict where nothing is named."""
+    return "unmodelled" if mismatch.real else "recalibrate" if mismatch.moved else "no_mismatch"
+
+
+def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, notes: list[str]) -> Judgement:
+    """The contract's verdict from the training part alone.
+
+    plain : the recalibrated scene, which is what stands where nothing is told;  notes : why a claim does not stand
+    """
+    free_form = weighed.free_form
+    if not claim.laws or not mismatch.real:
+        return Judgement(without_laws(mismatch), plain, None, free_form)
+    named = weighed.named
+    if claim.nameless:
+        if named is not None and named.sure and named.low <= 0:
+            notes.append(f"{claim.label} predicts data that it was not fitted to no better than the scene without it")
+            return Judgement("unmodelled", plain, None, free_form)
+        return Judgement("unmodelled", claim, named, free_form)
+    if named is None:
+        return Judgement(named_verdict(claim.laws), claim, None, free_form)
+    forms = [f.explained for f in weighed.forms]
+    if not forms and weighed.possible:
+        forms = [replace(named, share=0.0, low=0.0, high=0.0, left=named.left_before, spread=0.0)]
+    good, why = accepted(named, forms, weighed.ahead)
+    least = current().verdict.share
+    if not good and weighed.few and 0 < named.low < named.share < least <= named.high:
+        # few replicates know the floor badly: a share that may as well be enough takes no name away
+        notes.append(f"{why}, within {100 * named.low:.0f} to {100 * named.high:.0f} %: replicates are few")
+        good = True
+    if good:
+        return Judgement(named_verdict(claim.laws), claim, named, free_form)
+    notes.append(f"{claim.label} is not named: {why}")
+    closest = tuple((law, named.share) for law in claim.laws)
+    best = best_form(weighed.forms)
+    if best is None:
+        return Judgement("unmodelled", plain, None, free_form, closest)
+    return Judgement("unmodelled", best.claim, best.explained, free_form, closest)
+
+
+def best_form(forms: Sequence[Form]) -> Form | None:
+    """The form that leaves least of those that help; of those that leave as little, within what replicates do, the
+    one that is worth most."""
+    helps = [f for f in forms if f.explained.share > 0 and f.explained.low > 0]
+    least = min((f.explained.left for f in helps), default=0.0)
+    near = [f for f in helps if f.explained.left - least <= current().verdict.beyond * f.explained.spread]
+    return max(near, key=lambda f: f.worth, default=None)
+
+
+def withdrawn(judged: Judgement, plain: Claim, notes: list[str]) -> Judgement:
+    """The judgement where held-out data are predicted worse with what was told than without."""
+    label = judged.claim.label
+    notes.append(f"held-out data are predicted worse with {label} than without: it is withdrawn")
+    named = () if judged.claim.nameless else judged.claim.laws
+    return Judgement("unmodelled", plain, None, judged.free_form, judged.closest, named)
 
 
 def accepted(

@@ -12,8 +12,15 @@ APPARATUS = {
     "tracking_bias": ("a bias of the tracker", "shift of all positions"),
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }
+UNKNOWN = "unknown"  # the name of a form without one
 # mechanisms that no law of their own stands for
-_OTHERS = {"restitution": "another restitution", "unknown": "a force without a name"}
+_OTHERS = {"restitution": "another restitution", UNKNOWN: "a force without a name"}
+
+
+def nameless(mechanism: str) -> bool:
+    """Whether it is a form without a name: a force smooth in place, speed or time, a free response to a command."""
+    declared = all_laws().get(mechanism)
+    return mechanism == UNKNOWN or (declared is not None and declared.candidate == "flexible")
 
 
 def plainly(mechanism: str) -> str:

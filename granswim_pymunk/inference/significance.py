@@ -3,10 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+import numpy as np
 from scipy import stats
 
 SMALLEST = 1e-300  # where doubles end
+BY_CHANCE = 1e-3  # probability with which one more law of a set is named although there is none
+
+
+def rank(value: float, sample: np.ndarray) -> float:
+    """p of a value among replicates: (1 + how many reach it)/(replicates + 1), never below 1/(replicates + 1)."""
+    return float((1 + np.sum(sample >= value)) / (len(sample) + 1))
+
+
+@dataclass(frozen=True)
+class Null:
+    """Best gains of the whole search where nothing is missing.
+
+    gains : (replicates,) best fall in chi2 over all candidates;  case : that of the recording
+    """
+
+    gains: np.ndarray
+    case: float
+
+    @property
+    def p(self) -> float:
+        return rank(self.case, self.gains)
+
+
+def price(candidates: int, numbers: int = 1) -> float:
+    """Fall in chi2 that one more law of a set has to earn: 2 ln(n_0/p_0) of n_0 candidates, and AIC of its numbers.
+
+    Source: Gerardos & Ronceray 2025, Phys. Rev. Lett. 135, 167401.
+    """
+    return 2 * math.log(max(candidates, 1) / BY_CHANCE) + 2 * (numbers - 1)
 
 
 def normal_score(p: float) -> float:

@@ -30,29 +30,29 @@ from .style import (
 )
 
 if TYPE_CHECKING:
-    from ..diagnosis.bed.driver import BedDiagnosis
+    from ..diagnosis.bed.model import BedFinding
 
 MODELS = ("naive", "recalibrated", "revised")
 MAP = "YlOrRd"
 BINS = 8
 
 
-def shown_models(d: BedDiagnosis) -> list[str]:
+def shown_models(d: BedFinding) -> list[str]:
     """Models that differ: without a law found, revised is recalibrated."""
     models = [m for m in MODELS if m in d.predicted]
-    if d.found is None and "revised" in models:
+    if not d.laws and "revised" in models:
         models.remove("revised")
     if not d.adjustables and "recalibrated" in models:
         models.remove("recalibrated")
     return models
 
 
-def _reference_model(d: BedDiagnosis) -> str:
+def _reference_model(d: BedFinding) -> str:
     """The model whose misfit is shown: what is left after recalibration, unless that is the cure."""
     return "naive" if d.verdict == "recalibrate" else "recalibrated"
 
 
-def _disk_rms(d: BedDiagnosis, model: str, number: int) -> np.ndarray:
+def _disk_rms(d: BedFinding, model: str, number: int) -> np.ndarray:
     """(W, s) root mean square of a disk's innovations after the start [m]."""
     bed = d.beds[number]
     rows = d.bench.innovations(d.predicted[model])[number][:, : bed.swimmer_size]
@@ -60,7 +60,7 @@ def _disk_rms(d: BedDiagnosis, model: str, number: int) -> np.ndarray:
     return np.sqrt(_mean(cut**2, (1, 3)))
 
 
-def _twin_rms(d: BedDiagnosis, number: int) -> np.ndarray:
+def _twin_rms(d: BedFinding, number: int) -> np.ndarray:
     """(N, W, s) the same of twins."""
     bed, noise = d.beds[number], d.bench.noises[number]
     rows = noise.residuals[:, :, : bed.swimmer_size]
@@ -77,7 +77,7 @@ def _mean(values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
 
 
 @styled
-def map_on_frame(d: BedDiagnosis, z: np.ndarray, window: int) -> Figure:
+def map_on_frame(d: BedFinding, z: np.ndarray, window: int) -> Figure:
     """Bodies of the first recording where ``window`` ends, coloured by z (n,) of what they did there."""
     bed = d.beds[0]
     scene, frame = bed.scene, int(bed.starts[window] + bed.looks[-1])
@@ -129,7 +129,7 @@ def map_on_frame(d: BedDiagnosis, z: np.ndarray, window: int) -> Figure:
 
 
 @styled
-def over_the_cycle(d: BedDiagnosis) -> Figure:
+def over_the_cycle(d: BedFinding) -> Figure:
     """Innovations of each disk by the phase of the drive, over those of twins; all windows of all recordings."""
     model = _reference_model(d)
     ids = [d.beds[0].scene.bodies[k].id for k in d.beds[0].rows]
@@ -159,7 +159,7 @@ def over_the_cycle(d: BedDiagnosis) -> Figure:
 
 
 @styled
-def along_the_body(d: BedDiagnosis) -> Figure:
+def along_the_body(d: BedFinding) -> Figure:
     """Root mean square of each disk's innovations under each model, and the band of twins."""
     figure = Figure(figsize=(WIDTH, 2.8), layout="constrained")
     axis = figure.subplots()
@@ -182,7 +182,7 @@ def along_the_body(d: BedDiagnosis) -> Figure:
 
 
 @styled
-def candidates(d: BedDiagnosis, most: int = 20) -> Figure:
+def candidates(d: BedFinding, most: int = 20) -> Figure:
     """Gain of each candidate after recalibration, simulated or to first order, and its surviving fraction."""
     trials = sorted(d.trials, key=lambda t: -(t.linear if t.gain is None else t.gain))[:most]
     figure = Figure(figsize=(WIDTH, 0.9 + 0.21 * len(trials)), layout="constrained")
@@ -210,7 +210,7 @@ def candidates(d: BedDiagnosis, most: int = 20) -> Figure:
 
 
 @styled
-def null_histogram(d: BedDiagnosis) -> Figure:
+def null_histogram(d: BedFinding) -> Figure:
     """The best gain in windows of twins, and that of the case, each without the window that brings most of it."""
     figure = Figure(figsize=(WIDTH, 2.3), layout="constrained")
     axis = figure.subplots()
@@ -218,7 +218,7 @@ def null_histogram(d: BedDiagnosis) -> Figure:
     axis.hist(d.null, bins=30, color="#c9c9c9")
     if far:
         axis.set_xscale("symlog", linthresh=max(float(d.null.max()), 1.0))
-    axis.axvline(d.score, color=REVISED if d.found is not None else SEEN, linewidth=1.6)
+    axis.axvline(d.score, color=REVISED if d.laws else SEEN, linewidth=1.6)
     axis.annotate(
         f"this recording: {d.score:.0f}", (d.score, 0.93), xycoords=("data", "axes fraction"), xytext=(-5, 0),
         textcoords="offset points", ha="right" if d.score > np.median(d.null) else "left", va="top", fontsize=8.5,
@@ -229,7 +229,7 @@ def null_histogram(d: BedDiagnosis) -> Figure:
 
 
 @styled
-def held_out(d: BedDiagnosis) -> Figure:
+def held_out(d: BedFinding) -> Figure:
     """Errors over time, window by window, training and held out."""
     figure = Figure(figsize=(WIDTH, 2.0 * min(len(d.beds), 4) + 0.6), layout="constrained")
     beds = d.beds[-4:]
@@ -262,7 +262,7 @@ def held_out(d: BedDiagnosis) -> Figure:
 
 
 @styled
-def overlay(d: BedDiagnosis, count: int = 4) -> Figure:
+def overlay(d: BedFinding, count: int = 4) -> Figure:
     """The swimmer at the end of some windows: seen, and predicted before and after; deviations enlarged."""
     bed, bench = d.beds[0], d.bench
     model = _reference_model(d)
@@ -312,7 +312,7 @@ def overlay(d: BedDiagnosis, count: int = 4) -> Figure:
 NAMES = ("overlay", "map", "along", "cycle", "candidates", "held_out", "null")
 
 
-def pictures(d: BedDiagnosis) -> dict[str, Drawing]:
+def pictures(d: BedFinding) -> dict[str, Drawing]:
     """The figures of this diagnosis by file name; each is drawn when called."""
     noun = "after recalibration" if _reference_model(d) == "recalibrated" else "of the naive scene"
     where = "Where the mismatch is"

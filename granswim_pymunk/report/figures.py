@@ -23,12 +23,12 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLocator
 
 from ..diagnosis.data import Case
-from ..diagnosis.driver import TrackFinding
 from ..diagnosis.fit import Fit
 from ..diagnosis.innovations import Whiteness, WindowMap
 from ..diagnosis.name import Trial
-from ..diagnosis.nulls import Null
+from ..diagnosis.tracks import TrackFinding
 from ..inference.mechanisms import APPARATUS
+from ..inference.significance import Null
 from ..joints import arm_of, hinged, place
 from ..laws import Law, all_laws
 from ..scene import Scene

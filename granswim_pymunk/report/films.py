@@ -11,7 +11,7 @@ from .player import MOST_FRAMES, Moving
 
 if TYPE_CHECKING:
     from ..diagnosis.data import Case
-    from ..diagnosis.driver import TrackFinding
+    from ..diagnosis.tracks import TrackFinding
 
 Hung = tuple[int, "int | tuple[float, float]"]
 

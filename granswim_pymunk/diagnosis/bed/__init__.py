@@ -1,5 +1,5 @@
 """Missing physics of a swimmer and its grains, both seen: short windows started from estimated states."""
 
-from .hand_over import diagnose_bed
+from .model import diagnose_bed
 
 __all__ = ["diagnose_bed"]

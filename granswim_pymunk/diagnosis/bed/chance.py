@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inference.criteria import current
+from ...inference.significance import Null
 from ..fit import basis
-from ..nulls import Null
 from .bench import Bench, Windows
 from .signatures import BedSignature, coherence, off, recombined, to_values, whole_films
 from .trial import SURE, BedTrial, first_order, surplus

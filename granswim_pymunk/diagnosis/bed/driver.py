@@ -1,8 +1,4 @@
-"""The diagnosis of a swimmer in its bed, both seen, step by step.
-
-Recalibration first, then twins (bias, covariance, nulls), signatures, least squares, leaders refitted by
-simulation, held-out windows, places, the next experiment.
-"""
+"""The steps of ``Windows``: recalibration, twins, signatures, laws refitted by simulation, held-out windows."""
 
 from __future__ import annotations
 
@@ -10,28 +6,26 @@ import gc
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...errors import InputError
 from ...inference.criteria import current
-from ...inference.judge import Judgement, Remains
+from ...inference.judge import Remains
 from ...recording import Recording
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
 from ..name import special_cases
-from ..nulls import Null
 from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import ONE_WINDOW, REPLICATES, Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
-from .experiment import Proposal, propose
-from .judge import UNEXPLAINED, Errors, Strayed, astray, errors, held_gain, noise_floor, rivals_of, verdict_among
+from .judge import UNEXPLAINED, Strayed, held_gain
 from .places import Place, locate, locate_law
-from .plan import LEADERS, TWINS, Clock, Plan, make_plan
+from .plan import LEADERS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
     Progress,
@@ -45,19 +39,7 @@ from .search import (
 )
 from .signatures import SEVERAL, BedSignature, make_signature, off, recombined
 from .trial import CLEARLY, SURE, BedTrial, beyond_nothing, first_order, moved_to
-from .weigh import (
-    NOTHING,
-    RIVALS,
-    Weighed,
-    closest_of,
-    explained_by_scale,
-    held_verdict,
-    like_twins,
-    looks_like,
-    remains_in,
-    rival_gains,
-    weighed,
-)
+from .weigh import NOTHING, held_verdict, like_twins, looks_like, remains_in
 from .windows import MEMBERS, MOST_WINDOWS, BedCase, bed_case
 from .work import CORES, Work
 
@@ -66,63 +48,6 @@ DOUBTFUL = 400.0  # chi2 below which the leaders' gains are held against what tw
 TRIES = 3  # laws that are fitted to the end, one after the other, until one stands
 LEAST_HELD = 2.0  # half a fall in chi2 of held-out windows, below which nothing is named
 GAUGE = 4  # windows that show whether the scene can be run
-
-
-@dataclass
-class BedDiagnosis:
-    """Everything that was found; ``verdict`` is one of the contract's five; ``partner`` a second law."""
-
-    bench: Bench
-    verdict: str
-    adjustables: tuple[Term, ...]
-    naive_values: np.ndarray
-    recalibrated_values: np.ndarray
-    values: np.ndarray
-    value_covariance: np.ndarray
-    found: BedTrial | None
-    partner: BedTrial | None
-    rivals: list[tuple[BedTrial, bool]]
-    trials: list[BedTrial]
-    null: np.ndarray
-    score: float
-    p: float
-    train: dict[str, Errors]
-    held: dict[str, Errors]
-    floor: tuple[float, float]
-    gain_held: float | None
-    places: list[Place]
-    proposal: Proposal | None
-    predicted: dict[str, Prediction]
-    excess: dict[str, float]
-    notes: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    runs: int = 0
-    seed: int = 0
-    strayed: Strayed | None = None
-    level: float = 0.0  # how far a law is ahead by chance in few searches, see ``BedTrial.ahead``
-    judged: Judgement | None = None
-    complete: bool = True
-    remains: Remains | None = None
-    heldout: str | None = None
-    closest: list[tuple[BedTrial, float]] = field(default_factory=list)  # names not accepted, with their share
-    withdrawn: list[BedTrial] = field(default_factory=list)  # names that held-out windows turned down
-    withdrawn_gain: float | None = None
-    rival_gains: Mapping[str, float] = field(default_factory=dict)  # by label, see ``weigh.rival_gains``
-    map: tuple[np.ndarray, int] | None = None  # size of each body's innovation where it is largest, and that window
-
-    @property
-    def beds(self) -> list[BedCase]:
-        return self.bench.beds
-
-    @property
-    def window(self) -> float:
-        """Length of a window [s]."""
-        return float(np.median([bed.span for bed in self.beds]))
-
-    @property
-    def laws(self) -> list[BedTrial]:
-        """What was found, the more telling first."""
-        return [t for t in (self.found, self.partner) if t is not None]
 
 
 @dataclass
@@ -164,153 +89,6 @@ class Answer:
     @property
     def laws(self) -> list[BedTrial]:
         return [t for t in (self.found, self.partner) if t is not None]
-
-
-@dataclass
-class Seen:
-    """All windows, held-out ones among them, under the naive scene, the recalibrated and the revised one."""
-
-    predicted: dict[str, Prediction]
-    train: dict[str, Errors]
-    held: dict[str, Errors]
-    gain: float | None  # half the fall in chi2 of the held-out windows that the laws bring
-    heldout: str | None = None  # holds, fails or undecided
-    withdrawn: list[BedTrial] = field(default_factory=list)
-    withdrawn_gain: float | None = None
-
-    @classmethod
-    def of(cls, bench: Bench, predicted: dict[str, Prediction], gain: float | None = None) -> Seen:
-        train, held = (
-            {label: errors(bench, rows, windows) for label, rows in predicted.items()}
-            for windows in (bench.training, bench.held)
-        )
-        return cls(predicted, train, held, gain)
-
-
-def diagnose_windows(
-    recordings: Sequence[Recording],
-    hold_out: Sequence[Recording] = (),
-    *,
-    minutes: float | None = None,
-    seed: int = 0,
-    twins: int = TWINS,
-    candidates: Sequence[str] | None = None,
-    plan: Plan | None = None,
-    cut: bool = True,
-    progress: Progress = lambda text, share: None,
-) -> BedDiagnosis:
-    """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
-
-    ``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out,
-    and the notes say so. ``candidates``: names of the mechanisms to try, all where not given. ``plan``: how much is
-    simulated, whatever the time. ``cut``: in windows, grains far from the swimmer are walls that move as seen, where
-    that saves much. Finished predictions are kept in the user's cache until there is a verdict: a
-    diagnosis that was interrupted goes on from there.
-    Raises InputError for recordings that cannot be used.
-    """
-    rng = np.random.default_rng(seed)
-    notes: list[str] = []
-    progress("cutting windows", 0.01)
-    start = begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, notes)
-    search, naive_base, noise = recalibrated(start, rng, progress)
-    signatures = signatures_in_time(search, start.terms, notes)
-    trials, by_chance = screened(search, signatures, rng, notes)
-    null = by_chance.null(trials[0] if trials else None)
-    trials, leading = _leading(search, trials, by_chance, null.p, notes)
-
-    progress("refining what was found", 0.78)
-    plain = _without_law(search, noise)
-    answer = _refined(search, plain, leading, trials, signatures, noise, start.wrong is None, rng, notes)
-    arm = None
-    if answer.unexplained > UNEXPLAINED and null.p <= current().verdict.alarm:
-        arm, ahead = _beyond_names(search, answer, trials, notes)
-        if arm is not None and ahead:
-            trials = [arm, *trials]
-            answer = _by_arm(search, arm, answer.unexplained)
-    progress("what explains", 0.87)
-    judging = np.random.default_rng((seed, 1))  # of its own: what is found does not hang on how it is judged
-    told, form = weighed(search, answer, arm, trials, judging, notes)
-    if told.unmodelled and (form is None or form is not answer.found):
-        answer = plain if form is None else _by_arm(search, form, answer.unexplained)
-    found = Found(search, start, plain, answer, told, trials, null, by_chance.level, noise, naive_base, judging, notes)
-    return _concluded(found, seed, progress)
-
-
-@dataclass
-class Found:
-    """What training windows say, before held-out ones are looked at."""
-
-    search: Search
-    start: Beginning
-    plain: Answer
-    answer: Answer
-    told: Weighed
-    trials: list[BedTrial]
-    null: Null
-    level: float
-    noise: NoiseChi2
-    naive_base: Prediction
-    rng: np.random.Generator
-    notes: list[str]
-
-
-def _concluded(f: Found, seed: int, progress: Progress) -> BedDiagnosis:
-    """Held-out windows, the verdict, what is left, places and the next experiment."""
-    search, start, told, trials, null, notes = f.search, f.start, f.told, f.trials, f.null, f.notes
-    bench, clock = search.bench, search.clock
-    # held-out windows are looked at only now
-    progress("held-out windows", 0.88)
-    answer, seen = _held_out(search, start, f.plain, f.answer, f.rng, notes)
-    floor = (noise_floor(bench, search.used), noise_floor(bench, bench.held))
-    partner = answer.partner
-    rivals = [r for r in rivals_of(answer.found, trials) if partner is None or r[0].mechanism != partner.mechanism]
-    if answer.found is None:
-        told.named = None
-    leading = list({t.term.label: t for t, _ in (*told.closest, *rivals)}.values())[:RIVALS]
-    gains = {} if clock.late(0.95) else rival_gains(search, seen.predicted.get("recalibrated"), leading)
-    found = answer.found
-    if start.wrong is not None:
-        scale, seen = _without_scale(search, start, seen, f.rng, notes)
-        # what was told beside a wrong scale is the second law; without the scale nothing is right
-        answer = replace(answer, found=scale, partner=answer.found)
-        trials = [scale, *trials]
-        null = replace(null, case=max(null.case, float(scale.gain or 0.0)))
-        told.named = explained_by_scale(search, answer.judge, seen.predicted, f.rng)
-
-    laws = answer.laws
-    verdict = verdict_among(
-        laws, answer.unexplained, bench, f.naive_base, search.base, search.values, start.naive_values,
-        answer.covariance, search.used,
-    )  # fmt: skip
-    if not laws and (told.unmodelled or seen.withdrawn):
-        verdict = "unmodelled"
-    strayed = astray(bench, seen.predicted.get("recalibrated")) if not laws else None
-    p = null.p
-    if verdict == "no_mismatch" and p <= current().verdict.alarm:
-        notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
-    if strayed is not None:
-        verdict, p = "unmodelled", min(p, max(strayed.place.p, 1 / (REPLICATES + 1)))
-        notes.append(strayed.text)
-    if verdict == "unmodelled" and not told.closest and not seen.withdrawn and not clock.late(0.95):
-        told.closest = closest_of(search, trials, told.before, f.rng)
-    places = _places(search, answer, seen, verdict, strayed)
-    proposal = None
-    if found is not None and rivals and start.wrong is None and not clock.late(0.93):
-        progress("the next experiment", 0.93)
-        proposal = propose(bench, search.hypothesis, search.values, found, rivals[0][0], search.used)
-    excess = _excess(search, start, answer, seen, f.noise)
-    complete, remains = _left(search, answer, seen, verdict, excess, strayed, trials, f.level)
-    progress("done", 1.0)
-    start.store.forget()
-    adjusted = len(search.values)
-    return BedDiagnosis(
-        bench, verdict, start.naive.terms, start.naive_values, search.values, answer.values[:adjusted],
-        answer.covariance[:adjusted, :adjusted], answer.found, answer.partner, rivals, trials, null.gains,
-        null.case, p, seen.train, seen.held, floor, seen.gain, places, proposal, seen.predicted,
-        excess, notes, time.monotonic() - start.began, bench.runs, seed, strayed, f.level,
-        judged=told.judgement(verdict), complete=complete, remains=remains, heldout=seen.heldout,
-        closest=told.closest, withdrawn=seen.withdrawn, withdrawn_gain=seen.withdrawn_gain, rival_gains=gains,
-    )  # fmt: skip
 
 
 # ---- steps -----------------------------------------------------------------------------------
@@ -462,7 +240,7 @@ def screened(
     return trials, by_chance
 
 
-def _leading(
+def leading_laws(
     search: Search, trials: list[BedTrial], by_chance: Chance, p: float, notes: list[str]
 ) -> tuple[list[BedTrial], list[BedTrial]]:
     """Leaders refitted by simulation, best first; and those among them that are beyond the nulls."""
@@ -484,7 +262,7 @@ def _leading(
     return trials, named
 
 
-def _without_law(search: Search, noise: NoiseChi2) -> Answer:
+def without_law(search: Search, noise: NoiseChi2) -> Answer:
     """The recalibrated scene, and how well its adjustables are known."""
     white, nuisance = search.white, search.nuisance
     left = off(nuisance, white)
@@ -494,7 +272,7 @@ def _without_law(search: Search, noise: NoiseChi2) -> Answer:
     return Answer(search.hypothesis, search.values, covariance, search.bench, noise.above(left))
 
 
-def _refined(
+def refined(
     search: Search, plain: Answer, leading: Sequence[BedTrial], trials: Sequence[BedTrial],
     signatures: Sequence[BedSignature], noise: NoiseChi2, alone: bool, rng: np.random.Generator, notes: list[str],
 ) -> Answer:  # fmt: skip
@@ -578,7 +356,7 @@ def plainer_of(found: BedTrial, trials: Sequence[BedTrial]) -> BedTrial | None:
     return replace(moved, gain=found.gain if plain.gain is None else plain.gain)
 
 
-def _beyond_names(
+def beyond_names(
     search: Search, answer: Answer, trials: Sequence[BedTrial], notes: list[str]
 ) -> tuple[BedTrial | None, bool]:
     """The best arm without a name, None where none was tried, and whether it explains what no law with a name does."""
@@ -603,18 +381,21 @@ def _beyond_names(
     return arm, True
 
 
-def _by_arm(search: Search, arm: BedTrial, unexplained: float) -> Answer:
+def by_arm(search: Search, arm: BedTrial, unexplained: float) -> Answer:
     """The recalibrated scene with an arm."""
     values = np.concatenate([search.values, arm.values])
     unknown = np.full((len(values),) * 2, np.nan)
     return Answer(search.hypothesis.with_term(arm.term), values, unknown, search.bench, unexplained, arm)
 
 
-def _held_out(
+def on_held_out(
     search: Search, start: Beginning, plain: Answer, answer: Answer, rng: np.random.Generator,
     notes: list[str],
-) -> tuple[Answer, Seen]:  # fmt: skip
-    """All windows under each scene; what does not predict the held-out ones better is not named."""
+) -> tuple[Answer, dict[str, Prediction], float | None, str | None]:  # fmt: skip
+    """All windows under each scene: what is left of the answer, predictions by model, gain, outcome.
+
+    gain : half the fall in chi2 of the held-out windows that the laws bring;  outcome : see ``held_verdict``
+    """
     bench = search.bench
     any_held = any(len(w) for w in bench.held)
     wanted = [(start.naive, start.naive_values), (search.hypothesis, search.values)]
@@ -634,30 +415,19 @@ def _held_out(
             answer = answer.alone
             simulated[2] = with_one
     named = zip(("naive", "recalibrated", "revised"), [*simulated, *simulated[1:2]][:3], strict=True)
-    seen = Seen.of(bench, {label: rows for label, rows in named if rows is not None})
-    if answer.found is not None and {"recalibrated", "revised"} <= set(seen.predicted) and any_held:
-        before, after = (bench.white(seen.predicted[k], bench.held) for k in ("recalibrated", "revised"))
-        if (answer.found.gain or 0.0) < CLEAR_GAIN:
-            moved = _foreseen(bench, search, answer)
-            after = after if moved is None else before - moved
-        seen.gain = 0.5 * float(before @ before - after @ after)
-        seen.heldout = held_verdict(bench, before, after, rng)
-        if seen.heldout == "fails":
-            return plain, _withdrawn(bench, answer, seen, notes)
-        if seen.gain <= LEAST_HELD:
-            notes.append(f"{answer.found.mechanism} does not predict the held-out windows better: it is not named")
-            answer = plain
-            seen = Seen.of(bench, {**seen.predicted, "revised": seen.predicted["recalibrated"]})
-    return answer, seen
-
-
-def _withdrawn(bench: Bench, answer: Answer, seen: Seen, notes: list[str]) -> Seen:
-    """Without the laws that held-out windows turned down."""
-    names = " and ".join(t.term.label for t in answer.laws)
-    notes.append(f"held-out windows are predicted worse with {names} than without: it is withdrawn")
-    again = Seen.of(bench, {**seen.predicted, "revised": seen.predicted["recalibrated"]})
-    named = [t for t in answer.laws if t.mechanism != "unknown"]
-    return replace(again, heldout=seen.heldout, withdrawn=named, withdrawn_gain=seen.gain)
+    predicted = {label: rows for label, rows in named if rows is not None}
+    if answer.found is None or not any_held or not {"recalibrated", "revised"} <= set(predicted):
+        return answer, predicted, None, None
+    before, after = (bench.white(predicted[k], bench.held) for k in ("recalibrated", "revised"))
+    if (answer.found.gain or 0.0) < CLEAR_GAIN:
+        moved = _foreseen(bench, search, answer)
+        after = after if moved is None else before - moved
+    gain = 0.5 * float(before @ before - after @ after)
+    outcome = held_verdict(bench, before, after, rng)
+    if gain > LEAST_HELD or outcome == "fails":
+        return answer, predicted, gain, outcome
+    notes.append(f"{answer.found.mechanism} does not predict the held-out windows better: it is not named")
+    return plain, {**predicted, "revised": predicted["recalibrated"]}, None, None
 
 
 def _foreseen(bench: Bench, search: Search, answer: Answer) -> np.ndarray | None:
@@ -684,26 +454,21 @@ def _foreseen(bench: Bench, search: Search, answer: Answer) -> np.ndarray | None
     return moved
 
 
-def _places(
-    search: Search, answer: Answer, seen: Seen, verdict: str, strayed: Strayed | None
-) -> list[Place]:
+def places_of(search: Search, answer: Answer, predicted: Mapping[str, Prediction], verdict: str) -> list[Place]:
     """Where the laws show, and where the mismatch does."""
     shown = "naive" if verdict == "recalibrate" else "recalibrated"
-    places: list[Place] = []
-    if verdict != "no_mismatch" and shown in seen.predicted:
-        places = _showing(search, answer) if verdict != "measurement" else []
-        places += locate(search.bench, seen.predicted[shown], search.bench.every)
-        if strayed is not None:
-            places.insert(0, strayed.place)
-    return places
+    if verdict == "no_mismatch" or shown not in predicted:
+        return []
+    places = _showing(search, answer) if verdict != "measurement" else []
+    return places + locate(search.bench, predicted[shown], search.bench.every)
 
 
-def _left(
-    search: Search, answer: Answer, seen: Seen, verdict: str, excess: Mapping[str, float], strayed: Strayed | None,
-    trials: Sequence[BedTrial], level: float,
+def left_of(
+    search: Search, answer: Answer, predicted: Mapping[str, Prediction], verdict: str, excess: Mapping[str, float],
+    strayed: Strayed | None, trials: Sequence[BedTrial], level: float,
 ) -> tuple[bool, Remains | None]:  # fmt: skip
     """Whether what the revised scene leaves of training windows passes for what it leaves of twins, and what it is."""
-    rows = seen.predicted.get("revised")
+    rows = predicted.get("revised")
     if rows is None:
         return False, None
     judge = answer.judge if answer.found is not None else search.bench
@@ -732,32 +497,33 @@ def _showing(search: Search, answer: Answer) -> list[Place]:
     return locate_law(search.bench.beds, search.used, change, rest + change, acting)
 
 
-def _without_scale(
-    search: Search, start: Beginning, seen: Seen, rng: np.random.Generator, notes: list[str]
-) -> tuple[BedTrial, Seen]:
-    """The wrong scale of the picture as what was found, beside the scene with the picture as it is."""
-    bench, predicted = search.bench, dict(seen.predicted)
+def scale_errors(
+    search: Search, start: Beginning, predicted: Mapping[str, Prediction], gain: float | None, outcome: str | None,
+    rng: np.random.Generator,
+) -> tuple[BedTrial, dict[str, Prediction], float | None, str | None]:  # fmt: skip
+    """The wrong scale of the picture as what was found, beside the scene with the picture as it is; see
+    ``on_held_out``."""
+    bench, predicted = search.bench, dict(predicted)
     assert start.wrong is not None
     predicted.setdefault("revised", predicted["recalibrated"])
     plain = bench.predict([(start.naive, search.values)], bench.every)[0]
-    gain, heldout = seen.gain, seen.heldout
     if plain is None:
         predicted.pop("recalibrated")
-        notes.append("with the picture as it is the scene cannot be run")
     else:
         predicted["recalibrated"] = plain
         gain = held_gain(bench, plain, predicted["revised"]) if any(len(w) for w in bench.held) else None
         before, after = (bench.white(rows, bench.held) for rows in (plain, predicted["revised"]))
-        heldout = held_verdict(bench, before, after, rng)
+        outcome = held_verdict(bench, before, after, rng)
     scale = _scale_trial(bench, start.wrong, search.nuisance, plain, search.base, search.used)
-    again = Seen.of(bench, predicted, gain)
-    return scale, replace(again, heldout=heldout, withdrawn=seen.withdrawn, withdrawn_gain=seen.withdrawn_gain)
+    return scale, predicted, gain, outcome
 
 
-def _excess(search: Search, start: Beginning, answer: Answer, seen: Seen, noise: NoiseChi2) -> dict[str, float]:
+def excess_of(
+    search: Search, start: Beginning, answer: Answer, predicted: Mapping[str, Prediction], noise: NoiseChi2
+) -> dict[str, float]:
     """Standard deviations of the nulls' chi2 that each scene leaves in the training windows."""
     excess = {}
-    for label, rows in seen.predicted.items():
+    for label, rows in predicted.items():
         # with a law found, the estimator's bias is that of twins that have the law
         judge = answer.judge if label == "revised" and answer.found is not None else search.bench
         raw = label == "naive" or (start.wrong is not None and label == "recalibrated")

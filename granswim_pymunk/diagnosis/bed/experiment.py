@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...inference.model import Proposal
 from ..hypothesis import Failed, Hypothesis, Term
 from .bench import Bench, Windows
 from .signatures import off
@@ -18,16 +18,6 @@ if TYPE_CHECKING:
 
 SETTLE = 0.02  # s, a film under a new drive is not looked at before
 ENOUGH = 3.0  # d' that is asked of the next recording
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """``change`` in words, the mechanisms it separates, and d' expected after the rival is refitted."""
-
-    change: str
-    separates: tuple[str, str]
-    d_prime: float
-    tried: tuple[tuple[str, float], ...]  # all that were weighed
 
 
 def _drive(key: str, factor: float) -> Term:

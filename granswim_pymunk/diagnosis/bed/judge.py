@@ -10,9 +10,9 @@ import numpy as np
 from scipy import stats
 
 from ...inference.criteria import current
-from ...inference.mechanisms import APPARATUS
 from .bench import Bench, Prediction, Windows
 from .places import Place
+from .search import Search
 from .trial import CHAOS, SURE, BedTrial
 from .windows import BedCase
 
@@ -126,25 +126,16 @@ def noise_floor(bench: Bench, windows: Windows) -> float:
     return math.nan if rms is None else rms
 
 
-def verdict_among(
-    laws: Sequence[BedTrial], unexplained: float, bench: Bench, naive_base: Prediction, base: Prediction,
-    values: np.ndarray, naive_values: np.ndarray, covariance: np.ndarray, used: Windows,
-) -> str:  # fmt: skip
-    """One of the contract's five: of what was found, or of adjustables that went away from ``naive_values``."""
-    if laws:
-        if laws[0].mechanism == "unknown":
-            return "unmodelled"
-        return "measurement" if all(t.mechanism in APPARATUS for t in laws) else "missing_physics"
-    if unexplained > 2 * UNEXPLAINED:
-        return "unmodelled"
-    if len(values):
-        naive, after = bench.white(naive_base, used), bench.white(base, used)
-        improved = float(naive @ naive - after @ after)
-        spread = np.sqrt(np.diag(covariance))
-        moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
-        if improved > SURE + 2 * len(values) and moved > 4.0:
-            return "recalibrate"
-    return "no_mismatch"
+def moved_away(search: Search, naive_base: Prediction, naive_values: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether adjustables went away from ``naive_values`` by more than chance, and for the better."""
+    bench, used, values = search.bench, search.used, search.values
+    if not len(values):
+        return False
+    naive, after = bench.white(naive_base, used), bench.white(search.base, used)
+    improved = float(naive @ naive - after @ after)
+    spread = np.sqrt(np.diag(covariance))
+    moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
+    return improved > SURE + 2 * len(values) and moved > 4.0
 
 
 def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:

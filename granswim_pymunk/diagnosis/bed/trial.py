@@ -47,6 +47,10 @@ class BedTrial:
         return self.signature.term.mechanism
 
     @property
+    def label(self) -> str:
+        return self.signature.term.label
+
+    @property
     def worth(self) -> float:
         """Gain less what as many numbers gain by chance, and less what errors of the starts lend it."""
         return (self.linear if self.gain is None else self.gain - self.lent) - 2.0 * len(self.term.free)

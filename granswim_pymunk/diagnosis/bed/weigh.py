@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +11,8 @@ from scipy import stats
 
 from ...inference.criteria import current
 from ...inference.explained import Explained, Scores, explained
-from ...inference.judge import Judgement, Remains, accepted, paired
-from ...inference.mechanisms import plainly
+from ...inference.judge import Remains, paired
+from ...inference.mechanisms import UNKNOWN, nameless, plainly
 from ..hypothesis import Hypothesis
 from .bench import Bench, Prediction, Windows
 from .judge import UNEXPLAINED, disks_of, errors, noise_floor
@@ -129,26 +128,6 @@ def share_of(after: Scores, before: Scores, rng: np.random.Generator) -> Explain
     return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True)
 
 
-@dataclass
-class Weighed:
-    """What laws, or a force without a name, explain of the training windows.
-
-    before : S of the recalibrated scene;  named : what is explained, None where nothing was found
-    free_form : the largest share of a force without a name, None where none was tried
-    closest : names that were not accepted, with their share
-    unmodelled : a mismatch was found that no name explains
-    """
-
-    before: Scores
-    named: Explained | None = None
-    free_form: float | None = None
-    closest: list[tuple[BedTrial, float]] = field(default_factory=list)
-    unmodelled: bool = False
-
-    def judgement(self, verdict: str) -> Judgement:
-        return Judgement(verdict, self.named, self.free_form)
-
-
 def before_of(search: Search) -> Scores:
     """S of the recalibrated scene."""
     return scores_of(search.bench, search.bench, search.base, search.used, search.nuisance)
@@ -196,62 +175,32 @@ def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:
 
 
 def weighed(
-    search: Search, answer: Answer, arm: BedTrial | None, trials: Sequence[BedTrial], rng: np.random.Generator,
-    notes: list[str],
-) -> tuple[Weighed, BedTrial | None]:  # fmt: skip
-    """What the answer explains, and the force without a name that is told in its place where it is not accepted.
+    search: Search, answer: Answer, arm: BedTrial | None, trials: Sequence[BedTrial], before: Scores,
+    rng: np.random.Generator,
+) -> tuple[Explained | None, list[tuple[BedTrial, Explained]]]:  # fmt: skip
+    """What the answer explains, None where it could not be run, and what forces without a name do in its place.
 
     arm : the flexible arm that was tried;  trials : all that was, among them forces without a name
+    before : of the recalibrated scene
     """
-    before = before_of(search)
-    told = Weighed(before)
     if answer.found is None:
-        return told, None
-    told.named = explained_by(search, answer, before, rng)
-    nameless = [t for t in trials if t.mechanism == "unknown" and t.gain is not None and t is not arm][:FORMS]
+        return None, []
+    named = explained_by(search, answer, before, rng)
+    others = [t for t in trials if nameless(t.mechanism) and t.gain is not None and t is not arm][:FORMS]
     forms: list[tuple[BedTrial, Explained]] = []
-    for t in ([] if arm is None else [arm]) + nameless:
-        mine = t.term.label == answer.found.term.label
-        share = told.named if mine else explained_by_trial(search, t, before, rng)
+    for t in ([] if arm is None else [arm]) + others:
+        mine = t.label == answer.found.label
+        share = named if mine else explained_by_trial(search, t, before, rng)
         if share is not None and not (forms and search.clock.late(0.92)):
             forms.append((t, share))
-    if forms:
-        told.free_form = max(0.0, *(e.share for _, e in forms))
-    if told.named is None:
-        return told, None
-    if answer.found.mechanism == "unknown":
-        told.unmodelled = True
-        if told.named.sure and told.named.low <= 0:
-            notes.append(f"{answer.found.term.label} predicts windows that it did not see no better")
-            told.named = None
-            return told, None
-        return told, answer.found
-    # in every search forces without a name are among the candidates: where none was simulated, they led nowhere
-    left = told.named.left_before
-    against = [e for _, e in forms] or [Explained(0.0, 0.0, 0.0, left, left, told.named.sure)]
-    good, why = accepted(told.named, against, 0.0)
-    least = current().verdict.share
-    if not good and 0 < told.named.low < told.named.share < least <= told.named.high:
-        # few twins know the floor badly: a share that may as well be enough takes no name away
-        notes.append(f"{why}, within {100 * told.named.low:.0f} to {100 * told.named.high:.0f} %: twins are few")
-        good = True
-    if good:
-        return told, None
-    notes.append(f"{' and '.join(t.term.label for t in answer.laws)} is not named: {why}")
-    told.closest = [(t, told.named.share) for t in answer.laws]
-    told.unmodelled, told.named = True, None
-    helps = [(t, e) for t, e in forms if e.sure and e.low > 0]
-    if not helps:
-        return told, None
-    form, told.named = min(helps, key=lambda f: f[1].left)
-    return told, form
+    return named, forms
 
 
 def closest_of(
     search: Search, trials: Sequence[BedTrial], before: Scores, rng: np.random.Generator
 ) -> list[tuple[BedTrial, float]]:
     """The law with a name that gained most where it was refitted, and its share; empty where none was."""
-    named = [t for t in trials if t.gain is not None and t.mechanism != "unknown" and t.worth > 0]
+    named = [t for t in trials if t.gain is not None and not nameless(t.mechanism) and t.worth > 0]
     best = max(named, key=lambda t: t.worth, default=None)
     share = None if best is None else explained_by_trial(search, best, before, rng)
     return [] if best is None or share is None else [(best, share.share)]
@@ -294,7 +243,7 @@ def looks_like(search: Search, answer: Answer, rows: Prediction, trials: Sequenc
     columns = search.nuisance if answer.columns is None else answer.columns
     nuisance = columns[search.at]
     left = off(nuisance, answer.judge.white(rows, search.used)[search.at])
-    taken = {t.mechanism for t in answer.laws} - {"unknown"} | {t.term.label for t in answer.laws}
+    taken = {t.mechanism for t in answer.laws} - {UNKNOWN} | {t.term.label for t in answer.laws}
     best: BedTrial | None = None
     for t in trials:
         s = t.signature
@@ -306,7 +255,7 @@ def looks_like(search: Search, answer: Answer, rows: Prediction, trials: Sequenc
             best = rest
     if best is None or best.ahead <= level:
         return NOTHING
-    return best.term.label if best.mechanism == "unknown" else plainly(best.mechanism)
+    return best.term.label if nameless(best.mechanism) else plainly(best.mechanism)
 
 
 def remains_in(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, looks: str) -> Remains | None:

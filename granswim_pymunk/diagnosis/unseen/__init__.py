@@ -1,5 +1,5 @@
 """A bed that is not seen: statistics of the swimmer's motion, and curves of its speed, against their spread."""
 
-from .diagnose import diagnose_unseen
+from .model import diagnose_unseen
 
 __all__ = ["diagnose_unseen"]

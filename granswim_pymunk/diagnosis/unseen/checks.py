@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from ...inference.criteria import current
+from ...inference.model import Proposal
 from ...inference.significance import normal_score
 from .conclude import Finding, Spot, extra_of
 from .response import Fit, Means, add, fit, spread_of
@@ -23,10 +24,10 @@ SIDE = 1.645  # standard deviations, one-sided 95 %
 # ---- the revised scene with its own contacts ------------------------------------------------------
 
 
-def confirm(f: Finding) -> None:
+def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
     """Runs of the revised scene as it is given to the user, in all conditions; the last fit is anchored there.
 
-    Rivals are run in the recordings that are held out too, with softer contacts.
+    Rivals, and names that were not accepted, are run in the recordings that are held out too, with softer contacts.
     """
     s = f.search
     extra = f.extra()
@@ -38,10 +39,9 @@ def confirm(f: Finding) -> None:
         )
     only_test = [c for c in s.conditions if c.view is None]
     jobs: list[Job] = []
-    for t, _ in f.rivals:
-        if t.fit is not None:
-            values = rounded(t.fit.u[: len(s.adjust)])
-            jobs += jobs_for(only_test, s.adjust, values, extra_of(s, [t], t.fit), s.sizes.leader, True)
+    for fitted, laws in _by_fit(rivals):
+        values = rounded(fitted.u[: len(s.adjust)])
+        jobs += jobs_for(only_test, s.adjust, values, extra_of(s, laws, fitted), s.sizes.leader, True)
     s.runner.do(jobs, lambda k, n: s.progress("rivals, held-out recordings", 0.92))
     s.means.refresh()
     s.test.refresh()
@@ -58,6 +58,15 @@ def confirm(f: Finding) -> None:
         model = anchored(s, soft.model, [t.suspect for t in f.found], here, label, soft=False)
         f.revised = fit(model, s.means, s.training)
         _softness_said(f, soft)
+
+
+def _by_fit(laws: Sequence[Trial]) -> list[tuple[Fit, list[Trial]]]:
+    """Laws with the fit that they share, those without one left out."""
+    found: dict[int, tuple[Fit, list[Trial]]] = {}
+    for t in laws:
+        if t.fit is not None:
+            found.setdefault(id(t.fit), (t.fit, []))[1].append(t)
+    return list(found.values())
 
 
 def _softness_said(f: Finding, soft: Fit) -> None:
@@ -121,10 +130,10 @@ def _tails(s: Search, base: Fit, left: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array(out)
 
 
-def locate(f: Finding) -> list[Spot]:
+def locate(f: Finding, verdict: str) -> list[Spot]:
     """Joints at which the bend differs, by the innovations before the missing law was added, best first."""
     s = f.search
-    base = s.naive if f.verdict == "recalibrate" else s.base
+    base = s.naive if verdict == "recalibrate" else s.base
     here = _tails(s, base, {name: r[:, None] for name, (r, _) in base.left.items()})[:, 0]
     drawn = _null_numbers(s)
     most = np.sort(_tails(s, base, drawn).min(axis=0)) if drawn else np.zeros(0)
@@ -140,9 +149,9 @@ def locate(f: Finding) -> list[Spot]:
             spots.append((tail, Spot(which, normal_score(p), p, None if which is None else _phase(f, base, j))))
     spots.sort(key=lambda item: item[0])
     result = [spot for _, spot in spots]
-    if not result and f.verdict != "no_mismatch":
+    if not result:
         # nothing stands out by itself: the swimmer as a whole
-        p = max(s.p_search if f.found else s.p_recalibration, 1e-300)
+        p = max(s.p_recalibration if verdict == "recalibrate" else s.p_search, 1e-300)
         result = [Spot(None, normal_score(p), p, None)]
     return result
 
@@ -208,32 +217,15 @@ def _arc(z: np.ndarray) -> tuple[float, float]:
 # ---- held-out data ------------------------------------------------------------------------------------
 
 
-def score(f: Finding) -> None:
-    """Errors in metres on what was fitted and what was held out; gains of all laws there; whether the claim holds."""
-    s = f.search
-    f.train = _errors(f, s.means, s.training)
-    f.held = _errors(f, s.test, s.testing)
-    found = _gain(f, lambda c: prediction(f, s.test, c, "revised"))
-    if found is None:
-        return
-    f.named_gain, apart = found
-    free = _gain(f, lambda c: _shifted(f, c))
-    f.free_gain = None if free is None else free[0]
-    for t, _ in f.rivals:
-        if t.fit is not None:
-            own = _gain(f, lambda c, t=t: _rival(s, t, c))  # type: ignore[misc]
-            if own is not None:
-                f.rival_gain[t.suspect.label] = own[0]
-    if not f.found:
-        return
-    # half the fall of chi2 varies between packings by the distance of the two predictions, in spreads
-    f.holds = "holds" if f.named_gain > SIDE * apart else "fails" if f.named_gain < -SIDE * apart else "undecided"
-    if f.holds == "fails" and f.verdict in ("missing_physics", "measurement"):
-        f.withdrawn, f.verdict = f.found[0], "unmodelled"
-        s.notes.append(f"{f.withdrawn.suspect.name} is withdrawn: it predicts held-out data worse than nothing added")
+def outcome_of(gain: float, apart: float) -> str:
+    """Whether held-out data are predicted better: "holds", "fails" or "undecided".
+
+    Half the fall of chi2 varies between packings by the distance ``apart`` of the two predictions, in spreads.
+    """
+    return "holds" if gain > SIDE * apart else "fails" if gain < -SIDE * apart else "undecided"
 
 
-def _gain(
+def gain_of(
     f: Finding, predict: Callable[[Condition], tuple[np.ndarray, float] | None]
 ) -> tuple[float, float] | None:
     """Half the fall of chi2 on held-out numbers, recalibrated less ``predict``, and its standard deviation.
@@ -253,7 +245,7 @@ def _gain(
     return (total, math.sqrt(square)) if s.testing else None
 
 
-def _shifted(f: Finding, c: Condition) -> tuple[np.ndarray, float] | None:
+def shifted(f: Finding, c: Condition) -> tuple[np.ndarray, float] | None:
     """Held-out numbers with the mean shift that the training part shows: a form without a name."""
     s = f.search
     found = prediction(f, s.test, c, "recalibrated")
@@ -268,20 +260,17 @@ def _shifted(f: Finding, c: Condition) -> tuple[np.ndarray, float] | None:
     return found[0] + shift, found[1] + 1 / len(s.training)
 
 
-def _rival(s: Search, t: Trial, c: Condition) -> tuple[np.ndarray, float] | None:
-    """Held-out numbers predicted by a rival, run with softer contacts; None where it was not run there."""
-    assert t.fit is not None
+def predicted_by(s: Search, laws: Sequence[Trial], fitted: Fit, c: Condition) -> tuple[np.ndarray, float] | None:
+    """Held-out numbers predicted by laws fitted together, with softer contacts; None where that was not run."""
+    camera = {n: float(fitted.u[k]) for k, n in enumerate(fitted.model.camera) if n is not None}
     if c.view is not None:
         # the later part of a film that was learnt from: its runs are those of the fit
-        try:
-            return t.fit.model.predict(s.test, c, t.fit.u)
-        except KeyError:
-            return None
-    label = label_of(s.adjust, rounded(t.fit.u[: len(s.adjust)]), extra_of(s, [t], t.fit))
-    camera = {n: float(t.fit.u[k]) for k, n in enumerate(t.fit.model.camera) if n is not None}
+        points = fitted.model.sums(c.name, fitted.u)
+    else:
+        label = label_of(s.adjust, rounded(fitted.u[: len(s.adjust)]), extra_of(s, laws, fitted))
+        points = add((1.0, {(NAIVE, False): 1.0}), (1.0, {(label, True): 1.0}), (-1.0, {(NAIVE, True): 1.0}))
     try:
-        mean, variance = s.test.predict(c, add((1.0, {(NAIVE, False): 1.0}), (1.0, {(label, True): 1.0}),
-                                               (-1.0, {(NAIVE, True): 1.0})))  # fmt: skip
+        mean, variance = s.test.predict(c, points)
     except KeyError:
         return None
     return s.test.view(c).filmed(mean, **camera) if camera else mean, variance
@@ -312,7 +301,7 @@ def prediction(f: Finding, means: Means, c: Condition, which: str) -> tuple[np.n
         return None
 
 
-def _errors(f: Finding, means: Means, conditions: list[Condition]) -> dict[str, float | None]:
+def errors_of(f: Finding, means: Means, conditions: list[Condition]) -> dict[str, float | None]:
     """Root mean square distance of the disks over a cycle [m], of each model, and of perfect physics."""
     s = f.search
     tracked = [c for c in conditions if not c.any_view.curve]
@@ -349,22 +338,17 @@ def _errors(f: Finding, means: Means, conditions: list[Condition]) -> dict[str, 
 # ---- the next experiment --------------------------------------------------------------------------------
 
 
-def propose(f: Finding) -> None:
+def propose(s: Search, winner: Trial, rival: Trial) -> Proposal | None:
     """Which one recording more separates the winner from its nearest rival, the rival refitted to all.
 
     d' is the square root of what the refitted rival keeps of chi2 in that recording (T-optimality: Atkinson &
     Fedorov 1975, Biometrika 62, 57); the candidates are repeats of what was recorded, and tracks where there
     were only speeds.
     """
-    s = f.search
-    if not f.found or not f.rivals or f.verdict == "unmodelled":
-        return
-    winner = f.found[0]
-    rival = next((t for t, same in f.rivals if same), f.rivals[0][0])
-    names = [winner.suspect.name, rival.suspect.name]
+    names = (winner.mechanism, rival.mechanism)
     pair = set(names)
     if rival.fit is None or winner.fit is None:
-        return
+        return None
     tools = {
         "time_offset": ("camera.time_offset", "film a flash that the motor triggers"),
         "camera_scale": ("camera.scale", "film a ruler in the same picture"),
@@ -381,8 +365,7 @@ def propose(f: Finding) -> None:
         else:
             noise = math.sqrt(max(float(case.error[-1, -1]), 1e-14))
             resolution = max(noise / 3e-3, 1e-4)
-        f.proposal = (tools[name][1], names, change / resolution)
-        return
+        return Proposal(tools[name][1], names, float(change / resolution))
     best: tuple[float, str] | None = None
     for curve in (False, True):
         chosen = [c for c in s.training if c.any_view.curve == curve]
@@ -404,12 +387,14 @@ def propose(f: Finding) -> None:
             text = f"{what} at {c.frequency:g} Hz{layers} (frequency = {c.frequency:g} Hz)"
             if best is None or d > best[0]:
                 best = (d, text)
-    if best is not None:
-        d, text = best
-        if d < 2:
-            many = math.ceil(4 / max(d, 0.1) ** 2)
-            text += f"; about {many} of them make d' 2"
-        f.proposal = (text, names, d)
+    if best is None:
+        return None
+    d, text = best
+    decides = current().verdict.decides
+    if d < decides:
+        many = math.ceil((decides / max(d, 0.1)) ** 2)
+        text += f"; about {many} of them make d' {decides:g}"
+    return Proposal(text, names, float(d))
 
 
 def _tracked(c: Condition) -> Condition:

@@ -1,4 +1,4 @@
-"""From gains to a verdict: leaders refitted by simulation, pairs, what is explained and what is left, where, rivals."""
+"""From gains to laws: leaders refitted by simulation, pairs, what they explain."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import numpy as np
 from scipy import stats
 
 from ...inference.criteria import current
+from ...inference.explained import Explained
+from ...inference.mechanisms import UNKNOWN
+from ...inference.significance import price
 from ...laws import all_laws
 from .candidates import Suspect
 from .response import Fit, fit, spread_of, whitened
@@ -21,20 +24,13 @@ from .search import (
     base_point,
     counts,
     extended,
-    goodness,
-    label_of,
     model_of,
-    more_runs,
-    recalibrate,
     refit,
     rounded,
-    screen,
-    try_all,
 )
 
 # one and the same where only the drive depends on time (contract): what differs is the error of the runs
 EQUIVALENT = {frozenset(("actuator_delay", "time_offset"))}
-CHANCE = 1e-3  # of a law beyond the first by chance, all that were tried counted
 RESAMPLES = 400
 
 
@@ -53,50 +49,33 @@ class Spot:
 
 
 @dataclass(frozen=True)
-class Explained:
-    """Share of the misfit that is explained, from recordings (or numbers) that took no part in the fit.
+class Curve:
+    """The form without a name: the mean shift of all numbers, as the other recordings show it."""
 
-    low, high : central 95 %, over packings;  free : share of the best form without a name
-    """
-
-    share: float
-    low: float
-    high: float
-    free: float | None
+    mechanism: str = UNKNOWN
+    label: str = "a mean shift of all numbers"
 
 
 @dataclass
 class Finding:
-    """What the search came to."""
+    """The laws that are told, and the scene with them.
+
+    label : of its runs;  true : whether those have the scene's own contacts
+    train, held : errors by model, see ``HeldOut``
+    """
 
     search: Search
-    verdict: str
     found: list[Trial]
     revised: Fit
-    label: str  # of the runs of the revised scene
-    true: bool  # whether those have the scene's own contacts
-    rivals: list[tuple[Trial, bool]]
-    left: tuple[float, float]  # p-values of what the last fit leaves: rank among the nulls, chi2 tail
-    explained: Explained | None = None
-    spots: list[Spot] = field(default_factory=list)
-    proposal: tuple[str, list[str], float] | None = None
+    label: str
+    true: bool
     train: dict[str, float | None] = field(default_factory=dict)
     held: dict[str, float | None] = field(default_factory=dict)
-    named_gain: float | None = None  # half the fall of chi2 on held-out data, recalibrated less revised
-    free_gain: float | None = None  # the same of the shift that the training part shows
-    rival_gain: dict[str, float] = field(default_factory=dict)
-    holds: str = "undecided"
-    withdrawn: Trial | None = None
 
     @property
     def values(self) -> np.ndarray:
         """Values of the adjustables in the revised scene."""
         return rounded(self.revised.u[: len(self.search.adjust)])
-
-    @property
-    def complete(self) -> bool:
-        """Whether what the last fit leaves passes for packings and tracking noise."""
-        return self.left[0] > current().verdict.alarm
 
     def extra(self) -> list[tuple]:
         """(term, values) of the laws found, the apparatus left out."""
@@ -132,70 +111,40 @@ def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
     return result
 
 
-# ---- the search, to its verdict -------------------------------------------------------------------
+# ---- the search -----------------------------------------------------------------------------------
 
 
-def search_and_conclude(s: Search) -> Finding:
-    """All steps after the naive runs."""
-    recalibrate(s)
-    suspects = try_all(s)
-    bank = screen(s, suspects)
-    open_ = [t for t in s.trials if not t.reason and t.gain > 0]
-    if s.p_search <= 0.2 and open_ and s.sizes.more:
-        chosen = [t.suspect for t in open_ if t.gain > 0.3 * open_[0].gain and not t.suspect.apparatus][:8]
-        more_runs(s, chosen, 0.6)
-        bank = screen(s, suspects)
-        open_ = [t for t in s.trials if not t.reason and t.gain > 0]
-    if s.p_search > current().verdict.alarm or not open_:
-        return _without(s)
+def named_laws(
+    s: Search, bank: Bank, open_: Sequence[Trial], suspects: Sequence[Suspect]
+) -> tuple[list[Trial], Fit | None, list[tuple[Trial, bool]]]:
+    """Leaders refitted by simulation: one law or two, their fit, and laws that come near, with whether they do as well.
+
+    No law, and None, where none of them stands beyond the nulls. ``open_``: candidates in question, best first.
+    """
     leaders = _refitted_leaders(s, open_)
     assert s.nulls is not None
     threshold = max(float(np.quantile(s.nulls.best, 1 - current().verdict.alarm)), 8.0)
     leaders = [t for t in leaders if sensible(s, t)]
     if not leaders or leaders[0].worth < threshold:
-        return _without(s)
+        return [], None, []
     same = [t for t in leaders if _alike(s, leaders[0], t)]
-    chosen_ = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
-    chosen_ = plainer(s, chosen_, leaders)
-    found, revised = [chosen_], chosen_.fit
-    assert revised is not None
-    pair = _pair(s, bank, chosen_, suspects)
+    chosen = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
+    chosen = plainer(s, chosen, leaders)
+    found, revised = [chosen], chosen.fit
+    pair = _pair(s, bank, chosen, suspects)
     if pair is not None:
         found, revised = pair
-    left = goodness(s, revised, len(revised.u))
+    names = {f.mechanism for f in found}
     rivals = [
-        (t, _alike(s, chosen_, t))
-        for t in leaders
-        if t.suspect.name not in {f.suspect.name for f in found} and t.gain > 0.2 * chosen_.gain
+        (t, _alike(s, chosen, t)) for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
     ]
     if all(c.any_view.curve for c in s.training):
         # a few speeds say one thing only: whatever explains it to first order is of the same class
         rivals += [
             (_to_first_order(s, t), True) for t in open_
-            if t.fit is None and t.gain > 0.95 * open_[0].gain and t.suspect.name != chosen_.suspect.name
+            if t.fit is None and t.gain > 0.95 * open_[0].gain and t.mechanism != chosen.mechanism
         ]  # fmt: skip
-    label = label_of(s.adjust, rounded(revised.u[: len(s.adjust)]), extra_of(s, found, revised))
-    f = Finding(s, "", found, revised, label, False, _once(rivals), left)
-    judge(f)
-    return f
-
-
-def judge(f: Finding) -> None:
-    """The verdict where something was found: by what it explains of recordings that it was not fitted to."""
-    f.explained = explained(f.search, f.revised)
-    f.verdict = "measurement" if all(t.suspect.apparatus for t in f.found) else "missing_physics"
-    e = f.explained
-    if e is None:
-        return
-    c = current().verdict
-    part = c.free_form_high if e.share >= c.high else c.free_form
-    beaten = e.free is not None and 1 - e.free < part * (1 - e.share)
-    if e.share < (c.share_alone if e.free is None else c.share) or e.low <= 0 or beaten:
-        f.verdict = "unmodelled"
-        f.search.notes.append(
-            f"the best named law, {f.found[0].suspect.name}, explains {100 * e.share:.0f} % of the misfit"
-            + (f", a form without a name {100 * e.free:.0f} %" if e.free is not None else "")
-        )
+    return found, revised, _once(rivals)
 
 
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
@@ -318,18 +267,6 @@ def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
     return list(best.values())
 
 
-def _without(s: Search) -> Finding:
-    """The verdict where no suspect is needed, or none helps."""
-    left = goodness(s, s.base, len(s.base.u))
-    verdict = "recalibrate" if s.adjust and s.p_recalibration <= current().verdict.alarm else "no_mismatch"
-    if left[0] <= current().verdict.alarm and left[1] < CHANCE:
-        verdict = "unmodelled"
-    elif verdict == "no_mismatch" and s.p_search <= current().verdict.alarm:
-        verdict = "unmodelled"
-        s.notes.append("the recordings ask for a law more than other packings do, but none that was tried stands")
-    return Finding(s, verdict, [], s.base, base_point(s), False, [], left)
-
-
 def again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
     """Refit a trial by simulation, from where it stands."""
     found, done, reason = refit(s, [t.suspect], share, rounds, count, t.fit)
@@ -351,11 +288,6 @@ def _level(s: Search) -> None:
 
 
 # ---- two laws ---------------------------------------------------------------------------------------
-
-
-def price(count: int) -> float:
-    """chi2 that a law beyond the first has to earn, ``count`` having been tried (PRL 135, 167401)."""
-    return 2 * math.log(max(count, 2) / CHANCE)
 
 
 def pair_gains(bank: Bank, suspects: Sequence[Suspect]) -> list[tuple[float, Suspect, Suspect]]:
@@ -381,7 +313,7 @@ def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> t
     """Two laws, where each earns its price beside the other; refitted together by simulation."""
     assert first.fit is not None
     alive = [x for x in suspects if counts(bank, x)]
-    cost = price(len(alive))
+    cost = price(max(len(alive), 2))
     tried: list[tuple[float, list[Suspect], Fit | None]] = []
     for x in alive:
         if x.name == first.suspect.name or frozenset((x.name, first.suspect.name)) in EQUIVALENT:
@@ -443,22 +375,18 @@ def _earned(s: Search, laws: Sequence[Suspect], found: Fit, cost: float) -> bool
 # ---- what is explained ------------------------------------------------------------------------------
 
 
-def explained(s: Search, revised: Fit) -> Explained | None:
-    """Share of the misfit explained, 1 - (S_revised - S_floor)/(S_recalibrated - S_floor).
+def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
+    """Share of the misfit explained by a fit, and by a form without a name.
 
-    S : mean square of the residual in units of its expected spread. Of several recordings each is predicted by a fit
-    to the others; of one, degrees of freedom are taken off. S_floor is that of the nulls. The form without a name is
-    the mean shift of all numbers in the other recordings. None where the misfit is less than twice the spread of
-    S_floor above it.
+    Of several recordings each is predicted by a fit to the others; of one, degrees of freedom are taken off. S_floor is
+    that of the nulls. The form without a name is the mean shift of all numbers in the other recordings, None where
+    there are none.
     """
     assert s.nulls is not None
     n = s.base.count
     floor = float(s.nulls.left.mean()) / max(n - len(s.base.u), 1)
     wide = float(s.nulls.left.std()) / n
-    before, after = (float((_unseen(s, fitted) ** 2).mean()) for fitted in (s.base, revised))
-    if before - floor < 2 * wide:
-        return None
-
+    before = float((_unseen(s, s.base) ** 2).mean())
     rng = np.random.default_rng(s.runner.seed)
 
     def drawn(mean: float) -> np.ndarray:
@@ -468,12 +396,16 @@ def explained(s: Search, revised: Fit) -> Explained | None:
     def share(after: np.ndarray | float, before: np.ndarray | float) -> np.ndarray:
         return np.minimum(1 - np.asarray(after) / np.maximum(before, 1e-9), 1.0)
 
-    low, high = np.quantile(share(drawn(after), drawn(before)), [0.025, 0.975])
+    def told(after: float) -> Explained:
+        low, high = np.quantile(share(drawn(after), drawn(before)), [0.025, 0.975])
+        value, left, left_before = float(share(after - floor, before - floor)), after - floor, before - floor
+        return Explained(
+            value, float(low), float(high), left, left_before, left_before >= current().verdict.beyond * wide, wide
+        )
+
+    named = told(float((_unseen(s, revised) ** 2).mean()))
     free = _free_form(s)
-    return Explained(
-        float(share(after - floor, before - floor)), float(low), float(high),
-        None if free is None else float(share(float((free**2).mean()) - floor, before - floor)),
-    )  # fmt: skip
+    return named, None if free is None else told(float((free**2).mean()))
 
 
 def _unseen(s: Search, found: Fit) -> np.ndarray:

@@ -62,6 +62,14 @@ class Trial:
     reason: str = ""
 
     @property
+    def mechanism(self) -> str:
+        return self.suspect.name
+
+    @property
+    def label(self) -> str:
+        return self.suspect.label
+
+    @property
     def worth(self) -> float:
         return self.gain - 2 * self.suspect.size
 

@@ -1,26 +1,43 @@
-"""The diagnosis of free, pinned, sprung and colliding bodies, step by step."""
+"""Whole tracks of free, pinned, sprung and colliding bodies: how they are held against simulations, step by step."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from ..inference.criteria import Criteria, current
-from ..inference.explained import Explained, Scores, explained
-from ..inference.judge import Completeness, Judgement, Remains, accepted, completeness, remains_of
-from ..inference.mechanisms import plainly
+from ..inference.criteria import current
+from ..inference.explained import Scores, explained
+from ..inference.judge import (
+    Claim,
+    Completeness,
+    Form,
+    Judgement,
+    Mismatch,
+    Remains,
+    Weighed,
+    best_form,
+    completeness,
+    remains_of,
+)
+from ..inference.mechanisms import UNKNOWN, plainly
+from ..inference.model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..inference.noise import Noise
-from ..inference.significance import after_looks
+from ..inference.pipeline import diagnose_by
+from ..inference.result import Diagnosis, Progress, Used
+from ..inference.significance import Null, after_looks, price
 from ..recording import Recording
-from .blocks import Block, make_blocks, score
+from ..scene import Scene
+from .blocks import make_blocks, score
 from .candidates import flexible_terms, named_terms, scaled_like
 from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
-from .experiment import Proposal, propose
+from .experiment import propose
 from .fit import Fit, Fitter, joined
 from .held_out import (
     Errors,
@@ -34,17 +51,18 @@ from .held_out import (
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_of, whiteness, window_map
 from .intervals import with_believed_errors, with_limits
-from .name import InnerSplit, Trial, is_apparatus, is_limit, label_of, refit, spread_of, try_candidates, unstuck
-from .nulls import Null, noise_of, search_nulls
-from .pairs import Exchange, drag_and_push, pair_of, price, rivals_of_pair, second_law, settled, third_law
+from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
+from .nulls import noise_of, search_nulls
+from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
 from .settle import in_names_of_apparatus, that_earn_their_place, within_belief
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
+from .verdict import Told, revised_scene, used
 from .whom import whom
 
-Progress = Callable[[str, float], None]
 FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
 BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
+FAR_BEYOND = 1.5  # times the noise floor that a held-out error is said to remain
 
 
 def _silent(text: str, share: float) -> None:
@@ -53,7 +71,7 @@ def _silent(text: str, share: float) -> None:
 
 @dataclass
 class TrackFinding:
-    """Everything that was found in whole tracks; ``rival_held`` goes by mechanism."""
+    """What the figures of whole tracks are drawn from; ``rivals``: with whether these data cannot tell them apart."""
 
     cases: list[Case]
     naive: Fit
@@ -69,29 +87,11 @@ class TrackFinding:
     white_recalibrated: Whiteness
     white_revised: Whiteness
     windows: WindowMap | None
-    places: tuple[Place, ...]
     spread: float
     train: dict[str, Errors]
     held: dict[str, Errors]
-    rival_held: dict[str, Errors]
     floor: tuple[float | None, float | None]
-    right_law: np.ndarray  # held-out errors where the law is right and its numbers are found from noisy frames
     inner: dict[str, float]
-    proposal: Proposal | None
-    judged: Judgement
-    complete: bool
-    remains: Remains | None
-    heldout: str | None
-    closest: list[tuple[Trial, Explained]]  # named laws that were not accepted, with what they explain
-    withdrawn: list[Trial]  # named laws that held-out data turned down
-    withdrawn_held: Errors | None
-    window: float | None
-    notes: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    runs: int = 0
-    seed: int = 0
-    dropped_bodies: dict[str, str] = field(default_factory=dict)
-    dt: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
@@ -136,111 +136,299 @@ class Tried:
     inner: dict[str, float]
 
 
-def diagnose_bodies(
-    recordings: Sequence[Recording],
-    hold_out: Sequence[Recording] = (),
-    *,
-    minutes: float | None = None,
-    seed: int = 0,
+class Tracks(ObservationModel):
+    """Whole tracks, or segments of them that join up: starts are free numbers of the fit."""
+
+    kind = "bodies"
+    tail = "chi-squared of the innovations of a window over their spread, all windows counted"
+
+    def __init__(
+        self, recordings: Sequence[Recording], hold_out: Sequence[Recording] = (), *, minutes: float | None = None,
+        seed: int = 0, progress: Progress = _silent,
+    ) -> None:  # fmt: skip
+        """``minutes``: the budget; when it runs short, pairs, nulls and proposals are cut down and the notes say so.
+
+        Raises InputError for recordings that cannot be used.
+        """
+        began = time.monotonic()
+
+        def late(share: float) -> bool:
+            return minutes is not None and time.monotonic() - began > 60 * minutes * share
+
+        self.progress = progress
+        self.study = _study(recordings, hold_out, np.random.default_rng(seed), progress, late)
+        self.notes = self.study.notes
+        self.dropped: dict[str, str] = {}
+        self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
+        self.best_form: Trial | None = None
+        self.windows: WindowMap | None = None
+        self.right = np.zeros(0)
+        self.floor: tuple[float | None, float | None] = (None, None)
+        self._completeness: dict[int, tuple[Fit, Completeness]] = {}
+
+    @property
+    def plain(self) -> Claim:
+        return Claim((), self.tried.recalibrated)
+
+    def recalibrate(self) -> None:
+        self.naive_fit, self.recalibrated_fit = _calibrated(self.study)
+
+    def try_candidates(self) -> None:
+        tried = _tried(self.study, self.naive_fit, self.recalibrated_fit)
+        self.study, self.tried = _with_memory(self.study, tried)
+
+    def nulls(self) -> Null | None:
+        self.null, self.chosen = _beyond_nulls(self.study, self.tried)
+        return self.null
+
+    def search(self, null: Null | None) -> Claim:
+        study, tried = self.study, self.tried
+        found, revised, self.dropped, self.near = _explained(study, tried, self.chosen)
+        self.fitter = study.fitter
+        if found and self.fitter.segmented:
+            self.fitter, revised = joined(self.fitter, revised)
+            found = [replace(t, fit=revised) for t in found]
+        self.spread = spread_of(revised, study.training) if found else tried.spread
+        if found:
+            self.tried, self.fitter, found, revised = _finely(study, tried, self.fitter, found, revised, self.spread)
+        return Claim(tuple(found), revised)
+
+    def weigh(self, claim: Claim) -> Weighed:
+        """Scores of unseen blocks: recalibrated, named, and the nameless forces that gain most."""
+        study, tried, rng = self.study, self.tried, self.study.rng
+        study.progress("what explains", 0.72)
+        self.blocks = make_blocks(study.cases)
+        noise = completeness(series_of(tried.best, study.training)).noise
+
+        def scores(fit: Fit) -> Scores:
+            return score(fit, self.blocks, study.predictor, noise, rng)
+
+        before = scores(tried.recalibrated)
+        self.scores: dict[str, Scores] = {}
+        named = None
+        if claim.laws:
+            self.scores[claim.label] = scores(claim.fit)
+            named = explained(self.scores[claim.label], before, rng)
+        most = max((t.gain for t in tried.arms), default=0.0)
+        forms = []
+        for arm in tried.arms:
+            if arm.fit is not None and arm.gain > FORMS * most and arm.gain > 0:
+                form = Claim((arm,), arm.fit)
+                self.scores[form.label] = scores(arm.fit)
+                share = explained(self.scores[form.label], before, rng)
+                forms.append(Form(form, share, worth(arm, tried.spread)))
+        best = best_form(forms)
+        self.best_form = None if best is None else best.claim.laws[0]
+        gain = (tried.recalibrated.chi2 - claim.fit.chi2) / self.spread - 2 * sum(t.used for t in claim.laws)
+        ahead = gain - max((worth(f.claim.laws[0], self.spread) for f in forms), default=-np.inf)
+        return Weighed(named, tuple(forms), ahead=ahead)
+
+    def completeness(self, fit: Fit) -> Completeness:
+        """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
+        if id(fit) not in self._completeness:
+            found = completeness(series_of(fit, self.study.training))
+            if not found.passes and _below_tolerance(fit, self.study.training):
+                found = Completeness(found.noise, found.chance, True)
+            self._completeness[id(fit)] = fit, found
+        return self._completeness[id(fit)][1]
+
+    def mismatch(self, claim: Claim) -> Mismatch:
+        study, tried = self.study, self.tried
+        left = self.completeness(tried.recalibrated)
+        real = bool(claim.laws) or left.chance < current().verdict.alarm
+        if left.passes and _below_tolerance(tried.recalibrated, study.training):
+            real = False
+        laws = list(claim.laws)
+        if real and laws and within_belief(laws, claim.fit, tried.recalibrated, study.fitter, self.spread):
+            self.notes.append(f"{claim.label}: masses and radii as far off as was stated do the same")
+            real = False
+        improved = tried.naive.chi2 - tried.recalibrated.chi2
+        moved = improved / self.spread > 12 + 2 * len(tried.recalibrated.values)
+        return Mismatch(real, bool(study.adjustables) and moved)
+
+    def settle(self, judged: Judgement) -> Judgement:
+        """With profiles of chi2 where a law and the adjustables are known only together."""
+        if judged.verdict not in ("missing_physics", "measurement"):
+            return judged
+        count = len(self.tried.recalibrated.values)
+        fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, lambda: self.study.late(0.75))
+        fit = with_believed_errors(self.fitter, fit, self.spread)
+        if fit.limits:
+            names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
+            self.notes.append(
+                f"{names} and the adjustables are known only together: their intervals are profiles of chi2"
+            )
+        return replace(judged, claim=replace(judged.claim, fit=fit))
+
+    def hold_out(self, judged: Judgement) -> HeldOut:
+        study, revised = self.study, judged.claim.fit
+        study.progress("held-out data", 0.8)
+        fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
+        self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
+        self.held = {name: _held_out(study, fit) for name, fit in fits.items()}
+        study.progress("noise floor", 0.86)
+        how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
+        self.floor = noise_floor(*how)
+        rms, floor = self.held["revised"].rms, self.floor[1]
+        # beyond the floor there may be the errors of the numbers that were found, too
+        if rms is not None and floor and rms > BEYOND_FLOOR * floor and len(revised.values) and not study.late(0.9):
+            self.right = right_law_errors(*how)
+        outcome = None
+        if judged.claim.laws:
+            outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
+        train, held = (
+            {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
+            for part, floor in zip((self.train, self.held), self.floor, strict=True)
+        )
+        return HeldOut(
+            train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
+            self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+        )  # fmt: skip
+
+    def _gain(self, errors: Errors) -> float | None:
+        """Half the fall of chi2 on held-out data, recalibrated less this."""
+        before = self.held["recalibrated"]
+        return None if before.rms is None or errors.rms is None else (before.chi2 - errors.chi2) / 2
+
+    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
+        """By innovations of short windows."""
+        self.study.progress("locating", 0.88)
+        found = list(judged.claim.laws)
+        followed = judged.claim.fit if found else self.tried.best
+        self.windows, places = _located(
+            self.study, judged.verdict, self.tried.naive, self.tried.recalibrated, followed, found
+        )
+        return [place.as_dict() for place in places], [place.case for place in places]
+
+    def left(self, judged: Judgement) -> Left:
+        # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
+        complete = self.completeness(judged.claim.fit).passes
+        complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
+        if complete or judged.verdict in ("no_mismatch", "recalibrate"):
+            return Left(complete, None)
+        return Left(False, self._remains(judged.claim))
+
+    def _remains(self, claim: Claim) -> Remains | None:
+        """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
+        study, tried, fit = self.study, self.tried, claim.fit
+        scores = self.scores.get(claim.label)
+        if scores is None:
+            scores = score(fit, self.blocks, study.predictor, self.completeness(fit).noise, study.rng)
+        taken = {t.mechanism for t in fit.hypothesis.terms}
+        leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
+        beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
+        signatures = make_bank(study.fitter, fit, beside).signatures
+        best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
+        looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
+        return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+
+    def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
+        found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive
+        near = self.near
+        taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
+        if len(found) > 1:
+            beside = [*near, *((t, False) for t in alive if t.mechanism not in taken)][: max(3, len(near))]
+        else:
+            beside = [*near, *(r for r in rivals_of(found, alive, self.spread) if r[0].mechanism not in taken)]
+        gains: dict[str, float | None] = {}
+        for t in (*(t for t, _ in judged.closest), *(t for t, _ in beside)):
+            if t.fit is not None and t.mechanism not in gains:
+                gains[t.mechanism] = self._gain(_held_out(self.study, t.fit, whole=False))
+        closest = [(Rival(t, gains.get(t.mechanism), False), share) for t, share in judged.closest]
+        return [Rival(t, gains.get(t.mechanism), same) for t, same in beside], closest
+
+    def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
+        study, found = self.study, judged.claim.laws
+        loser = next((r.law for r in rivals if r.law.fit is not None), None)
+        if len(found) != 1 or loser is None or found[0].fit is None or study.late(0.9):
+            return None
+        study.progress("the next experiment", 0.95)
+        names = (found[0].mechanism, loser.mechanism)
+        return propose(found[0].fit, loser.fit, names, study.cases, study.predictor, study.stop)
+
+    # ---- what is handed over
+
+    @property
+    def unit(self) -> str:
+        return next(c.unit for c in self.study.cases)
+
+    def mechanisms(self, course: Course) -> list[dict[str, Any]]:
+        judged, gain = course.judged, course.held.gain
+        told = Told(judged.claim.fit, self.spread, self.study.cases)
+        if judged.verdict == "unmodelled":
+            return [entry | {"name": UNKNOWN} for t in judged.claim.laws[:1] for entry in told.entries(t, gain)[:1]]
+        return [entry for t in judged.claim.laws for entry in told.entries(t, gain)]
+
+    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
+        fit = course.judged.claim.fit
+        return {f.name: fit.interval(k, self.spread) for k, f in enumerate(self.tried.recalibrated.hypothesis.free)}
+
+    def believed(self) -> dict[str, tuple[float, float, float]]:
+        return {f.name: (f.first, f.low, f.high) for f in self.tried.recalibrated.hypothesis.free}
+
+    def closing_notes(self, course: Course) -> list[str]:
+        notes = []
+        failures = self.study.predictor.failures
+        if len(failures) > 0.05 * self.runs:
+            notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
+        notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
+        revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
+        if revised and floor and revised > FAR_BEYOND * floor:
+            times = revised / floor
+            text = f"a held-out misfit of {revised:.3g} {self.unit} remains, {times:.1f} times the noise floor"
+            if self.right_law is not None:
+                least, most = self.right_law
+                text += "; where the law is right, numbers found from as noisy frames leave "
+                text += f"{least:.2g} to {most:.2g} {self.unit}"
+            notes.append(text)
+        return notes
+
+    def revised(self, course: Course) -> dict[str, Scene]:
+        fit, dt = course.judged.claim.fit, self.study.predictor.dt
+        own = self.standing(course, self.held)["revised"].values or {}
+        return {c.name: revised_scene(fit, own.get(c.name, fit.values), c, dt[c.name]) for c in self.study.cases}
+
+    def used(self) -> tuple[Used, ...]:
+        return tuple(used(case, self.study.predictor.dt.get(case.name)) for case in self.study.cases)
+
+    @staticmethod
+    def standing(course: Course, errors: Mapping[str, Errors]) -> dict[str, Errors]:
+        """Errors of each model, those of the recalibrated scene where no claim stands."""
+        return dict(errors) if course.judged.claim.laws else {**errors, "revised": errors["recalibrated"]}
+
+    def evidence(self, course: Course) -> TrackFinding:
+        tried, judged, study = self.tried, course.judged, self.study
+        fits = (tried.naive, tried.recalibrated, judged.claim.fit)
+        naive, recalibrated, revised = (whiteness(fit, study.training, fit.numbers) for fit in fits)
+        return TrackFinding(
+            study.cases, *fits, judged.verdict, list(judged.claim.laws), [(r.law, r.same) for r in course.rivals],
+            tried.alive + tried.untried, self.best_form or min(tried.arms, key=lambda t: t.inner, default=None),
+            course.null, naive, recalibrated, revised, self.windows, self.spread, self.standing(course, self.train),
+            self.standing(course, self.held), self.floor, tried.inner,
+        )  # fmt: skip
+
+    @property
+    def right_law(self) -> tuple[float, float] | None:
+        return (float(self.right.min()), float(self.right.max())) if len(self.right) else None
+
+    @property
+    def widened(self) -> float:
+        return math.sqrt(self.spread)
+
+    @property
+    def runs(self) -> int:
+        return self.study.predictor.runs
+
+
+def diagnose_tracks(
+    training: Sequence[Recording], held: Sequence[Recording] = (), *, minutes: float | None = None, seed: int = 0,
     progress: Progress = _silent,
-) -> TrackFinding:
-    """Explain all recordings together by one set of missing laws.
+) -> Diagnosis:  # fmt: skip
+    """Explain recordings of free, pinned, sprung and colliding bodies by what their scene lacks.
 
-    ``minutes``: the budget; when it runs short, pairs, nulls and proposals are cut down and the notes say so.
-    Raises InputError for recordings that cannot be used.
+    ``minutes``: the budget;  ``seed``: of the nulls.  Raises InputError for recordings that cannot be used.
     """
-    began = time.monotonic()
-
-    def late(share: float) -> bool:
-        return minutes is not None and time.monotonic() - began > 60 * minutes * share
-
-    study = _study(recordings, hold_out, np.random.default_rng(seed), progress, late)
-    cases, training, notes = study.cases, study.training, study.notes
-    tried = _tried(study, *_calibrated(study))
-    study, tried = _with_memory(study, tried)
-    cases, training = study.cases, study.training
-    naive, recalibrated = tried.naive, tried.recalibrated
-    null, chosen = _beyond_nulls(study, tried)
-    found, revised, dropped, near = _explained(study, tried, chosen)
-    fitter = study.fitter
-    if found and fitter.segmented:
-        fitter, revised = joined(fitter, revised)
-        found = [replace(t, fit=revised) for t in found]
-    spread = spread_of(revised, training) if found else tried.spread
-    if found:
-        tried, fitter, found, revised = _finely(study, tried, fitter, found, revised, spread)
-        naive, recalibrated = tried.naive, tried.recalibrated
-    whites = [whiteness(fit, training, fit.numbers) for fit in (naive, recalibrated, revised)]
-    study.progress("what explains", 0.72)
-    weighed = _weighed(study, tried, found, revised)
-    judged, found, revised, closest = _judged(study, tried, found, revised, spread, weighed)
-    verdict = judged.verdict
-    flexible = weighed.best_form
-    taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
-    if len(found) > 1:
-        rivals = [*near, *((t, False) for t in tried.alive if t.mechanism not in taken)][: max(3, len(near))]
-    else:
-        rivals = [*near, *(r for r in rivals_of(found, tried.alive, spread) if r[0].mechanism not in taken)]
-
-    if found and verdict in ("missing_physics", "measurement"):
-        revised = with_limits(fitter, revised, len(recalibrated.values), spread, lambda: late(0.75))
-        revised = with_believed_errors(fitter, revised, spread)
-        if revised.limits:
-            names = ", ".join(revised.hypothesis.free[k].name for k in revised.limits)
-            notes.append(f"{names} and the adjustables are known only together: their intervals are profiles of chi2")
-    # innovations of short windows under the recalibrated scene
-    study.progress("locating", 0.76)
-    followed = revised if found else tried.best
-    windows, places = _located(study, verdict, naive, recalibrated, followed, found)
-
-    # looked at only now that the verdict is fixed
-    study.progress("held-out data", 0.84)
-    fits = {"naive": naive, "recalibrated": recalibrated, "revised": revised}
-    train = {name: training_errors(fit, training) for name, fit in fits.items()}
-    held = {name: _held_out(study, fit) for name, fit in fits.items()}
-    scored = [t for t, _ in rivals] + [t for t, _ in closest]
-    rival_held = {t.mechanism: _held_out(study, t.fit, whole=False) for t in scored if t.fit is not None}
-    study.progress("noise floor", 0.92)
-    floor = noise_floor(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
-
-    right_law = np.zeros(0)
-    rms = held["revised"].rms
-    # beyond the floor there may be the errors of the numbers that were found, too
-    if rms is not None and floor[1] and rms > BEYOND_FLOOR * floor[1] and len(revised.values) and not late(0.9):
-        right_law = right_law_errors(revised.hypothesis, revised, cases, study.predictor, study.stop, study.rng)
-    proposal = _proposed(study, found, rivals)
-    heldout, withdrawn, withdrawn_held = None, list[Trial](), None
-    if found and verdict in ("missing_physics", "measurement", "unmodelled"):
-        heldout = paired_verdict(held["recalibrated"], held["revised"], study.rng)
-    if heldout == "fails":
-        study.notes.append(f"held-out data are predicted worse with {label_of(*found)} than without: it is withdrawn")
-        withdrawn = found if verdict != "unmodelled" else []
-        withdrawn_held = held["revised"]
-        judged, verdict = Judgement("unmodelled", None, judged.free_form), "unmodelled"
-        found, revised = [], recalibrated
-        held["revised"], train["revised"] = held["recalibrated"], train["recalibrated"]
-    # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
-    complete = weighed.completeness(revised, study).passes and (bool(found) or verdict != "unmodelled")
-    remains = None
-    if not complete and verdict not in ("no_mismatch", "recalibrate"):
-        remains = _remains(study, tried, revised, weighed)
-    study.progress("done", 1.0)
-    failures = study.predictor.failures
-    if len(failures) > 0.05 * study.predictor.runs:
-        notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
-    return TrackFinding(
-        cases=cases, naive=naive, recalibrated=recalibrated, revised=revised, verdict=verdict, found=found,
-        rivals=rivals, trials=tried.alive + tried.untried,
-        flexible=flexible or min(tried.arms, key=lambda t: t.inner, default=None),
-        null=null, white_naive=whites[0], white_recalibrated=whites[1], white_revised=whites[2],
-        windows=windows, places=places, spread=spread, train=train, held=held, rival_held=rival_held,
-        floor=floor, right_law=right_law, inner=tried.inner, proposal=proposal, judged=judged,
-        complete=complete, remains=remains, heldout=heldout, closest=closest, withdrawn=withdrawn,
-        withdrawn_held=withdrawn_held,
-        window=held["revised"].window, notes=notes,
-        seconds=time.monotonic() - began, runs=study.predictor.runs, seed=seed, dropped_bodies=dropped,
-        dt=dict(study.predictor.dt),
-    )  # fmt: skip
+    return diagnose_by(Tracks(training, held, minutes=minutes, seed=seed, progress=progress), seed)
 
 
 # ---- steps -----------------------------------------------------------------------------------
@@ -500,32 +688,6 @@ def _finely(
     return tried, fitter, found, revised
 
 
-@dataclass
-class Weighed:
-    """Scores on unseen blocks of the training part: of the recalibrated scene, of what was named, of nameless forces.
-
-    forms : each with what it explains;  best_form : the one that leaves least, None where none predicts better
-    """
-
-    blocks: list[Block]
-    before: Scores
-    named: Explained | None
-    named_scores: Scores | None
-    forms: list[tuple[Trial, Explained]]
-    best_form: Trial | None
-    criteria: Criteria = field(default_factory=current)
-    told: dict[int, Completeness] = field(default_factory=dict)
-
-    def completeness(self, fit: Fit, study: Study) -> Completeness:
-        """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
-        if id(fit) not in self.told:
-            found = completeness(series_of(fit, study.training), self.criteria)
-            if not found.passes and _below_tolerance(fit, study.training):
-                found = Completeness(found.noise, found.chance, True)
-            self.told[id(fit)] = found
-        return self.told[id(fit)]
-
-
 BESIDE, FEW = 6, 6  # leading laws, and how many numbers one may have, of which what is left may be the like
 FORMS = 0.3  # of the gain of the best form without a name: those below it are not weighed
 
@@ -542,85 +704,6 @@ def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:
             if matters is None or float(np.sqrt(excess)) * case.sigma[k] > matters:
                 return False
     return True
-
-
-def _weighed(study: Study, tried: Tried, found: list[Trial], revised: Fit) -> Weighed:
-    """Scores of unseen blocks: recalibrated, named, and the nameless forces that gain most."""
-    blocks = make_blocks(study.cases)
-    noise = completeness(series_of(tried.best, study.training)).noise
-
-    def scores(fit: Fit) -> Scores:
-        return score(fit, blocks, study.predictor, noise, study.rng)
-
-    before = scores(tried.recalibrated)
-    named_scores = scores(revised) if found else None
-    named = explained(named_scores, before, study.rng) if named_scores else None
-    most = max((t.gain for t in tried.arms), default=0.0)
-    forms = []
-    for arm in tried.arms:
-        if arm.fit is not None and arm.gain > FORMS * most and arm.gain > 0:
-            forms.append((arm, explained(scores(arm.fit), before, study.rng)))
-    helps = [(arm, e) for arm, e in forms if e.share > 0 and e.low > 0]
-    return Weighed(blocks, before, named, named_scores, forms, _best_form(helps, tried.spread))
-
-
-def _best_form(helps: Sequence[tuple[Trial, Explained]], spread: float) -> Trial | None:
-    """The form that leaves least; of those that leave as little, within what replicates do, the simplest that fits."""
-    least = min((e.left for _, e in helps), default=0.0)
-    near = [t for t, e in helps if e.left - least <= current().verdict.beyond * e.spread]
-    return max(near, key=lambda t: worth(t, spread), default=None)
-
-
-def _judged(
-    study: Study, tried: Tried, found: list[Trial], revised: Fit, spread: float, weighed: Weighed
-) -> tuple[Judgement, list[Trial], Fit, list[tuple[Trial, Explained]]]:
-    """The verdict of the contract, the laws or the nameless force that stand, their fit, and the names that fell."""
-    recalibrated, notes = tried.recalibrated, study.notes
-    shares = [e.share for _, e in weighed.forms]
-    form_share = max(shares, default=None)
-    form_share = None if form_share is None else max(form_share, 0.0)
-    left = weighed.completeness(recalibrated, study)
-    real = bool(found) or left.chance < weighed.criteria.verdict.alarm
-    if _below_tolerance(recalibrated, study.training) and left.passes:
-        found, real = [], False
-    if found and within_belief(found, revised, recalibrated, study.fitter, spread):
-        notes.append(f"{label_of(*found)}: masses and radii as far off as was stated do the same")
-        found, real = [], False
-    if not real:
-        improved = tried.naive.chi2 - recalibrated.chi2
-        moved = bool(study.adjustables) and improved / spread > 12 + 2 * len(recalibrated.values)
-        return Judgement("recalibrate" if moved else "no_mismatch", None, None), [], recalibrated, []
-    closest: list[tuple[Trial, Explained]] = []
-    if found and weighed.named is not None:
-        fits = [t for t, _ in weighed.forms]
-        best = max((worth(t, spread) for t in fits), default=-np.inf)
-        gain = (recalibrated.chi2 - revised.chi2) / spread - 2 * sum(t.used for t in found)
-        good, why = accepted(weighed.named, [e for _, e in weighed.forms], gain - best)
-        if good:
-            verdict = "measurement" if all(is_apparatus(t) for t in found) else "missing_physics"
-            return Judgement(verdict, weighed.named, form_share), found, revised, []
-        notes.append(f"{label_of(*found)} is not named: {why}")
-        closest = [(t, weighed.named) for t in found]
-    form = weighed.best_form
-    if form is not None and form.fit is not None:
-        told = next(e for t, e in weighed.forms if t is form)
-        return Judgement("unmodelled", told, form_share), [form], form.fit, closest
-    return Judgement("unmodelled", None, form_share), [], recalibrated, closest
-
-
-def _remains(study: Study, tried: Tried, revised: Fit, weighed: Weighed) -> Remains | None:
-    """What is left of unseen training data, and which law or nameless force beside the revised scene is the like."""
-    noise = weighed.completeness(revised, study).noise
-    scores = weighed.named_scores
-    if scores is None or weighed.named is None or revised is tried.recalibrated:
-        scores = score(revised, weighed.blocks, study.predictor, noise, study.rng)
-    taken = {t.mechanism for t in revised.hypothesis.terms}
-    leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
-    beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
-    signatures = make_bank(study.fitter, revised, beside).signatures
-    best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
-    looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
-    return remains_of(scores, [b.case.t[b.rest] for b in weighed.blocks], looks)
 
 
 def _located(
@@ -652,20 +735,6 @@ def _held_out(study: Study, fit: Fit, whole: bool = True) -> Errors:
     if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
         memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
     return held_out_errors(fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory)
-
-
-def _proposed(study: Study, found: list[Trial], rivals: list[tuple[Trial, bool]]) -> Proposal | None:
-    """The experiment that decides between what was found and its first rival."""
-    close = [trial for trial, _ in rivals if trial.fit is not None]
-    if not found or not close or found[0].fit is None or study.late(0.9):
-        return None
-    study.progress("the next experiment", 0.95)
-    loser = close[0].fit
-    assert loser is not None
-    if len(found) > 1:
-        return None
-    names = (found[0].mechanism, close[0].mechanism)
-    return propose(found[0].fit, loser, names, study.cases, study.predictor, study.stop)
 
 
 def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:

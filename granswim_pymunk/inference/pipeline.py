@@ -1,0 +1,108 @@
+"""The diagnosis, step by step, whatever was recorded."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from .judge import Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
+from .model import Course, HeldOut, ObservationModel
+from .result import MODELS, Diagnosis, empty_verdict, rival_entries
+
+
+def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
+    """Explain recordings by what their scene lacks.
+
+    ``seed``: that the model was made with.  Raises InputError for recordings that cannot be used.
+    """
+    began = time.monotonic()
+    model.recalibrate()  # first of all: it hides physics, and may be all that is needed
+    model.try_candidates()  # each alone, and forms without a name beside them
+    null = model.nulls()  # what the same search finds where nothing is missing
+    claim = model.search(null)  # one to three laws that are needed together
+    weighed = model.weigh(claim)  # what they explain of data that they were not fitted to
+    judged = judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
+    judged = model.settle(judged)
+    held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
+    judged = after_held_out(model, judged, held)
+    places, places_in = model.locate(judged)
+    left = model.left(judged)
+    rivals, closest = model.rivals(judged)
+    proposal = model.propose(judged, rivals)
+    course = Course(null, judged, held, places, places_in, left, rivals, closest, proposal)
+    found = result_of(model, course, time.monotonic() - began, seed)
+    model.done()
+    model.progress("done", 1.0)
+    return found
+
+
+def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:
+    """The judgement once held-out data were looked at: they may turn a claim down, or a part of it."""
+    if held.outcome == "fails" and judged.claim.laws:
+        judged = withdrawn(judged, model.plain, model.notes)
+    elif held.claim.laws != judged.claim.laws:
+        laws = held.claim.laws
+        verdict = named_verdict(laws) if laws else judged.verdict
+        if not laws and verdict != "unmodelled":
+            verdict = without_laws(model.mismatch(held.claim))
+        judged = replace(judged, verdict=verdict, claim=held.claim, explained=held.explained)
+    if not judged.claim.laws and model.strays(judged):
+        judged = replace(judged, verdict="unmodelled")
+    return judged
+
+
+def result_of(model: ObservationModel, course: Course, seconds: float = 0.0, seed: int = 0) -> Diagnosis:
+    """What is handed over of what was found."""
+    return Diagnosis(
+        kind=model.kind, verdict=verdict_of(model, course), revised=model.revised(course),
+        evidence=model.evidence(course), tables=model.tables(course), used=model.used(), believed=model.believed(),
+        places_in=tuple(course.places_in), right_law=model.right_law, widened=model.widened, seconds=seconds,
+        runs=model.runs, seed=seed,
+    )  # fmt: skip
+
+
+def verdict_of(model: ObservationModel, course: Course) -> dict[str, Any]:
+    """The content of verdict.json (contract version 2)."""
+    judged, left, proposal = course.judged, course.left, course.proposal
+    held = course.held if judged.claim.laws else course.held.without()
+    verdict = empty_verdict(judged.verdict, model.unit)
+    verdict |= {
+        "mismatch": list(course.places), "mechanisms": model.mechanisms(course), "rivals": _rivals(course),
+        "heldout": held.outcome, "explained": explained_dict(judged), "complete": left.complete,
+        "remains": None if left.remains is None else left.remains.as_dict(), "null": _null(model, course),
+    }  # fmt: skip
+    for part, errors in (("train", held.train), ("heldout", held.held)):
+        verdict["fit"][part] = {name: errors.get(name) for name in MODELS}
+    verdict["fit"]["window"] = held.window
+    if any(held.whole.values()):
+        verdict["fit"]["heldout_start_fitted_to_whole"] = dict(held.whole)
+    if proposal is not None:
+        verdict["next_experiment"] = {
+            "change": proposal.change, "separates": list(proposal.separates), "d_prime": proposal.d_prime,
+        }  # fmt: skip
+    verdict["recalibrated"] = {
+        name: dict(zip(("value", "low", "high"), limits, strict=True))
+        for name, limits in model.adjustables(course).items()
+    }
+    verdict["notes"] = [*model.notes, *model.closing_notes(course)]
+    return verdict
+
+
+def _null(model: ObservationModel, course: Course) -> dict[str, Any] | None:
+    """``null``; with the tail model of places that are beyond all replicates."""
+    if course.null is None:
+        return None
+    replicates = len(course.null.gains)
+    told: dict[str, Any] = {"p_false_alarm": model.false_alarm(course), "replicates": replicates}
+    if model.tail and any(place["p"] < 1 / (replicates + 1) for place in course.places):
+        told["tail"] = model.tail
+    return told
+
+
+def _rivals(course: Course) -> list[dict[str, Any]]:
+    return rival_entries(
+        [(law.mechanism, course.held.gain) for law in course.judged.withdrawn],
+        [(r.law.mechanism, r.gain, share) for r, share in course.closest],
+        [(r.law.mechanism, r.gain, r.same) for r in course.rivals],
+    )

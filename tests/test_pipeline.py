@@ -1,0 +1,208 @@
+"""One pipeline for every kind of recording: its order, the rule of the verdict, what held-out data do to a claim."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.inference.explained import Explained
+from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
+from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel, Rival
+from granswim_pymunk.inference.pipeline import diagnose_by
+from granswim_pymunk.inference.result import MODELS, check_verdict, mechanism_entry, mismatch_entry
+from granswim_pymunk.inference.significance import Null, price, rank
+
+
+@dataclass(frozen=True)
+class Law:
+    mechanism: str
+    label: str = ""
+
+
+DRAG, SCALE, FORM = Law("linear_drag", "linear_drag p=0"), Law("camera_scale", "camera"), Law("unknown", "in speed")
+PLAIN, NAMED = Claim((), "recalibrated"), Claim((DRAG,), "with drag")
+REAL = Mismatch(True, False)
+
+
+def share(value: float, low: float | None = None, sure: bool = True, spread: float = 0.1) -> Explained:
+    """Of a mismatch of ten spreads."""
+    low = value - 0.05 if low is None else low
+    return Explained(value, low, min(value + 0.05, 1.0), (1 - value) * 10.0, 10.0, sure, spread)
+
+
+def form(value: float, worth: float = 1.0, **more) -> Form:
+    return Form(Claim((FORM,), "with a form"), share(value, **more), worth)
+
+
+def verdict_of(named: Explained | None, *forms: Form, laws: tuple[Law, ...] = (DRAG,), **more) -> Judgement:
+    return judge(Claim(laws, "with laws"), Weighed(named, forms, **more), REAL, PLAIN, [])
+
+
+@pytest.mark.parametrize(
+    ("named", "forms", "verdict", "explained"),
+    [
+        (share(0.8), [form(0.7)], "missing_physics", 0.8),
+        (share(0.6), [], "unmodelled", None),  # where no form was possible, more is asked
+        (share(0.75), [], "missing_physics", 0.75),
+        (share(0.45), [form(0.3)], "unmodelled", 0.3),
+        (share(0.8, low=-0.1), [form(-0.2)], "unmodelled", None),  # on some data no better; nor is the form
+        (share(0.6), [form(0.85)], "unmodelled", 0.85),  # a form leaves less than half
+        (share(0.95), [form(0.98)], "missing_physics", 0.95),  # less than a tenth is asked there
+        (None, [], "missing_physics", None),  # could not be run on unseen blocks
+    ],
+)
+def test_the_rule_of_the_verdict(named, forms, verdict, explained):
+    found = verdict_of(named, *forms)
+    assert found.verdict == verdict and (found.explained and found.explained.share) == explained
+    if verdict == "unmodelled":
+        assert found.closest == ((DRAG, named.share),)
+        assert found.claim.laws == ((FORM,) if explained is not None else ())
+    else:
+        assert found.claim.laws == (DRAG,) and not found.closest
+
+
+def test_apparatus_alone_is_a_measurement_and_beside_a_law_it_is_not():
+    assert verdict_of(share(0.9), laws=(SCALE,)).verdict == "measurement"
+    assert verdict_of(share(0.9), laws=(SCALE, DRAG)).verdict == "missing_physics"
+
+
+def test_few_replicates_take_no_name_away_that_may_as_well_explain_enough():
+    near = replace(share(0.45), high=0.7)
+    assert verdict_of(near, form(0.2)).verdict == "unmodelled"
+    assert verdict_of(near, form(0.2), few=True).verdict == "missing_physics"
+    # forms were among the candidates, and none led anywhere: half is enough
+    assert verdict_of(share(0.6), possible=True).verdict == "missing_physics"
+
+
+def test_a_mismatch_that_is_not_real_names_nothing():
+    assert [without_laws(Mismatch(*m)) for m in ((False, False), (False, True), (True, True))] == [
+        "no_mismatch", "recalibrate", "unmodelled",
+    ]  # fmt: skip
+    found = judge(Claim((DRAG,), ""), Weighed(share(0.9)), Mismatch(False, False), PLAIN, [])
+    assert found.verdict == "no_mismatch" and found.claim == PLAIN
+
+
+def test_of_forms_that_leave_as_little_the_one_worth_most_is_told():
+    poor, good, simple = form(0.5), form(0.9, worth=10.0), form(0.89, worth=20.0)
+    assert best_form([poor, good, simple]) is simple
+    sharp = [replace(f, explained=replace(f.explained, spread=0.01)) for f in (poor, good, simple)]
+    assert best_form(sharp).worth == 10.0
+    assert best_form([form(0.4, low=-0.1)]) is None
+
+
+def test_one_price_and_one_rank():
+    assert price(40) == pytest.approx(21.2, abs=0.1) and price(40, 3) == pytest.approx(price(40) + 4)
+    gains = np.arange(99.0)
+    assert Null(gains, 98.5).p == rank(98.5, gains) == 0.01 and rank(0.0, gains) == 1.0
+
+
+@dataclass
+class Toy(ObservationModel):
+    """A kind of recording of which every step is given; ``order``: as they were asked for."""
+
+    claim: Claim = NAMED
+    outcome: str | None = "holds"
+    stands: Claim | None = None
+    stray: bool = False
+    kind = "toy"
+    tail = "none"
+    notes: list[str] = field(default_factory=list)
+    order: list[str] = field(default_factory=list)
+
+    def progress(self, text: str, done: float) -> None:
+        self.order.append(text)
+
+    plain = PLAIN
+    runs = 3
+
+    def recalibrate(self):
+        self.order.append("recalibrate")
+
+    def try_candidates(self):
+        self.order.append("candidates")
+
+    def nulls(self):
+        self.order.append("nulls")
+        return Null(np.zeros(99), 1.0)
+
+    def search(self, null):
+        assert null.p == 0.01
+        return self.claim
+
+    def weigh(self, claim):
+        return Weighed(share(0.9) if claim.laws else None, (form(0.8),))
+
+    def mismatch(self, claim):
+        return Mismatch(bool(claim.laws), False)
+
+    def hold_out(self, judged):
+        assert judged.verdict in ("missing_physics", "no_mismatch")
+        self.order.append("held out")
+        errors = dict(zip(MODELS, (4.0, 3.0, 2.0, 1.0), strict=True))
+        return HeldOut(errors, errors, self.outcome, 7.0, self.stands or judged.claim, judged.explained)
+
+    def strays(self, judged):
+        return self.stray
+
+    def locate(self, judged):
+        return ([mismatch_entry(["a"], 9.0, 1e-5)] if judged.verdict != "no_mismatch" else []), ()
+
+    def left(self, judged):
+        self.order.append("left")
+        return Left(True, None)
+
+    def rivals(self, judged):
+        return [Rival(Law("quadratic_drag"), 1.0, False)], [(Rival(law, None, False), s) for law, s in judged.closest]
+
+    def propose(self, judged, rivals):
+        return None
+
+    def mechanisms(self, course):
+        return [mechanism_entry(t.mechanism, "", ["a"], {}, None, course.held.gain) for t in course.judged.claim.laws]
+
+    def adjustables(self, course):
+        return {"k": (1.0, 0.5, None)}
+
+    def believed(self):
+        return {"k": (1.0, 0.0, 2.0)}
+
+    def revised(self, course):
+        return {}
+
+    def used(self):
+        return ()
+
+    def evidence(self, course):
+        return course
+
+
+def test_the_steps_come_in_their_order_and_what_is_found_is_written():
+    model = Toy()
+    found = diagnose_by(model, seed=5)
+    check_verdict(found.verdict)
+    assert model.order == ["recalibrate", "candidates", "nulls", "held out", "left", "done"]
+    verdict = found.verdict
+    assert (found.kind, found.seed, found.runs, verdict["verdict"]) == ("toy", 5, 3, "missing_physics")
+    assert verdict["fit"]["heldout"] == dict(zip(MODELS, (4.0, 3.0, 2.0, 1.0), strict=True))
+    assert verdict["null"] == {"p_false_alarm": 0.01, "replicates": 99, "tail": "none"}
+    assert verdict["explained"]["best_free_form"] == 0.8 and verdict["rivals"][0]["name"] == "quadratic_drag"
+    assert verdict["recalibrated"] == {"k": {"value": 1.0, "low": 0.5, "high": None}}
+
+
+def test_held_out_data_withdraw_a_name_and_never_make_one():
+    found = diagnose_by(Toy(outcome="fails")).verdict
+    check_verdict(found)
+    assert found["verdict"] == "unmodelled" and not found["mechanisms"] and found["explained"] is None
+    assert found["rivals"][0] == {
+        "name": "linear_drag", "gain_heldout": 7.0, "indistinguishable": False, "withdrawn": True,
+    }  # fmt: skip
+    assert found["fit"]["heldout"]["revised"] == found["fit"]["heldout"]["recalibrated"] == 3.0
+    assert any("it is withdrawn" in note for note in found["notes"])
+    # a part of a claim, or all of it, may be taken back without being turned down
+    less = diagnose_by(Toy(claim=Claim((DRAG, SCALE), ""), stands=Claim((DRAG,), ""))).verdict
+    assert [m["name"] for m in less["mechanisms"]] == ["linear_drag"]
+    assert diagnose_by(Toy(stands=PLAIN, outcome=None)).verdict["verdict"] == "no_mismatch"
+    # where nothing was claimed, nothing is turned down
+    nothing = diagnose_by(Toy(claim=PLAIN, outcome="fails")).verdict
+    assert nothing["verdict"] == "no_mismatch" and nothing["heldout"] == "fails"
+    assert diagnose_by(Toy(claim=PLAIN, outcome=None, stray=True)).verdict["verdict"] == "unmodelled"
