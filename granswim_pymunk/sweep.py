@@ -23,16 +23,19 @@ import io
 import itertools
 import json
 import math
+import multiprocessing
 import os
 import pickle
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -303,9 +306,17 @@ def observe(
 # ---- running them -----------------------------------------------------------------------------
 
 
-def _leave_ctrl_c_to_the_main_process() -> None:
+def _as_a_worker() -> None:
     # a worker that is interrupted just goes: its file is written at the end, or not at all
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # so it does where the main process was killed, which has no time to say so
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+
+
+def _end_with(main: BaseProcess | None) -> None:
+    if main is not None:
+        main.join()
+        os._exit(1)
 
 
 @contextmanager
@@ -335,7 +346,7 @@ class _Fresh(SpawnContext):
 
 def pool(processes: int) -> ProcessPoolExecutor:
     """A pool of fresh processes: nothing in them but what is sent."""
-    return ProcessPoolExecutor(processes, _Fresh(), _leave_ctrl_c_to_the_main_process)
+    return ProcessPoolExecutor(processes, _Fresh(), _as_a_worker)
 
 
 @contextmanager

@@ -4,9 +4,11 @@ import errno
 import functools
 import math
 import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -320,3 +322,28 @@ def test_absurd_numbers(more: list[str], words: str, tmp_path: Path, capsys: pyt
     assert main(["sweep", "falling_ball", "--out", str(out), "--processes", "1", *more]) == 2
     error = capsys.readouterr().err
     assert words in error and len(error.splitlines()) == 1 and not out.exists()
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks processes up in /proc")
+def test_workers_go_with_a_main_process_that_was_killed():
+    """SIGKILL leaves the main process no time to tell its workers; they must not stay and compute on."""
+    script = (
+        "import os, time\nfrom granswim_pymunk.sweep import pool\nworkers = pool(1)\n"
+        "print(workers.submit(os.getpid).result(), flush=True)\nworkers.submit(time.sleep, 300)\ntime.sleep(300)"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as main_process:
+        assert main_process.stdout is not None
+        worker = int(main_process.stdout.readline())
+        assert Path(f"/proc/{worker}").exists()
+        main_process.send_signal(signal.SIGKILL)
+    until = time.monotonic() + 20
+
+    def there() -> bool:
+        try:
+            return "Z" not in Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return False
+
+    while there() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not there()
