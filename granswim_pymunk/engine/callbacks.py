@@ -1,9 +1,11 @@
 """Compiling laws into the callbacks that Chipmunk calls.
 
-The laws are put into one generated module: the sum of all forces (an ordinary array function, used by
-every mode and by the reference to nothing), and the native callbacks around it. The module is laid
-out as a file in the user's cache, named by the hash of its text, and its machine code is kept beside it (see
-``compiled``): the second start takes a quarter of a second. The generated text is meant to be read.
+Each law is a generated module of its own, compiled when a scene first uses it: what it adds to the forces of one block
+of bodies. The core, another module, goes through the blocks and the uses of laws and calls them by their addresses; it
+holds the native callbacks too. What only some scenes need (lists of pairs, straight walls, links, Chipmunk's contacts)
+are modules as well. All of them find their arrays behind one pointer, the context. A module is laid out as a file in
+the user's cache, named by the hash of its text, and its machine code is kept beside it (see ``compiled``). The generated
+text is meant to be read.
 """
 
 from __future__ import annotations
@@ -19,17 +21,16 @@ import math
 import re
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numba
 
-from ..compiled import shown
 from ..errors import InputError
 from ..files import written_whole
-from ..laws import Law, all_laws
+from ..laws import Law
 from ..storage import code_folder
 from . import links, native, neighbours
 from .motion import LIMIT, MOTION, columns
@@ -39,15 +40,17 @@ log = logging.getLogger("granswim")
 
 KIND_ORDER = {"pair": 0, "chain": 1, "body": 2, "joint": 2, "constraint": 3}
 
-# columns of the integer table that says how a law is used
-USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "damping")
+# columns of the integer table that says how a law is used; the code is that of its kind, 0 of one that has no forces
+# here; then addresses: of what it adds to a block of bodies, of one pair, of a body at a straight wall
+USE_COLUMNS = ("code", "parameters", "first", "last", "mask", "damping", "block", "one", "wall")
+PAIR, CONSTRAINT = (1 + KIND_ORDER[kind] for kind in ("pair", "constraint"))
 
 # slots of the context that the callbacks find behind a pointer: addresses and whole numbers ...
 INTS = (
     "n", "n_mobile", "room", "n_pairs", "n_rows", "n_uses", "n_parameters", "n_input", "status", "rebuilds", "cuts",
     "n_cells", "n_table", "n_contacts", "margin_crossed", "n_chains", "n_runs", "n_blocks", "own_drift", "own_kick",
     "from_list", "constrained", "fixed_skin", "pushed", "first_body", "n_joints", "n_joint_of", "n_links", "n_linked",
-    "n_held", "n_apart", "n_walls", "n_meetings",
+    "n_held", "n_apart", "n_walls", "n_meetings", "renew_lists", "add_walls", "hold_links",
     "bodies", "state", "motion", "place_x", "place_y", "mass", "inverse_mass", "radius", "given_inertia",
     "old_x", "old_y", "mobile", "group", "parameters", "uses", "runs", "run_starts", "blocks", "mask",
     "pair_i", "pair_j", "pair_shift", "near_i", "near_j", "near_shift", "near_touch", "near_mass", "near_starts",
@@ -90,6 +93,10 @@ HALF_STEP, ALONE, TOGETHER, CHAINS = 0, 1, 2, 3
 # what is kept of each body while dampings are taken twice
 KEPT = ("fx", "fy", "torque", "vx", "vy", "spin")
 
+# functions that are compiled for a scene of few laws, about: the length of the progress bar
+FUNCTIONS = 30
+# of what a law adds to a block of bodies, of one pair, of a body at a straight wall; 0 where it is not needed
+Addresses = tuple[int, int, int]
 
 _PLAIN_GLOBALS = {"math", "np", "numpy"}
 
@@ -161,49 +168,43 @@ def _work(name: str) -> str:
     return f"work[m + W_{name.upper()}]"
 
 
-def _pair_block(law: Law, code: int) -> str:
-    """One pair law: for a single pair, and for a block of pairs that touch, which the compiler can vectorise."""
-    read, names = _parameter_locals(law)
-    spin = spins(law)
-    available = {
-        "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
-        "reduced_radius": "ri * rj / touch", "r0": "r0", "radius_i": "ri", "radius_j": "rj", "spin_i": "wi",
-        "spin_j": "wj", **names,
-    }  # fmt: skip
-    reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
-    lines = ["nx = dx / d", "ny = dy / d", "gap = d - touch", "vn = ux * nx + uy * ny"]
-    # a dashpot acts at once when bodies touch, an attraction at its reach: without this the moment is rounded to steps
-    deep = "deep = abs(vn) * step"
-    shared, lasting = [], []
-    if law.reach:
-        shared = [deep, f"inside = touch{reach} - d", f"gap = min(gap, 0.0{reach})"]
-        lasting = ["lasts = min(max(0.5 + inside / max(deep, 1e-300), 0.0), 1.0)", "fn *= lasts", "ft *= lasts"]
-    elif "vn" in law.arguments:
-        shared = [deep, "vn *= 0.5 - gap / deep if -gap < deep else 1.0"]
-    opening = len(lines)
-    if spin:
-        lines.append("vt = uy * nx - ux * ny - wj * rj - wi * ri")
-    lines.append(f"{'fn, ft, mi, mj' if _turns(law) else 'fn, ft'} = {_call(law, available)}")
-    called = len(lines)
-    lines += ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx"] if spin else ["px = fn * nx", "py = fn * ny"]
-    if spin:
-        lines += ["ti = -ri * ft", "tj = -rj * ft"]
-    if _turns(law):
-        lines += ["ti += mi", "tj += mj"]
-    round_ = spin or "reduced_radius" in law.arguments
-    inputs = ["dx", "dy", "ux", "uy", "touch", "mass", *(["ri", "rj", "wi", "wj"] if round_ else [])]
-    unpack = [f"{'reduced_mass' if name == 'mass' else name} = {_work(name)}" for name in inputs]
-    pack = [f"{_work(name)} = {name}" for name in ("px", "py", *(["ti", "tj"] if spin else []))]
+class _Pair:
+    """The text of a pair law: what it reads, how it is called, and what is done with its answer."""
+
+    def __init__(self, law: Law) -> None:
+        self.read, names = _parameter_locals(law)
+        self.spin = spin = spins(law)
+        available = {
+            "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
+            "reduced_radius": "ri * rj / touch", "r0": "r0", "radius_i": "ri", "radius_j": "rj", "spin_i": "wi",
+            "spin_j": "wj", **names,
+        }  # fmt: skip
+        self.reach = f" + {names.get(law.reach, f'parameters[o + {_slot(law, law.reach)}]')}" if law.reach else ""
+        self.opening = ["nx = dx / d", "ny = dy / d", "gap = d - touch", "vn = ux * nx + uy * ny"]
+        self.answer = ["vt = uy * nx - ux * ny - wj * rj - wi * ri"] if spin else []
+        self.answer.append(f"{'fn, ft, mi, mj' if _turns(law) else 'fn, ft'} = {_call(law, available)}")
+        self.push = ["px = fn * nx - ft * ny", "py = fn * ny + ft * nx"] if spin else ["px = fn * nx", "py = fn * ny"]
+        if spin:
+            self.push += ["ti = -ri * ft", "tj = -rj * ft"]
+        if _turns(law):
+            self.push += ["ti += mi", "tj += mj"]
+
+
+def _one_text(law: Law) -> str:
+    """What a pair law does to one pair: added to the first four numbers of ``work``."""
+    pair = _Pair(law)
     return f"""
-@njit(**PLAIN)
-def pair_{law.name}(i, j, o, t, state, inverse_mass, radius, parameters, scalars):
+@cfunc(types.void(types.int64, types.int64, types.int64, types.int64, types.float64), **CALLBACK)
+def one(context, u, i, j, t):
+    UNPACK
+    o = uses[u, 1]
     length = scalars[0]
     r0 = parameters[o - 1]
     px = 0.0
     py = 0.0
     ti = 0.0
     tj = 0.0
-{_indent(read, 1)}    ri = radius[i]
+{_indent(pair.read, 1)}    ri = radius[i]
     rj = radius[j]
     wi = state[i, SPIN]
     wj = state[j, SPIN]
@@ -214,58 +215,91 @@ def pair_{law.name}(i, j, o, t, state, inverse_mass, radius, parameters, scalars
         dx -= length * math.floor(dx / length + 0.5)
     dy = state[j, Y] - state[i, Y]
     square = dx * dx + dy * dy
-    limit = touch{reach}
+    limit = touch{pair.reach}
     if square < limit * limit and square > 0.0:
         d = math.sqrt(square)
         ux = state[j, VX] - state[i, VX]
         uy = state[j, VY] - state[i, VY]
-{_indent(lines, 2)}    return px, py, ti, tj
+{_indent([*pair.opening, *pair.answer, *pair.push], 2)}    work[0] += px
+    work[1] += py
+    work[2] += ti
+    work[3] += tj
+"""
 
 
+def _pair_text(law: Law) -> str:
+    """A pair law for the near pairs of a block of bodies: those that touch together, which can be vectorised."""
+    pair = _Pair(law)
+    # a dashpot acts at once when bodies touch, an attraction at its reach: without this the moment is rounded to steps
+    deep = "deep = abs(vn) * step"
+    shared, lasting = [], []
+    if law.reach:
+        shared = [deep, f"inside = touch{pair.reach} - d", f"gap = min(gap, 0.0{pair.reach})"]
+        lasting = ["lasts = min(max(0.5 + inside / max(deep, 1e-300), 0.0), 1.0)", "fn *= lasts", "ft *= lasts"]
+    elif "vn" in law.arguments:
+        shared = [deep, "vn *= 0.5 - gap / deep if -gap < deep else 1.0"]
+    round_ = pair.spin or "reduced_radius" in law.arguments
+    inputs = ["dx", "dy", "ux", "uy", "touch", "mass", *(["ri", "rj", "wi", "wj"] if round_ else [])]
+    unpack = [f"{'reduced_mass' if name == 'mass' else name} = {_work(name)}" for name in inputs]
+    pack = [f"{_work(name)} = {name}" for name in ("px", "py", *(["ti", "tj"] if pair.spin else []))]
+    return f"""
 @njit(**PLAIN)
-def each_{law.name}(count, o, t, step, parameters, work):
+def each(count, o, t, step, parameters, work):
     r0 = parameters[o - 1]
-{_indent(read, 1)}    for m in range(np.uint64(count)):
+{_indent(pair.read, 1)}    for m in range(np.uint64(count)):
 {_indent(unpack, 2)}        d = math.sqrt(dx * dx + dy * dy)
-{_indent([*lines[:opening], *shared, *lines[opening:called], *lasting, *lines[called:], *pack], 2)}
+{_indent([*pair.opening, *shared, *pair.answer, *lasting, *pair.push, *pack], 2)}
 
-@njit(**PLAIN)
-def sum_{law.name}(u, t, step, begin, end, seam, flat, radius, parameters, uses, mask, near_i, near_j, near_shift,
-                   near_touch, near_mass, which, work):
+{_BLOCK}
+    UNPACK
     o = uses[u, 1]
-{_indent(read if reach else [], 1)}    reach = 0.0{reach}
-    for first in range(begin, end, {BLOCK}):
+    step = scalars[5] * dt
+{_indent(pair.read if pair.reach else [], 1)}    reach = 0.0{pair.reach}
+    flat = state.reshape(state.size)
+    end = near_starts[b + 1]
+    for first in range(near_starts[b], end, {BLOCK}):
         last = min(first + {BLOCK}, end)
-        {"if uses[u, 4] == 0:" if not reach else "if False:"}
-            count = touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work)
+        {"if uses[u, 4] == 0:" if not pair.reach else "if False:"}
+            count = touching(first, last, near_seam[b], flat, near_i, near_j, near_shift, near_touch, which, work)
         else:
             count = reached(first, last, reach, {'step' if law.reach else '0.0'}, uses[u, 4], mask[u], flat, near_i, near_j,
                             near_shift, near_touch, which, work)
         count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
-        each_{law.name}(count, o, t, step, parameters, work)
-        scatter(count, {int(spin)}, flat, near_i, near_j, which, work)
+        each(count, o, t, step, parameters, work)
+        scatter(count, {int(pair.spin)}, flat, near_i, near_j, which, work)
 """
 
 
-def _wall_text(laws: Sequence[Law], codes: dict[str, int]) -> str:
-    """The laws of contact between bodies and straight walls, one meeting after the other."""
-    blocks = []
-    for law in laws:
-        read, names = _parameter_locals(law)
-        available = {
-            "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
-            "reduced_radius": "ri", "r0": "parameters[o - 1]", "radius_i": "ri", "radius_j": "walls[k, 4]",
-            "spin_i": "wi", "spin_j": "0.0", **names,
-        }  # fmt: skip
-        answer = "fn, ft, mi, mj" if _turns(law) else "fn, ft"
-        blocks += [f"elif code == {codes[law.name]}:", *("    " + line for line in read),
-                   f"    {answer} = {_call(law, available)}"]  # fmt: skip
-        blocks += ["    state[i, TORQUE] += mi"] if _turns(law) else []
-    return f'''
+def _wall_text(law: Law) -> str:
+    """What a law of contact does to a body at a straight wall."""
+    read, names = _parameter_locals(law)
+    available = {
+        "t": "t", "gap": "gap", "distance": "d", "vn": "vn", "vt": "vt", "reduced_mass": "reduced_mass",
+        "reduced_radius": "ri", "r0": "parameters[o - 1]", "radius_i": "ri", "radius_j": "walls[k, 4]",
+        "spin_i": "wi", "spin_j": "0.0", **names,
+    }  # fmt: skip
+    answer = "fn, ft, mi, mj" if _turns(law) else "fn, ft"
+    return f"""
+@cfunc(types.void(*[types.int64] * 4, *[types.float64] * 7), **CALLBACK)
+def wall(context, u, i, k, t, d, gap, vn, vt, nx, ny):
+    UNPACK
+    o = uses[u, 1]
+    ri = radius[i]
+    reduced_mass = 1.0 / inverse_mass[i]
+    wi = state[i, SPIN]
+{_indent([*read, f"{answer} = {_call(law, available)}"], 1)}{_indent(["state[i, TORQUE] += mi"] if _turns(law) else [], 1)}
+    state[i, FX] -= fn * nx - ft * ny
+    state[i, FY] -= fn * ny + ft * nx
+    state[i, TORQUE] -= ri * ft
+"""
 
-@njit(**PLAIN)
-def add_walls(begin, end, t, dt, state, inverse_mass, radius, parameters, uses, mask, scalars, walls, wall_i, wall_k):
+
+_WALLS = '''
+
+@cfunc(types.void(types.int64, types.int64, types.int64, types.float64, types.float64), **CALLBACK)
+def add_walls(context, begin, end, t, dt):
     """Add the forces [N] and torques [N m] of straight walls on the bodies that touch them."""
+    UNPACK
     step = scalars[5] * dt
     for m in range(begin, end):
         i = wall_i[m]
@@ -280,7 +314,6 @@ def add_walls(begin, end, t, dt, state, inverse_mass, radius, parameters, uses, 
         nx = dx / d
         ny = dy / d
         gap = d - touch
-        reduced_mass = 1.0 / inverse_mass[i]
         wi = state[i, SPIN]
         vn = -state[i, VX] * nx - state[i, VY] * ny
         vt = state[i, VX] * ny - state[i, VY] * nx - wi * ri
@@ -289,17 +322,8 @@ def add_walls(begin, end, t, dt, state, inverse_mass, radius, parameters, uses, 
         if -gap < deep:
             vn *= 0.5 - gap / deep
         for u in range(uses.shape[0]):
-            code = uses[u, 0]
-            o = uses[u, 1]
-            if code == 0 or (uses[u, 4] and not mask[u, i]):
-                continue
-            if False:
-                pass
-{_indent(blocks, 3)}            else:
-                continue
-            state[i, FX] -= fn * nx - ft * ny
-            state[i, FY] -= fn * ny + ft * nx
-            state[i, TORQUE] -= ri * ft
+            if uses[u, USE_WALL] != 0 and (uses[u, 4] == 0 or mask[u, i]):
+                call_wall(uses[u, USE_WALL], context, u, np.int64(i), np.int64(k), t, d, gap, vn, vt, nx, ny)
 '''
 
 
@@ -402,14 +426,6 @@ def scatter(count, spin, flat, near_i, near_j, which, work):
 '''
 
 
-# what laws of joints, and the links, need besides
-LINKED = (
-    "link_kind, link_first, link_second, link_geometry, linked, mobility, link_gap, link_arms, link_here, link_there, "
-    "link_matrix, link_push, link_q, link_trial"
-)
-LINKS = f"joints, joint_at, joint_of, {LINKED}"
-WALLS = "walls, wall_i, wall_k, wall_starts"
-
 _TWICE = '''
 
 @njit(**PLAIN)
@@ -445,9 +461,15 @@ def give_back(first, last, state, kept):
         state[i, SPIN] = kept[i, 5]
 
 
-@njit(**PLAIN)
-def hold_links(dt, state, mass, inverse_mass, inverse_moment, arm, ''' + LINKED + '''):
+'''
+
+_LINKS = '''
+
+@cfunc(types.void(types.int64, types.float64), **CALLBACK)
+def hold_links(context, dt):
     """Forces and torques of hinges and rods, all other forces being there: the coming drift leaves no gap."""
+    UNPACK
+    arm = scalars[7]
     for k in range(linked.shape[0]):
         i = linked[k]
         link_q[k, 0] = state[i, X]
@@ -479,7 +501,12 @@ def _slot(law: Law, name: str) -> int:
     return [a for p in law.parameters for a in p.arguments].index(name)
 
 
-def _body_block(law: Law, code: int) -> list[str]:
+_BLOCK = """@cfunc(types.void(*[types.int64] * 3, types.float64, types.float64, types.int64, types.float64), **CALLBACK)
+def block(context, u, b, t, dt, twice, fresh):"""
+
+
+def _body_text(law: Law) -> str:
+    """A law of single bodies, or a constraint, for a block of bodies."""
     read, names = _parameter_locals(law)
     available = {
         "t": "t", "dt": "dt", "x": "state[i, X]", "y": "state[i, Y]", "vx": "state[i, VX]", "vy": "state[i, VY]", "mass": "mass[i]",
@@ -488,7 +515,6 @@ def _body_block(law: Law, code: int) -> list[str]:
         "command": "command", "wall_gap": "gap_to_walls(state[i, X], state[i, Y], radius[i], walls, scalars[0])",
         **_SCENE, **names,
     }  # fmt: skip
-    lines = [f"elif code == {code}:  # {law.name}", *("    " + line for line in read)]
     # unsigned: numba then leaves out the test for an index counted from the end
     loops = [
         "for run in range(run_starts[u, b], run_starts[u, b + 1]):",
@@ -496,12 +522,11 @@ def _body_block(law: Law, code: int) -> list[str]:
     ]
     if "command" in law.arguments:
         loops.append("        command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
-    call = [f"        ax, ay = {_call(law, available)}"]
-    add = ["        state[i, FX] += ax", "        state[i, FY] += ay"]
-    if not law.damping:
-        return [*lines, *("    " + line for line in (*loops, *call, *add))]
+    loops.append(f"        ax, ay = {_call(law, available)}")
+    plain = [*loops, "        state[i, FX] += ax", "        state[i, FY] += ay"]
     # once more, with the velocity that half the kick leads to; ``fresh``: 1.0 where the force is not in the sum yet
     again = [
+        *loops,
         "        half = 0.5 * dt * kick_mass[i]",
         "        mx = state[i, VX] + half * (state[i, FX] + fresh * ax)",
         "        my = state[i, VY] + half * (state[i, FY] + fresh * ay)",
@@ -509,61 +534,69 @@ def _body_block(law: Law, code: int) -> list[str]:
         "        state[i, FX] += bx - (1.0 - fresh) * ax",
         "        state[i, FY] += by - (1.0 - fresh) * ay",
     ]
-    return [
-        *lines,
-        "    if twice:",
-        *("        " + line for line in (*loops, *call, *again)),
-        "    else:",
-        *("        " + line for line in (*loops, *call, *add)),
-    ]
+    lines = ["o = uses[u, 1]", "r0 = parameters[o - 1]", *read]
+    if law.damping:
+        lines += ["if twice:", *("    " + line for line in again), "else:", *("    " + line for line in plain)]
+    else:
+        lines += plain
+    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
 
 
-def _chain_block(law: Law, code: int) -> list[str]:
+def _chain_text(law: Law) -> str:
+    """A law of swimmers, all of whose disks lie in the first block of bodies."""
     read, names = _parameter_locals(law)
     available = {"t": "t"} | {a: f"state[first:last, {a.upper()}]" for a in ("x", "y", "vx", "vy", "fx", "fy")}
     available |= {"mass": "mass[first:last]", **names}
-    return [
-        f"elif code == {code}:  # {law.name}",
-        *("    " + line for line in read),
-        "    for k in range(chains.shape[0] if b == 0 else 0):",
-        "        first = chains[k, 0]",
-        "        last = chains[k, 1]",
-        "        if mask[u, first]:",  # a law acts on whole swimmers
-        f"            {_call(law, available)}",
+    lines = [
+        "o = uses[u, 1]",
+        *read,
+        "for k in range(chains.shape[0] if b == 0 else 0):",
+        "    first = chains[k, 0]",
+        "    last = chains[k, 1]",
+        "    if mask[u, first]:",  # a law acts on whole swimmers
+        f"        {_call(law, available)}",
     ]
+    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
 
 
-def _joint_block(law: Law, code: int) -> list[str]:
+def _joint_text(law: Law) -> str:
+    """A law of joints, whose bodies lie in the first block."""
     read, names = _parameter_locals(law)
     call = _call(law, {"t": "t", "rate": "rate", "bend": "bend", **names})
-    return [
-        f"elif code == {code}:  # {law.name}",
-        *("    " + line for line in read),
-        "    for k in range(uses[u, 2], uses[u, 3] if b == 0 else uses[u, 2]):",
-        "        q = joint_of[k]",
-        "        i = joints[q, 1]",
-        "        j = joints[q, 2]",
-        "        if joints[q, 0] == 0:  # a pin: the rod turns, the body at its end is pushed across",
-        "            dx = state[j, X] - joint_at[q, 0]",
-        "            dy = state[j, Y] - joint_at[q, 1]",
-        "            square = dx * dx + dy * dy",
-        "            rate = (dx * state[j, VY] - dy * state[j, VX]) / square",
-        "            bend = math.atan2(dx, -dy)",
-        f"            torque = {call}",
-        "            state[j, FX] -= torque / square * dy",
-        "            state[j, FY] += torque / square * dx",
-        "        else:",
-        "            rate = state[j, SPIN] if j >= 0 else 0.0",
-        "            bend = state[j, ANGLE] if j >= 0 else 0.0",
-        "            if i >= 0:",
-        "                rate -= state[i, SPIN]",
-        "                bend -= state[i, ANGLE]",
-        f"            torque = {call}",
-        "            if j >= 0:",
-        "                state[j, TORQUE] += torque",
-        "            if i >= 0:",
-        "                state[i, TORQUE] -= torque",
+    lines = [
+        "o = uses[u, 1]",
+        *read,
+        "for k in range(uses[u, 2], uses[u, 3] if b == 0 else uses[u, 2]):",
+        "    q = joint_of[k]",
+        "    i = joints[q, 1]",
+        "    j = joints[q, 2]",
+        "    if joints[q, 0] == 0:  # a pin: the rod turns, the body at its end is pushed across",
+        "        dx = state[j, X] - joint_at[q, 0]",
+        "        dy = state[j, Y] - joint_at[q, 1]",
+        "        square = dx * dx + dy * dy",
+        "        rate = (dx * state[j, VY] - dy * state[j, VX]) / square",
+        "        bend = math.atan2(dx, -dy)",
+        f"        torque = {call}",
+        "        state[j, FX] -= torque / square * dy",
+        "        state[j, FY] += torque / square * dx",
+        "    else:",
+        "        rate = state[j, SPIN] if j >= 0 else 0.0",
+        "        bend = state[j, ANGLE] if j >= 0 else 0.0",
+        "        if i >= 0:",
+        "            rate -= state[i, SPIN]",
+        "            bend -= state[i, ANGLE]",
+        f"        torque = {call}",
+        "        if j >= 0:",
+        "            state[j, TORQUE] += torque",
+        "        if i >= 0:",
+        "            state[i, TORQUE] -= torque",
     ]
+    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
+
+
+_TEXTS = {
+    "pair": _pair_text, "chain": _chain_text, "body": _body_text, "joint": _joint_text, "constraint": _body_text,
+}  # fmt: skip
 
 
 def _context_arrays(used: set[str]) -> str:
@@ -605,26 +638,39 @@ def _context_arrays(used: set[str]) -> str:
     return "\n".join(lines)
 
 
-def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[str, Any], dict[str, int]]:
-    """Text of the module for these laws, functions that could not be written into it, and law codes."""
-    laws = sorted((law for law in laws if law.kind in KIND_ORDER), key=lambda law: (KIND_ORDER[law.kind], law.name))
-    codes = {law.name: k + 1 for k, law in enumerate(laws)}
-    given: dict[str, Any] = {}
+def _unpacked(text: str) -> str:
+    """Each function of a text that asks for it unpacks the arrays that it uses: numba takes its time over each."""
+    first, *functions = text.split("\n@")
+    for k, function in enumerate(functions):
+        used = set(re.findall(r"\w+", function))
+        unpack = f"    I = carray(pointer_to(context), {len(INTS)}, np.int64)\n"
+        if "F" in used:
+            unpack += f"    F = carray(pointer_to(I[FLOATS]), {len(FLOATS)}, np.float64)\n"
+        functions[k] = function.replace("    UNPACK", f"{unpack}    n = I[N]\n{_context_arrays(used)}")
+    return "\n@".join([first, *functions])
+
+
+def _core_text(offsets: Offsets | None) -> str:
+    """Text of the module that all laws share: slots, blocks of pairs, the sum of all forces, the step."""
     parts = [
-        '"""Generated from the laws; see granswim_pymunk/engine/callbacks.py."""\n',
+        '"""The core of the engine; see granswim_pymunk/engine/callbacks.py."""\n',
         "import math\n\nimport numpy as np\nfrom numba import carray, types\n",
         "from granswim_pymunk.compiled import cfunc, njit\n",
+        "from granswim_pymunk.engine.native import call_block, call_links, call_lists, call_one, call_wall, call_walls\n",
         "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.links import close\n",
         "from granswim_pymunk.engine.neighbours import build_list, gap_to_walls, moved, near_walls\n",
         "from granswim_pymunk.engine.neighbours import prune, to_wall, together\n\n",
         # no fast-math and no contraction: the same bits in every run and every mode
-        "PLAIN = dict(cache=CACHE, error_model='numpy', nogil=True)\n".replace("CACHE", "True"),
+        "PLAIN = dict(cache=True, error_model='numpy', nogil=True)\n",
         "INLINE = dict(cache=True, error_model='numpy', nogil=True, inline='never')\n",
+        "CALLBACK = dict(cache=True, error_model='numpy')\n",
     ]
     for slot, name in enumerate(INTS):
         parts.append(f"{name.upper()} = {slot}\n")
+    for slot, name in enumerate(USE_COLUMNS):
+        parts.append(f"USE_{name.upper()} = {slot}\n")
     for slot, name in enumerate(FLOATS):
         parts.append(f"F_{name.upper()} = {slot}\n")
     for slot, name in enumerate(MOTION):
@@ -635,14 +681,13 @@ def generate(laws: Sequence[Law], offsets: Offsets | None) -> tuple[str, dict[st
     for slot, name in enumerate(WORK):
         parts.append(f"W_{name.upper()} = np.uint64({BLOCK * slot})\n")
     parts.append("numpy = np\n\n")
-    for law in laws:
-        text = _law_source(law)
-        if text is None:
-            given[f"law_{law.name}"] = numba.njit(error_model="numpy", nogil=True)(law.function)
-        else:
-            parts.append("\n" + text)
-    parts.append(
-        '''
+    parts += [_INTERPOLATE, _PAIRS, _TWICE, _FORCES]
+    if offsets is not None:
+        parts.append(_step_text(offsets))
+    return _unpacked("".join(parts))
+
+
+_INTERPOLATE = '''
 
 @njit(**PLAIN)
 def interpolate(t, times, values, first, last):
@@ -664,34 +709,11 @@ def interpolate(t, times, values, first, last):
     weight = (t - times[low]) / (times[high] - times[low])
     return values[low] + weight * (values[high] - values[low])
 '''
-    )
-    pairs = [law for law in laws if law.kind == "pair"]
-    parts.append(_PAIRS)
-    parts += [_pair_block(law, codes[law.name]) for law in pairs]
-    arguments = (
-        "t, dt, state, mass, inverse_mass, radius, given_inertia, parameters, uses, runs, run_starts, blocks, mask,\n"
-        "    near_i, near_j, near_shift, near_touch, near_mass, near_starts, near_seam, scalars, chains, input_t,\n"
-        "    input_v, input_at, which, work, kick_mass, inverse_moment, kept,\n"
-        f"    {LINKS}, {WALLS}"
-    )
-    pair_sums = []
-    for law in pairs:
-        pair_sums += [
-            f"elif code == {codes[law.name]}:",
-            "    if from_list != 0:",
-            f"        sum_{law.name}(u, t, scalars[5] * dt, near_starts[b], near_starts[b + 1], near_seam[b], flat, radius,",
-            "            parameters, uses, mask, near_i, near_j, near_shift, near_touch, near_mass, which, work)",
-        ]
-    joints = [line for law in laws if law.kind == "joint" for line in _joint_block(law, codes[law.name])]
-    others = [line for law in laws if law.kind in ("body", "constraint") for line in _body_block(law, codes[law.name])]
-    chains = [line for law in laws if law.kind == "chain" for line in _chain_block(law, codes[law.name])]
-    constraint_codes = [codes[law.name] for law in laws if law.kind == "constraint"]
-    parts.append(_TWICE)
-    parts.append(_wall_text([law for law in pairs if not law.reach], codes))
-    parts.append(f'''
+
+_FORCES = f'''
 
 @njit(**PLAIN)
-def add_forces(from_list, constrained, {arguments}):
+def add_forces(from_list, constrained, t, dt, context):
     """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE.
 
     Block of bodies after block; of a pair, i is the smaller number, so behind a block nothing is added to its
@@ -702,119 +724,71 @@ def add_forces(from_list, constrained, {arguments}):
     ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
     ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
     """
-    flat = state.reshape(state.size)
+    UNPACK
     count = uses.shape[0]
     damped = count  # the first damping, and the last
     final = -1
     if scalars[6] != {HALF_STEP}.0:
         for u in range(count):
-            if uses[u, 5] != 0:
+            if uses[u, USE_DAMPING] != 0:
                 damped = min(damped, u)
                 final = u
     for pass_ in range(2 * (blocks.shape[0] - 1)):
         b = pass_ // 2
         again = pass_ - 2 * b
-        together = scalars[6] == {TOGETHER}.0 or (scalars[6] == {CHAINS}.0 and b == 0)
+        together_ = scalars[6] == {TOGETHER}.0 or (scalars[6] == {CHAINS}.0 and b == 0)
         until = count
         if again != 0:
-            if together:
+            if together_:
                 half_kick(blocks[b], blocks[b + 1], 0.5 * dt, state, kick_mass, inverse_moment, kept)
             else:
                 until = final
         elif wall_starts[b + 1] > wall_starts[b]:
-            add_walls(wall_starts[b], wall_starts[b + 1], t, dt, state, inverse_mass, radius, parameters, uses, mask, scalars,
-                      walls, wall_i, wall_k)
-        swapped = together and again != 0
+            call_walls(I[ADD_WALLS], context, wall_starts[b], wall_starts[b + 1], t, dt)
+        swapped = together_ and again != 0
         fresh = 1.0 if again == 0 else 0.0
         for u in range(damped if again != 0 else 0, until):
-            code = uses[u, 0]
-            o = uses[u, 1]
-            r0 = parameters[o - 1]
-            if code == 0:
+            code = uses[u, USE_CODE]
+            if code == 0 or (constrained == 0 and code == {CONSTRAINT}):
                 continue
-            if constrained == 0 and code >= {min(constraint_codes, default=10**6)}:
-                continue
-            if together and again == 0 and u == damped:
+            if together_ and again == 0 and u == damped:
                 keep(blocks[b], blocks[b + 1], state, kept)
-            if swapped and uses[u, 5] == 0:
+            if swapped and uses[u, USE_DAMPING] == 0:
                 swapped = False
                 give_back(blocks[b], blocks[b + 1], state, kept)
-            twice = not together and (again != 0 or u == final)
-            if False:
-                pass
-{_indent(pair_sums, 3)}{_indent(chains, 3)}{_indent(joints, 3)}{_indent(others, 3)}
+            twice = not together_ and (again != 0 or u == final)
+            if code != {PAIR} or from_list != 0:
+                call_block(uses[u, USE_BLOCK], context, u, b, t, dt, np.int64(twice), fresh)
         if swapped:
             give_back(blocks[b], blocks[b + 1], state, kept)
-        if b == 0 and constrained != 0 and linked.shape[0] > 0 and (again == 0 or damped < count):
-            hold_links(dt, state, mass, inverse_mass, inverse_moment, scalars[7], {LINKED})
-''')
-    pair_calls = []
-    for law in pairs:
-        pair_calls += [
-            f"elif code == {codes[law.name]}:",
-            f"    px, py, ti, tj = pair_{law.name}(i, j, uses[u, 1], t, state, inverse_mass, radius, parameters, scalars)",
-        ]
-    parts.append(f'''
+        if b == 0 and constrained != 0 and I[N_LINKED] > 0 and (again == 0 or damped < count):
+            call_links(I[HOLD_LINKS], context, dt)
+
 
 @njit(**PLAIN)
-def pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, scalars):
+def pair_force(i, j, t, context):
     """Force on j [N] and torques on i and j [N m] by all pair laws; i gets the opposite force."""
-    sx = 0.0
-    sy = 0.0
-    si = 0.0
-    sj = 0.0
+    UNPACK
+    for k in range(4):
+        work[k] = 0.0
     for u in range(uses.shape[0]):
-        code = uses[u, 0]
-        if code == 0 or (uses[u, 4] and not (mask[u, i] and mask[u, j])):
-            continue
-        px = 0.0
-        py = 0.0
-        ti = 0.0
-        tj = 0.0
-        if False:
-            pass
-{_indent(pair_calls, 2)}        sx += px
-        sy += py
-        si += ti
-        sj += tj
-    return sx, sy, si, sj
+        if uses[u, USE_ONE] != 0 and (uses[u, 4] == 0 or (mask[u, i] and mask[u, j])):
+            call_one(uses[u, USE_ONE], context, u, i, j, t)
+    return work[0], work[1], work[2], work[3]
 
 
 @njit(**PLAIN)
-def pair_forces(i, j, normal, t, state, inverse_mass, radius, parameters, uses, mask, scalars, out):
+def pair_forces(i, j, normal, t, context, out):
     """The same of many pairs, along their ``normal`` (k, 2), into ``out`` (k,) [N]."""
     for k in range(out.shape[0]):
-        px, py, ti, tj = pair_force(i[k], j[k], t, state, inverse_mass, radius, parameters, uses, mask, scalars)
+        px, py, ti, tj = pair_force(i[k], j[k], t, context)
         out[k] = px * normal[k, 0] + py * normal[k, 1]
-''')
-    if offsets is not None:
-        parts.append(_native_text(offsets, arguments))
-    return "".join(parts), given, codes
+'''
 
 
-def _native_text(o: Offsets, arguments: str) -> str:
-    text = f'''
-
-@njit(**PLAIN)
-def find(key, keys, values):
-    """Row of a body from its address (open addressing); -1 for a stranger."""
-    size = keys.shape[0]
-    k = ((key >> 4) * 2654435761) & (size - 1)
-    while keys[k] != key:
-        if keys[k] == 0:
-            return -1
-        k = (k + 1) & (size - 1)
-    return values[k]
-
-
-@njit(**PLAIN)
-def row_of(body, first, n, keys, values):
-    """The same; bodies in rows of the package's own begin at ``first``, 0 where they do not."""
-    place = np.uint64(body - first)
-    if first != 0 and place < np.uint64(n * {8 * ROW}):
-        return np.int64(place // np.uint64({8 * ROW}))
-    return find(body, keys, values)
-
+def _step_text(o: Offsets) -> str:
+    """The step over lists of pairs."""
+    return f'''
 
 @njit(**PLAIN)
 def gather(n_mobile, bodies, state, motion):
@@ -838,18 +812,6 @@ def fast(n_mobile, state):
     found = False
     for i in range(n_mobile):
         if not state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY] <= state[i, {LIMIT}]:
-            found = True
-    return found
-
-
-@njit(**PLAIN)
-def away(n_mobile, state, margin):
-    """Whether a body left its surroundings, or is no number."""
-    found = False
-    for i in range(n_mobile):
-        way_x = state[i, X] - state[i, NEAR_X]
-        way_y = state[i, Y] - state[i, NEAR_Y]
-        if not way_x * way_x + way_y * way_y <= margin:
             found = True
     return found
 
@@ -898,10 +860,10 @@ def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, r
     return lasts
 
 
-@cfunc(types.void(types.int64, types.int64), cache=True, error_model='numpy')
+@cfunc(types.void(types.int64, types.int64), **CALLBACK)
 def verlet_step(constraint, space):
     """A constraint's preSolve: after the drift, before any kick. One force call over the near pairs."""
-    I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
+    context = load_int(constraint + {o.user_data})
     UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
@@ -926,34 +888,10 @@ def verlet_step(constraint, space):
         F[F_HEADROOM] = min(F[F_HEADROOM], 0.5 * most / ({NEAR_LASTS} * F[F_DT]))
         F[F_LASTS] = surround(n_mobile, state, radius, allowance, reaching, F[F_HEADROOM], F[F_DT], most, F[F_REACH],
                               scalars[5])
-        if I[ROOM] > 0:
-            I[CUTS] += 1
-            for i in range(n):
-                place_x[i] = state[i, X]
-                place_y[i] = state[i, Y]
-            if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
-                if I[FIXED_SKIN] == 0 and I[REBUILDS] > 0:
-                    # a list that lasts too short was too narrow, one that lasts long has pairs to spare
-                    if F[F_STEP] - F[F_BUILT] < {SHORT_BUILD}:
-                        F[F_SKIN] = min(1.2 * F[F_SKIN], F[F_MOST_SKIN])
-                    elif F[F_STEP] - F[F_BUILT] > {LONG_BUILD}:
-                        F[F_SKIN] = max(0.9 * F[F_SKIN], F[F_LEAST_SKIN])
-                F[F_BUILT] = F[F_STEP]
-                count = build_list(place_x, place_y, radius, mobile, group, apart, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
-                                   pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
-                                   starts)
-                if count < 0:
-                    I[STATUS] = count
-                    return
-                I[N_PAIRS] = count
-                I[REBUILDS] += 1
-                for i in range(n):
-                    old_x[i] = place_x[i]
-                    old_y[i] = place_y[i]
-            prune(place_x, place_y, reaching, inverse_mass, radius, starts, blocks, pair_i, pair_j, pair_shift, near_i,
-                  near_j, near_shift, near_touch, near_mass, near_starts, near_seam, {ROW})
-            if I[N_WALLS] > 0:
-                near_walls(place_x, place_y, reaching, mobile, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
+        if I[ROOM] > 0 or I[N_WALLS] > 0:
+            call_lists(I[RENEW_LISTS], context)
+            if I[STATUS] != 0:
+                return
     F[F_STEP] += 1.0
     t = F[F_T_START] + F[F_STEP] * F[F_DT]
     dt = F[F_DT]
@@ -961,7 +899,7 @@ def verlet_step(constraint, space):
         state[i, FX] = 0.0  # of the mobile ones, the drift did it
         state[i, FY] = 0.0
         state[i, TORQUE] = 0.0
-    add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
+    add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
     if I[PUSHED] != 0:
         # what the user put on the bodies, for this one step
         I[PUSHED] = 0
@@ -971,12 +909,89 @@ def verlet_step(constraint, space):
             state[i, TORQUE] += push[i, 2]
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion)
+'''
 
 
-@cfunc(types.void(types.int64, types.int64, types.int64), cache=True, error_model='numpy')
+# near pairs are cut from the long list every few steps, the long list is made every few hundred
+_LISTS = f'''
+
+@cfunc(types.void(types.int64), **CALLBACK)
+def renew_lists(context):
+    """Lists of near pairs, and of bodies near straight walls, for the coming steps."""
+    UNPACK
+    n_mobile = I[N_MOBILE]
+    if I[ROOM] > 0:
+        I[CUTS] += 1
+        for i in range(n):
+            place_x[i] = state[i, X]
+            place_y[i] = state[i, Y]
+        if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
+            if I[FIXED_SKIN] == 0 and I[REBUILDS] > 0:
+                # a list that lasts too short was too narrow, one that lasts long has pairs to spare
+                if F[F_STEP] - F[F_BUILT] < {SHORT_BUILD}:
+                    F[F_SKIN] = min(1.2 * F[F_SKIN], F[F_MOST_SKIN])
+                elif F[F_STEP] - F[F_BUILT] > {LONG_BUILD}:
+                    F[F_SKIN] = max(0.9 * F[F_SKIN], F[F_LEAST_SKIN])
+            F[F_BUILT] = F[F_STEP]
+            count = build_list(place_x, place_y, radius, mobile, group, apart, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
+                               pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
+                               starts)
+            if count < 0:
+                I[STATUS] = count
+                return
+            I[N_PAIRS] = count
+            I[REBUILDS] += 1
+            for i in range(n):
+                old_x[i] = place_x[i]
+                old_y[i] = place_y[i]
+        prune(place_x, place_y, reaching, inverse_mass, radius, starts, blocks, pair_i, pair_j, pair_shift, near_i,
+              near_j, near_shift, near_touch, near_mass, near_starts, near_seam, {ROW})
+        if I[N_WALLS] > 0:
+            near_walls(place_x, place_y, reaching, mobile, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
+'''
+
+
+def _contacts_text(o: Offsets) -> str:
+    """The step over contacts that Chipmunk finds."""
+    return f'''
+
+@njit(**PLAIN)
+def find(key, keys, values):
+    """Row of a body from its address (open addressing); -1 for a stranger."""
+    size = keys.shape[0]
+    k = ((key >> 4) * 2654435761) & (size - 1)
+    while keys[k] != key:
+        if keys[k] == 0:
+            return -1
+        k = (k + 1) & (size - 1)
+    return values[k]
+
+
+@njit(**PLAIN)
+def row_of(body, first, n, keys, values):
+    """The same; bodies in rows of the package's own begin at ``first``, 0 where they do not."""
+    place = np.uint64(body - first)
+    if first != 0 and place < np.uint64(n * {8 * ROW}):
+        return np.int64(place // np.uint64({8 * ROW}))
+    return find(body, keys, values)
+
+
+@njit(**PLAIN)
+def away(n_mobile, state, margin):
+    """Whether a body left its surroundings, or is no number."""
+    found = False
+    for i in range(n_mobile):
+        way_x = state[i, X] - state[i, NEAR_X]
+        way_y = state[i, Y] - state[i, NEAR_Y]
+        if not way_x * way_x + way_y * way_y <= margin:
+            found = True
+    return found
+
+
+@cfunc(types.void(types.int64, types.int64, types.int64), **CALLBACK)
 def contact_presolve(arbiter, space, data):
     """preSolve of one contact that Chipmunk found: its force goes to a buffer, Chipmunk's impulse is off."""
-    I = carray(pointer_to(data), {len(INTS)}, np.int64)
+    context = data
     UNPACK
     store_byte(arbiter + {o.process_collision}, 0)
     if I[ROOM] == 0:
@@ -997,7 +1012,7 @@ def contact_presolve(arbiter, space, data):
     if not (mobile[i] or mobile[j]) or together(i, j, group, apart):
         return
     t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
-    px, py, ti, tj = pair_force(i, j, t, state, inverse_mass, radius, parameters, uses, mask, scalars)
+    px, py, ti, tj = pair_force(i, j, t, context)
     c = I[N_CONTACTS]
     if c >= I[ROOM]:
         I[STATUS] = -1
@@ -1011,10 +1026,10 @@ def contact_presolve(arbiter, space, data):
     I[N_CONTACTS] = c + 1
 
 
-@cfunc(types.void(types.int64, types.int64), cache=True, error_model='numpy')
+@cfunc(types.void(types.int64, types.int64), **CALLBACK)
 def chipmunk_step(constraint, space):
     """A constraint's preSolve: sums the contacts in a fixed order (Chipmunk's differs between processes)."""
-    I = carray(pointer_to(load_int(constraint + {o.user_data})), {len(INTS)}, np.int64)
+    context = load_int(constraint + {o.user_data})
     UNPACK
     whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
     n_mobile = I[N_MOBILE]
@@ -1077,12 +1092,12 @@ def chipmunk_step(constraint, space):
         near_walls(place_x, place_y, radius, wall_met, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
         for i in range(n_mobile):
             wall_met[i] = 0
-    add_forces(I[FROM_LIST], I[CONSTRAINED], {arguments})
+    add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
     if I[OWN_KICK] == 0:
         hand_over(n_mobile, bodies, state, motion)
 
 
-@cfunc(types.void(types.int64, types.float64), cache=True, error_model='numpy')
+@cfunc(types.void(types.int64, types.float64), **CALLBACK)
 def ghost_position(body, dt):
     """A ghost stands where its original stands, one period on.
 
@@ -1099,39 +1114,81 @@ def ghost_position(body, dt):
     store_float(body + {o.velocity}, load_float(at + {o.velocity}))
     store_float(body + {o.velocity + 8}, load_float(at + {o.velocity + 8}))
 '''
-    # each callback unpacks the arrays that it uses: numba takes its time over each of them
-    first, *callbacks = text.split("\n@cfunc(")
-    for k, callback in enumerate(callbacks):
-        arrays = _context_arrays(set(re.findall(r"\w+", callback)))
-        unpack = f"    F = carray(pointer_to(I[FLOATS]), {len(FLOATS)}, np.float64)\n    n = I[N]\n{arrays}"
-        callbacks[k] = callback.replace("    UNPACK", unpack)
-    return "\n@cfunc(".join([first, *callbacks])
 
 
 class Kernel:
-    """A compiled module: ``codes`` maps a law's name to its code in the table of uses."""
+    """What is compiled for a layout of Chipmunk's memory: the core, and what is asked for besides, once each."""
 
-    def __init__(self, module: ModuleType | Any, codes: dict[str, int], file: Path | None) -> None:
-        self.module = module
-        self.codes = codes
-        self.file = file
+    def __init__(self, offsets: Offsets | None) -> None:
+        self.offsets = offsets
+        self.core = _module("kernel", _core_text(offsets))
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.module, name)
+        return getattr(self.core, name)
+
+    @functools.cached_property
+    def lists(self) -> ModuleType:
+        return self._beside("lists", _LISTS)
+
+    @functools.cached_property
+    def walls(self) -> ModuleType:
+        return self._beside("walls", _WALLS)
+
+    @functools.cached_property
+    def links(self) -> ModuleType:
+        return self._beside("links", _LINKS)
+
+    @functools.cached_property
+    def contacts(self) -> ModuleType:
+        assert self.offsets is not None
+        return self._beside("contacts", _contacts_text(self.offsets))
+
+    def block(self, law: Law) -> int:
+        """Address of what a law adds to the forces of a block of bodies."""
+        return int(self._of(law, "block", _TEXTS[law.kind]).block.address)
+
+    def one(self, law: Law) -> int:
+        """Address of what a pair law does to a single pair."""
+        return int(self._of(law, "one", _one_text).one.address)
+
+    def wall(self, law: Law) -> int:
+        """Address of what a law of contact does to a body at a straight wall."""
+        return int(self._of(law, "wall", _wall_text).wall.address)
+
+    def _of(self, law: Law, what: str, text: Callable[[Law], str]) -> ModuleType:
+        if not law.compiled:
+            raise InputError("is plain Python (compiled=False) and runs in python mode only", where=f"law {law.name}")
+        return _of_law(self, law, what, text)
+
+    def _beside(self, name: str, text: str, given: Mapping[str, Any] | None = None) -> ModuleType:
+        return _module(name, f"from {self.core.__name__} import *  # the core\n{_unpacked(text)}", given)
 
 
-@functools.lru_cache(maxsize=32)
-def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
-    text, given, codes = generate(laws, offsets)
-    # numba looks at the kernel's own file only: what is compiled into it from elsewhere is in the name
+@functools.lru_cache(maxsize=512)
+def _of_law(kernel: Kernel, law: Law, what: str, text: Callable[[Law], str]) -> ModuleType:
+    source = _law_source(law)
+    given = {}
+    if source is None:
+        given[f"law_{law.name}"] = numba.njit(error_model="numpy", nogil=True)(law.function)
+    try:
+        return kernel._beside(f"{what}_{law.name}", f"\n\n{source or ''}{text(law)}", given)
+    except numba.core.errors.NumbaError as error:
+        raise _compile_error(law, error) from None
+
+
+def _module(kind: str, text: str, given: Mapping[str, Any] | None = None) -> ModuleType:
+    """The module of a text, compiled or out of the cache. ``given``: functions that could not be written into it."""
+    # numba looks at the module's own file only: what is compiled into it from elsewhere is in the name
     parts = "".join(inspect.getsource(module) for module in (native, neighbours, links))
     digest = hashlib.sha256(f"{text}{parts}{numba.__version__}{sys.version}".encode()).hexdigest()[:20]
-    name = f"granswim_kernel_{digest}"
+    name = f"granswim_{kind}_{digest}"
     if given:
-        text = text.replace("cache=True", "cache=False")  # a function without a source has no name on a disk
+        # a function without a source has no name on a disk
+        text = text.replace("from granswim", "import numba\nfrom granswim", 1).replace("**CALLBACK", "**CALLBACK | {'cache': False}")
+        text = text.replace("**PLAIN", "**PLAIN | {'cache': False}")
         name = f"{name}_{next(_NUMBERS)}"
     elif name in sys.modules:
-        return Kernel(sys.modules[name], codes, Path(str(sys.modules[name].__file__)))
+        return sys.modules[name]
     folder = None if given else code_folder()
     path = None if folder is None else folder / f"{name}.py"
     if path is not None:
@@ -1140,16 +1197,15 @@ def _compile(laws: tuple[Law, ...], offsets: Offsets | None) -> Kernel:
     file = f"<{name}>" if path is None else str(path)
     module = ModuleType(name)
     module.__file__ = file
-    module.__dict__.update(given)
+    module.__dict__.update(given or {})
     linecache.cache[file] = (len(text), None, text.splitlines(True), file)
     sys.modules[name] = module
     try:
-        with shown(text.count("\n@")):
-            exec(compile(text, file, "exec"), module.__dict__)
-    except numba.core.errors.NumbaError as error:
+        exec(compile(text, file, "exec"), module.__dict__)
+    except BaseException:
         sys.modules.pop(name, None)
-        raise _compile_error(given or {f"law_{law.name}": law for law in laws}, error) from None
-    return Kernel(module, codes, path)
+        raise
+    return module
 
 
 _NUMBERS = itertools.count()
@@ -1166,26 +1222,16 @@ def _lay_out(path: Path, text: str) -> None:
         log.warning("the text of the compiled laws is not kept: %s", error)
 
 
-def _compile_error(functions: dict[str, Any], error: Exception) -> InputError:
-    names = ", ".join(name.removeprefix("law_") for name in functions)
+def _compile_error(law: Law, error: Exception) -> InputError:
     first = str(error).strip().splitlines()
     return InputError(
-        f"numba cannot compile one of these laws ({names}): {' '.join(first[:3])}; "
-        "write it with floats and math, or declare it with compiled=False"
+        f"numba cannot compile it: {' '.join(first[:3])}; "
+        "write it with floats and math, or declare it with compiled=False",
+        where=f"law {law.name}",
     )
 
 
-def compile_laws(used: Sequence[Law], offsets: Offsets | None) -> Kernel:
-    """The kernel for these laws.
-
-    All laws that come with the package are compiled together, once, so that scenes which differ only
-    in their laws share one kernel. A user's own law gets a kernel with just the laws it is used with,
-    which is ready sooner.
-    """
-    package = [law for law in all_laws().values() if law.shipped]
-    own = [law for law in dict.fromkeys(used) if law not in package]
-    for law in own:
-        if not law.compiled:
-            raise InputError("is plain Python (compiled=False) and runs in python mode only", where=f"law {law.name}")
-    base = [law for law in package if law in used] if own else package
-    return _compile(tuple(base + own), offsets)
+@functools.lru_cache(maxsize=4)
+def kernel_for(offsets: Offsets | None) -> Kernel:
+    """The kernel for a layout of Chipmunk's memory."""
+    return Kernel(offsets)

@@ -407,3 +407,54 @@ def call_step(typingctx, function, space, dt):
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.float64), generate
+
+
+def _calls(kinds: tuple[Any, ...]) -> Any:
+    """Code that calls a function without a result at a run-time address, its arguments of these numba types."""
+
+    def generate(context, builder, signature, args):
+        ir = cgutils.ir
+        kind = ir.FunctionType(ir.VoidType(), [context.get_value_type(k) for k in kinds])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, *kinds), generate
+
+
+_I, _F = types.int64, types.float64
+
+
+@intrinsic
+def call_block(typingctx, function, where, u, b, t, dt, twice, fresh):
+    """What the use u of a law adds to block b of bodies; ``where``: the context."""
+    return _calls((_I, _I, _I, _F, _F, _I, _F))
+
+
+@intrinsic
+def call_one(typingctx, function, where, u, i, j, t):
+    """What the use u of a pair law does to one pair."""
+    return _calls((_I, _I, _I, _I, _F))
+
+
+@intrinsic
+def call_wall(typingctx, function, where, u, i, k, t, d, gap, vn, vt, nx, ny):
+    """What the use u of a law of contact does to body i at straight wall k."""
+    return _calls((_I, _I, _I, _I, _F, _F, _F, _F, _F, _F, _F))
+
+
+@intrinsic
+def call_walls(typingctx, function, where, begin, end, t, dt):
+    """The forces of straight walls, in meetings from ``begin`` to ``end``."""
+    return _calls((_I, _I, _I, _F, _F))
+
+
+@intrinsic
+def call_links(typingctx, function, where, dt):
+    """The forces of hinges and rods."""
+    return _calls((_I, _F))
+
+
+@intrinsic
+def call_lists(typingctx, function, where):
+    """The lists of near pairs anew."""
+    return _calls((_I,))

@@ -6,6 +6,7 @@ the classes below. n bodies, b blocks of bodies, u uses of laws, room: how many 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ..joints import angles_of
 from ..scene import Scene
 from ..walls import table_of
-from .callbacks import BLOCK, FLOATS, INTS, KEPT, WORK
+from .callbacks import BLOCK, FLOATS, INTS, KEPT, WORK, Kernel
 from .links import Links
 from .motion import columns, motion_numbers
 from .native import LEAD, Offsets, rows_of_bodies
@@ -35,6 +36,12 @@ class Slots:
     def __init__(self, names: Sequence[str], kind: type) -> None:
         self.values: np.ndarray = np.zeros(len(names), dtype=kind)
         self._at = {name: k for k, name in enumerate(names)}
+
+    def copy(self) -> Slots:
+        """The same names with numbers of its own."""
+        other = copy.copy(self)
+        other.values = self.values.copy()
+        return other
 
     def at(self, name: str) -> int:
         """Place of a number."""
@@ -260,7 +267,7 @@ _GROUPS = {"bodies": Bodies, "laws": LawTable, "lists": Lists, "links": LinkArra
 _GROUP_OF = {field.name: group for group, kind in _GROUPS.items() for field in fields(kind)}  # type: ignore[arg-type]
 
 
-def context_of(state: EngineState, order: Order, from_list: bool, fixed_skin: bool) -> Slots:
+def context_of(state: EngineState, order: Order, kernel: Kernel, from_list: bool, fixed_skin: bool) -> Slots:
     """Counts and addresses of the arrays, as compiled callbacks find them (``callbacks.INTS``)."""
     context = Slots(INTS, np.int64)
     laws, lists, links, walls = state.laws, state.lists, state.links, state.walls
@@ -273,6 +280,9 @@ def context_of(state: EngineState, order: Order, from_list: bool, fixed_skin: bo
         "n_joint_of": len(laws.joint_of), "n_links": len(links.link_kind), "n_linked": len(links.linked),
         "n_held": len(links.link_gap), "n_apart": len(links.apart), "n_walls": len(walls.walls),
         "n_meetings": len(walls.wall_i),
+        "renew_lists": kernel.lists.renew_lists.address if lists.room or len(walls.walls) else 0,
+        "add_walls": kernel.walls.add_walls.address if len(walls.walls) else 0,
+        "hold_links": kernel.links.hold_links.address if len(links.linked) else 0,
     }  # fmt: skip
     for name, value in counts.items():
         context[name] = value

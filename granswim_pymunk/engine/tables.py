@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Law
 from ..scene import Body, LawUse, Scene
-from .callbacks import ALONE, CHAINS, HALF_STEP, KIND_ORDER, SCALARS, TOGETHER, USE_COLUMNS
+from .callbacks import ALONE, CHAINS, HALF_STEP, KIND_ORDER, SCALARS, TOGETHER, USE_COLUMNS, Addresses
 from .links import Links, links_of, no_links
 from .order import Order
 from .state import Bodies, LawTable
@@ -135,12 +135,12 @@ class _Filling:
 
 
 def law_table(
-    scene: Scene, order: Order, bodies: Bodies, uses: Uses, joints: Joints, codes: dict[str, int], dt: float,
-    averaged: bool,
+    scene: Scene, order: Order, bodies: Bodies, uses: Uses, joints: Joints,
+    compiled: Callable[[Law], Addresses], dt: float, averaged: bool,
 ) -> LawTable:  # fmt: skip
     """The tables of the laws; ``bodies.ease`` and ``bodies.kick_mass`` are set to what constant drags make of them.
 
-    codes : of the laws in the compiled kernel;  dt [s];  averaged : contacts count by the share of a step they last
+    compiled : where the functions of a law are;  dt [s];  averaged : contacts count by the share of a step they last
     """
     n, blocks = order.n, order.blocks
     rate = np.zeros(n)  # kg/s, sum of the constant drags
@@ -157,7 +157,7 @@ def law_table(
         filling.runs.append(own_runs)
         n_runs += len(own_runs)
         mean_radius = _mean_radius(scene, order, bodies, item, chosen)
-        kind = codes.get(item.name, 0), id(item) in uses.damped
+        kind = compiled(item.law), id(item) in uses.damped
         _fill(filling, scene, order, joints, item, chosen, mean_radius, kind)
         if uses.eased and item.law.linear:
             answers = np.array([_linear_answer(scene, item, mean_radius, dt, scene.bodies[i])
@@ -186,14 +186,16 @@ def law_table(
 
 def _fill(
     to: _Filling, scene: Scene, order: Order, joints: Joints, item: LawUse, chosen: np.ndarray, mean_radius: float,
-    kind: tuple[int, bool],
+    kind: tuple[Addresses, bool],
 ) -> None:  # fmt: skip
     """Add one use: its line of the table, its bodies ``chosen`` or joints, r_0 and its parameters."""
     to.parameters.append(mean_radius)
     acts = _joints_under(scene, order, joints, item) if item.law.kind == "joint" else []
     first, count = (len(to.joint_of), len(acts)) if item.law.kind == "joint" else (len(to.rows), len(chosen))
-    code, damped = kind
-    to.table.append([code, len(to.parameters), first, first + count, int(item.bodies is not None), int(damped)])
+    where, damped = kind
+    code = 1 + KIND_ORDER[item.law.kind]
+    masked = int(item.bodies is not None)
+    to.table.append([code, len(to.parameters), first, first + count, masked, int(damped), *where])
     to.joint_of += acts
     to.rows += chosen.tolist()
     to.parameters += item.law.encode(scene.resolved(item))

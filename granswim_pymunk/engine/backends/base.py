@@ -10,9 +10,10 @@ import numpy as np
 import pymunk
 
 from ...errors import InputError, SimulationError
+from ...laws import Law
 from ...scene import LawUse, Scene
 from .. import neighbours
-from ..callbacks import Kernel
+from ..callbacks import Addresses, Kernel
 from ..motion import Motion
 from ..native import Offsets
 from ..order import order_of
@@ -93,7 +94,7 @@ class Backend(ABC):
         self.kernel = self.compiled()
         self.uses = uses_of(scene, self.order)
         laws = law_table(
-            scene, self.order, bodies, self.uses, self.joints, self.kernel.codes if self.kernel else {}, self.dt,
+            scene, self.order, bodies, self.uses, self.joints, self.addresses, self.dt,
             plan.averaged and self.averages,
         )  # fmt: skip
         smallest = float(bodies.radius.min()) if self.order.n else 1.0
@@ -115,6 +116,10 @@ class Backend(ABC):
     def compiled(self) -> Kernel | None:
         """The compiled laws, None where they run as Python."""
         return None
+
+    def addresses(self, law: Law) -> Addresses:
+        """Where the compiled functions of a law are: for a block of bodies, for one pair, for a body at a wall."""
+        return 0, 0, 0
 
     @abstractmethod
     def first_kick(self) -> None:

@@ -30,7 +30,7 @@ class Chipmunk(Native):
 
     def step_function(self, kernel: Kernel) -> int:
         """Address of the constraint's preSolve that gives the forces of a step."""
-        return int(kernel.chipmunk_step.address)
+        return int(kernel.contacts.chipmunk_step.address)
 
     def watch_contacts(self) -> tuple[Any, Any]:
         """Let Chipmunk report contacts; with impulses it solves them itself."""
@@ -38,7 +38,7 @@ class Chipmunk(Native):
             return None, None
         handler = lib.cpSpaceAddGlobalCollisionHandler(self.world.space._space)
         before = handler.preSolveFunc
-        handler.preSolveFunc = ffi.cast("cpCollisionPreSolveFunc", self.kernel.contact_presolve.address)
+        handler.preSolveFunc = ffi.cast("cpCollisionPreSolveFunc", self.kernel.contacts.contact_presolve.address)
         handler.userData = ffi.cast("void *", self.context.values.ctypes.data)
         return handler, before
 
@@ -49,7 +49,7 @@ class Chipmunk(Native):
         rows = {}
         for (ghost, _), k in zip(world.ghosts, world.originals, strict=True):
             period = (length or 0.0) / self.units.length
-            point_ghost(ghost, world.bodies[k], period, self.offsets, self.kernel.ghost_position.address)
+            point_ghost(ghost, world.bodies[k], period, self.offsets, self.kernel.contacts.ghost_position.address)
             rows[address(ghost._body)] = -k - 2
         strangers = b.bodies if b.memory is None else np.zeros(0, dtype=np.int64)
         lists = self.state.lists

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...compiled import shown
+from ...laws import Law
 from .. import neighbours
-from ..callbacks import HALF_STEP, LINKS, SCALARS, WALLS, Kernel, compile_laws
+from ..callbacks import FUNCTIONS, HALF_STEP, SCALARS, USE_COLUMNS, Addresses, Kernel, kernel_for
 from ..native import ROW
+from ..state import Slots, context_of
 from .base import Backend
-
-# what the kernel's sum of forces is given, behind the state (see ``callbacks.generate``)
-_BEHIND = [name.strip() for name in f"{LINKS}, {WALLS}".split(",")]
 
 
 class Compiled(Backend):
@@ -19,8 +19,21 @@ class Compiled(Backend):
     kernel: Kernel
 
     def compiled(self) -> Kernel:
-        """The compiled laws."""
-        return compile_laws([item.law for item in self.scene.laws], self.offsets)
+        """What is compiled for this layout of Chipmunk's memory."""
+        with shown(FUNCTIONS):
+            return kernel_for(self.offsets)
+
+    def addresses(self, law: Law) -> Addresses:
+        """Where the compiled functions of a law are; 0 where this scene does not need one."""
+        pair = law.kind == "pair"
+        with shown(FUNCTIONS):
+            one = self.kernel.one(law) if pair and self.finds_contacts else 0
+            wall = self.kernel.wall(law) if pair and not law.reach and self.scene.walls else 0
+            return self.kernel.block(law), one, wall
+
+    def context_of_now(self) -> Slots:
+        """Counts and addresses of the arrays, for a call from Python."""
+        return context_of(self.state, self.order, self.kernel, from_list=True, fixed_skin=False)
 
     def array_forces(
         self, constrained: bool, t: float, state: np.ndarray | None = None, in_step: bool = False
@@ -54,13 +67,9 @@ class Compiled(Backend):
         plain[SCALARS.index("share")] = 0.0
         if not in_step:
             plain[SCALARS.index("scheme")] = HALF_STEP
-        self.kernel.add_forces(
-            1, int(constrained), t, self.dt, state, b.mass, b.inverse_mass, b.radius, b.given_inertia, laws.parameters,
-            laws.uses, laws.runs, laws.run_starts, laws.blocks, laws.mask, lists.near_i, lists.near_j,
-            lists.near_shift, lists.near_touch, lists.near_mass, lists.near_starts, lists.near_seam, plain,
-            laws.chains, laws.input_t, laws.input_v, laws.input_at, lists.which, lists.work, b.kick_mass,
-            b.inverse_moment, b.kept, *(self.state.array(name) for name in _BEHIND),
-        )  # fmt: skip
+        context = self.context_of_now()
+        context["state"], context["scalars"] = state.ctypes.data, plain.ctypes.data
+        self.kernel.add_forces(1, int(constrained), t, self.dt, context.values.ctypes.data)
         return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
 
     def rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
@@ -113,10 +122,11 @@ class Compiled(Backend):
 
     def pair_forces(self, i: np.ndarray, j: np.ndarray, normal: np.ndarray, raw: dict[str, np.ndarray]) -> np.ndarray:
         """(k,) force on each j along ``normal`` (k, 2) [N] by all laws of pairs, bodies being as ``raw`` says."""
-        b, laws = self.state.bodies, self.state.laws
         force = np.empty(len(i))
-        self.kernel.pair_forces(
-            i, j, normal, self.t, self.rows_of_now(raw), b.inverse_mass, b.radius, laws.parameters, laws.uses,
-            laws.mask, laws.scalars, force,
-        )  # fmt: skip
+        for u, item in enumerate(self.uses.items):
+            if item.law.kind == "pair":
+                self.state.laws.uses[u, USE_COLUMNS.index("one")] = self.kernel.one(item.law)
+        state, context = self.rows_of_now(raw), self.context_of_now()
+        context["state"] = state.ctypes.data
+        self.kernel.pair_forces(i, j, normal, self.t, context.values.ctypes.data, force)
         return force

@@ -14,7 +14,7 @@ from .. import events, neighbours, stepping
 from ..callbacks import INTS, Kernel
 from ..motion import NUMBERS, OWN_ROW, Motion
 from ..native import ROW, Offsets, address, column, last_step_offset, step_address
-from ..state import context_of
+from ..state import Slots, context_of
 from .base import Plan
 from .compiled import Compiled
 
@@ -35,7 +35,7 @@ class Native(Compiled):
         super().__init__(plan, offsets, motion)
         self._last_step = self.dt
         self._event_time: float | None = None  # where steps end at impacts, time is not a number of steps
-        self.context = context_of(self.state, self.order, self.from_list, plan.skin is not None)
+        self.context = context_of(self.state, self.order, self.kernel, self.from_list, plan.skin is not None)
         self._space = address(self.world.space._space)
         # the constraint holds two private bodies together with a spring of no strength: only its
         # preSolve matters, which comes after collision detection and before any kick
@@ -51,6 +51,10 @@ class Native(Compiled):
             self, _uninstall, self.world.space, hook, anchors, self.watch_contacts(),
             self.world.bodies[: self.order.n_mobile], self.world.ghosts, offsets, keep,
         )  # fmt: skip
+
+    def context_of_now(self) -> Slots:
+        """A copy of what the callbacks have."""
+        return self.context.copy()
 
     # ---- what a mode does in its own way --------------------------------------------------------
 
@@ -241,7 +245,7 @@ class Native(Compiled):
 
     def refresh(self) -> None:
         """Tell the callbacks where arrays are that were made anew."""
-        fresh = context_of(self.state, self.order, self.from_list, self.plan.skin is not None)
+        fresh = context_of(self.state, self.order, self.kernel, self.from_list, self.plan.skin is not None)
         for name in (*INTS[INTS.index("bodies") :], "room", "n_table"):
             self.context[name] = fresh[name]
 
