@@ -32,12 +32,12 @@ AGAINST = {
 CIRCLES = {"scene", "render"}
 # lines of functions that are longer; "engine.callbacks" and "proof.kernels" hold generated and compiled kernels
 LONG = {
-    "engine.callbacks._native_text": 314, "engine.callbacks.generate": 185,
+    "engine.callbacks._contacts_text": 163, "engine.callbacks._step_text": 124,
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
     "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,
     "scene.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
-    "proof.kernels.list_pairs": 84, "engine.callbacks._pair_block": 84, "proof.world._concealed": 83,
+    "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
     "inference.result.mismatch_entry": 12, "diagnosis.pairs.pair_of": 11, "diagnosis.solve.descend": 9,

@@ -653,3 +653,24 @@ def test_forces_of_a_moment_are_not_those_of_a_step():
         simulation.restart(np.array([[0.0, 0.0], [0.026999, 0.0]]), np.array([[0.2, 0.0], [0.0, 0.0]]), 0.0)
     np.testing.assert_array_equal(both[0].forces(), both[1].forces())
     assert np.abs(both[0].forces()).max() > 0
+
+
+def test_a_scene_compiles_its_own_laws_and_no_more(monkeypatch):
+    """Nothing of other laws, of pairs, walls, links and Chipmunk's contacts, until a scene needs it."""
+    from granswim_pymunk.engine import callbacks
+    from granswim_pymunk.engine.backends import compiled
+    from granswim_pymunk.engine.native import offsets
+
+    asked = []
+
+    def watched(kind, *arguments, made=callbacks._module):
+        asked.append(kind)
+        return made(kind, *arguments)
+
+    monkeypatch.setattr(callbacks, "_module", watched)
+    fresh = callbacks.Kernel(offsets())
+    monkeypatch.setattr(compiled, "kernel_for", lambda offsets: fresh)
+    Simulation(free(use("gravity"), use("linear_drag", c=1e-3))).advance(10)
+    assert asked == ["kernel", "block_gravity", "block_linear_drag"]
+    Simulation(small_bed()).advance(10)
+    assert {"lists", "block_contact_linear"} <= set(asked) and not {"walls", "links", "contacts"} & set(asked)
