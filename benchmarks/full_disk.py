@@ -32,7 +32,7 @@ def on_a_full_disk(job: Job, place: Path, limit: int) -> str:
         [sys.executable, "-c", START, str(limit), *job.first(place)], cwd=place, capture_output=True, text=True,
         timeout=PATIENCE, check=False,
     )  # fmt: skip
-    said = [line for line in done.stderr.splitlines() if line.startswith("granswim ") and "write" in line]
+    said = [line for line in done.stderr.splitlines() if line.startswith("granswim ") and "writ" in line]
     if "Traceback" in done.stderr or done.returncode != 2 or len(said) != 1:
         return f"exit code {done.returncode}, {len(said)} lines that say why: {done.stderr.strip()[-200:]}"
     changed = [path.name for path, mark in before.items() if digest(path) != mark]
