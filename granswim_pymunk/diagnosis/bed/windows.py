@@ -11,7 +11,7 @@ import os
 import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..data import TRAINING_SHARE, Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
 from .cut import carried_paths, cut_out
+from .hidden import with_hidden
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 from .work import BODY_START, BODY_STEP
@@ -59,6 +60,7 @@ class BedCase:
     case : the same for the machinery of candidates;  rows : (s,) scene rows of the swimmer's disks that are seen
     grains : (g,) scene rows of the grains that are seen;  starts : (W,) frames at which windows start
     looks : (L,) frames later, the first 0;  training : (W,) bool;  repaired : labels put back, sightings left out
+    hidden : (h,) rows of grains that the film does not show, see ``hidden``: they are there, and are not compared
     """
 
     case: Case
@@ -72,6 +74,7 @@ class BedCase:
     dt: float
     seed: int
     repaired: tuple[int, int]
+    hidden: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def recording(self) -> Recording:
@@ -134,7 +137,6 @@ def bed_case(
         raise fault("has no swimmer to follow through the bed")
     if recording.xy.size == 0 or len(recording.t) < 12:
         raise fault("has too few frames for windows in a bed")
-    case = prepare(recording, held_out=held_out, split=split, clean=False)
     unwrapped = recording.unwrapped().xy
     sigma = recording.position_noise
     if not sigma:
@@ -144,6 +146,12 @@ def bed_case(
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
     unwrapped, put_back, left_out = followed(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = unwrapped
+    end = recording.t[0] + TRAINING_SHARE * (recording.t[-1] - recording.t[0])
+    learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
+    listed = len(scene.bodies)
+    recording, full = with_hidden(recording, full, float(sigma), learnt)
+    scene = recording.scene
+    case = prepare(recording, held_out=held_out, split=split, clean=False)
     spacing = float(np.median(np.diff(recording.t)))
     reach = max(round(LENGTH / spacing), HALF + 2)
     # a frame that the start is made of says nothing new, but for its place among its neighbours
@@ -160,7 +168,6 @@ def bed_case(
     starts = first + size * np.arange(count)
     if count > most:
         starts = starts[np.unique(np.round(np.linspace(0, count - 1, max(most, FEWEST))).astype(int))]
-    end = recording.t[0] + TRAINING_SHARE * (recording.t[-1] - recording.t[0])
     training = np.full(len(starts), not held_out)
     if split and not held_out:
         training = recording.t[starts + reach] <= end
@@ -168,12 +175,12 @@ def bed_case(
     rows = np.array([k for chain in scene.chains for k in chain if seen[k]], dtype=np.int64)
     if not len(rows):
         raise fault("no disk of the swimmer is seen in five frames")
-    grains = np.array([k for k, b in enumerate(scene.bodies) if b.role == "grain" and seen[k]], dtype=np.int64)
+    grains = [k for k, b in enumerate(scene.bodies) if b.role == "grain" and seen[k] and k < listed]
     dt = max(scene.time.dt or 0.0, COARSE * advise_dt(placed(scene, np.nan_to_num(full[first]), None)))
     steps = max(int(np.ceil(spacing / dt)), 10)
     return BedCase(
-        case, Film(recording.t, full, float(sigma)), rows, grains, starts, looks, training, Shapes.of(scene),
-        spacing / steps, seed, (put_back, left_out),
+        case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
+        Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)),
     )  # fmt: skip
 
 
