@@ -25,6 +25,7 @@ from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, namel
 from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import plainer_of, windows_of
+from granswim_pymunk.diagnosis.bed.hidden import circles
 from granswim_pymunk.diagnosis.bed.judge import astray
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
@@ -692,6 +693,69 @@ def test_twins_have_bodies_that_are_off_as_the_recording_says():
     calm, other = (p.of(p.twin(Hypothesis(), np.zeros(0), 0)) for p in predictors)
     assert not np.array_equal(calm.film.xy, other.film.xy)
     assert other.pace() == pytest.approx(calm.pace(), rel=0.3)
+
+
+# ---- grains that were not found ------------------------------------------------------------------
+
+
+def without(recording: Recording, seed: int, share: float = 0.02) -> tuple[Recording, list[int]]:
+    """The recording of a tracker that never found some grains, and which: neither in the scene nor in the tracks."""
+    rng = np.random.default_rng(seed)
+    out = {b.id for b in recording.scene.bodies if b.role == "grain" and rng.random() < share}
+    kept = [k for k, name in enumerate(recording.ids) if name not in out]
+    scene = replace(recording.scene, bodies=tuple(b for b in recording.scene.bodies if b.id not in out))
+    left = replace(recording, scene=scene, ids=tuple(recording.ids[k] for k in kept), xy=recording.xy[:, kept])
+    return left, [k for k, name in enumerate(recording.ids) if name in out]
+
+
+def test_circles_touch_three_others_from_outside():
+    rng = np.random.default_rng(3)
+    xy, radius = rng.uniform(-1, 1, (200, 3, 2)), rng.uniform(0.05, 0.2, (200, 3))
+    centre, size = circles(xy, radius)
+    known = np.isfinite(size)
+    assert known.mean() > 0.7
+    away = np.hypot(*np.moveaxis(centre[known][:, None] - xy[known], -1, 0)) - radius[known]
+    assert np.allclose(away, size[known][:, None], rtol=1e-6, atol=1e-9)
+    # three of one size about a place
+    turn = 2 * np.pi * np.arange(3) / 3
+    centre, size = circles(0.3 + 2 * np.column_stack([np.cos(turn), np.sin(turn)]), np.full(3, 0.5))
+    assert centre == pytest.approx([0.3, 0.3]) and size == pytest.approx(1.5)
+
+
+def test_grains_that_were_not_found_are_where_a_void_stays_open():
+    found = lost = 0
+    for name, seed in (("small_nothing", 4), ("small_joint", 7)):
+        whole = small(name)
+        assert not len(bed_case(whole).hidden)  # where all were found there is none
+        recording, out = without(whole, seed)
+        bed = bed_case(recording)
+        true, period = whole.unwrapped().xy[:, out], whole.scene.periodic_x
+        lost += len(out)
+        assert bed.given is recording and not set(bed.hidden) & set(bed.grains)
+        assert 0 < len(bed.hidden) <= len(out)
+        for k in bed.hidden:
+            away = bed.film.xy[:, [k]] - true
+            away[..., 0] -= period * np.round(away[..., 0] / period)
+            rms = np.sqrt(np.mean(np.sum(away**2, axis=-1), axis=0))
+            nearest = int(np.argmin(rms))
+            radius = whole.scene.body(whole.ids[out[nearest]]).radius
+            found += bool(rms[nearest] < 0.3e-3 and abs(bed.scene.bodies[k].radius / radius - 1) < 0.1)
+    assert found >= 0.6 * lost
+
+
+def test_a_law_is_named_though_grains_were_not_found():
+    """Without them the windows beside leave four times what twins do, and what is explained is 0.6."""
+    recording, out = without(small("small_joint"), 4)
+    found = diagnose_bed([recording], plan=PLAN, candidates=FEW, minutes=60.0)
+    verdict = found.verdict
+    assert any("does not show" in note for note in verdict["notes"]) and len(out) == 4
+    assert verdict["verdict"] == "missing_physics" and verdict["heldout"] == "holds"
+    (mechanism,) = verdict["mechanisms"]
+    factor = mechanism["parameters"]["factor"]
+    assert mechanism["name"] == "weak_joint" and factor["low"] < 0.4 < factor["high"]
+    assert set(mechanism["bodies"]) <= set(recording.scene.ids)
+    assert verdict["explained"]["share"] > 0.7 and verdict["complete"]
+    assert [u.identity for u in found.used] == [recording.scene.identity]
 
 
 def test_the_budget_counts_work_and_not_the_clock(tmp_path, monkeypatch):

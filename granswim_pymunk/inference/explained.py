@@ -47,7 +47,7 @@ class Explained:
     share : min(1, 1 - (S - S_floor)/(S_recalibrated - S_floor));  low, high : central 95 % from a block bootstrap
     left, left_before : S - S_floor with the hypothesis and of the recalibrated scene
     spread : of S between replicates without a mismatch
-    sure : the mismatch is larger than twice the spread of its chance between replicates; else no share can be said
+    sure : the mismatch is larger than twice the spread of S between replicates; else no share can be said
     """
 
     share: float
@@ -61,11 +61,13 @@ class Explained:
 
 def explained(
     after: Scores, before: Scores, rng: np.random.Generator, criteria: BlockCriteria | None = None,
-    beyond: float | None = None, few: bool = False,
+    beyond: float | None = None, few: bool = False, varies: float = 0.0,
 ) -> Explained:  # fmt: skip
     """Compare the scores of a hypothesis with those of the recalibrated scene, on the blocks that neither failed.
 
     few : the floor is the mean of so few replicates that its own error widens the interval: they are drawn anew, too
+    varies : spread of S between replicates that have the mismatch, where that is known: what they all lack and the
+        noise of each add up or cancel
     """
     criteria = criteria or current().blocks
     beyond = current().verdict.beyond if beyond is None else beyond
@@ -102,6 +104,6 @@ def explained(
     low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
     total = float(n.sum())
     before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
-    sure = before_left > beyond * float(f0.std()) and len(units) > 1
+    sure = before_left > beyond * max(float(f0.std()), varies) and len(units) > 1
     value = float(np.nan_to_num(share(s1, s0, f)))
     return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure, float(f0.std()))

@@ -22,6 +22,7 @@ from ..candidates import applies, camera_terms
 from ..data import Case
 from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms
+from .hidden import NAME
 
 KINDS = ("body", "pair", "constraint")
 APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 4e-3}  # a smaller shift drowns in chaos
@@ -146,7 +147,7 @@ def siblings(term: Term, scene: Scene) -> list[Term]:
 def on_some(law: Law, scene: Scene, drift: tuple[float, float]) -> list[Term]:
     """A law of bodies, in its usual form, on the swimmer alone and on the grains alone."""
     swimmer = scene.swimmer_ids
-    grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer)
+    grains = tuple(b.id for b in scene.bodies if b.mobile and b.id not in swimmer and not b.id.startswith(NAME))
     usual = {whose: law_terms(law, scene, drift, bodies)[0] for whose, bodies in
              (("the swimmer", swimmer), ("the grains", grains))}  # fmt: skip
     return [replace(t, label=f"{t.label} on {whose}") for whose, t in usual.items()]

@@ -148,6 +148,11 @@ def begin(
         )
     bench = Bench(beds, plan.twins, plan.members, store, cut, clock.work)
     for bed, predictor in zip(beds, bench.predictors, strict=True):
+        if len(bed.hidden):
+            notes.append(
+                f"{bed.name}: {len(bed.hidden)} grains that the film does not show were put where a void stays as "
+                "large as a grain while all about it moves"
+            )
         if predictor.cut is not None:
             notes.append(
                 f"{bed.name}: of {len(bed.scene.bodies)} bodies, the {len(predictor.cut.inside)} nearest to the "

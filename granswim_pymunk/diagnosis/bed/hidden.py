@@ -17,22 +17,29 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from ...recording import Recording
 from ...scene import Body
 
+NAME = "hidden grain "  # with a number, of a grain that the film does not show
 NEAREST = 9  # bodies about a void, of which three touch its circle
 CARRIERS = 5  # bodies with which a void goes from frame to frame
 BEGINNINGS = 9  # frames from which voids are followed
 OPEN = 0.95  # of the frames in which the circle is as large as the smallest grain
 FARTHEST = 0.5  # mean radii that its centre may move against the bodies about it from frame to frame
 STRIDE = 2e-3  # s, between the frames at which voids are followed; between them their centres go straight
+STRAINED = 1.0  # least radii, how far bodies about a void move against it where it would have closed
 SIZE = 0.1  # quantile of the circle's radius over time that the grain has: it is never larger than its cage
 TRIPLES = np.array(list(itertools.combinations(range(NEAREST), 3)))
 
 
 @dataclass(frozen=True)
 class Voids:
-    """centre : (T, k, 2) [m];  radius : (L, k) what is free about it in the frames that were looked at [m]"""
+    """Of the frames that were looked at.
+
+    centre : (L, k, 2) [m];  radius : (L, k) what is free about it [m];  strain : (k,) how far the bodies about it have
+    moved against it, at most [m]
+    """
 
     centre: np.ndarray
     radius: np.ndarray
+    strain: np.ndarray
 
 
 def circles(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +173,19 @@ def follow(
             centre[k, on] = places
             missed[on] += early[k] & (size[k, on] < least)
     stayed = missed <= allowed
-    return Voids(centre[:, stayed], size[:, stayed])
+    centre, size = centre[:, stayed], size[:, stayed]
+    return Voids(centre, size, _strain(xy[early], centre[early], frames[begin], begin))
+
+
+def _strain(xy: np.ndarray, centre: np.ndarray, frame: _Frame, begin: int) -> np.ndarray:
+    """(k,) rms over the bodies about a void of how far they move against its centre, at most [m]."""
+    points = centre[begin].copy()
+    if frame.period:
+        points[:, 0] %= frame.period
+    about = frame.bodies[frame.about(points)[:, :CARRIERS]]
+    moved = (xy - xy[begin])[:, about] - (centre - centre[begin])[:, :, None]
+    largest: np.ndarray = np.sqrt(np.mean(np.sum(moved**2, axis=-1), axis=-1)).max(axis=0)
+    return largest
 
 
 def hidden_grains(
@@ -202,21 +221,24 @@ def hidden_grains(
     if not found:
         return none
     centre = np.concatenate([v.centre for v in found], axis=1)
+    strain = np.concatenate([v.strain for v in found])
     sized = np.quantile(np.concatenate([v.radius for v in found], axis=1)[early], SIZE, axis=0)
-    chosen = np.flatnonzero((sized >= least) & (sized <= sizes.max() * (1 + 2.0 * off) + 2.0 * sigma))
+    chosen = np.flatnonzero(
+        (sized >= least) & (sized <= sizes.max() * (1 + 2.0 * off) + 2.0 * sigma) & (strain > STRAINED * least)
+    )
     density = float(np.median([bodies[k].mass / bodies[k].radius ** 3 for k in grains]))
     made: list[Body] = []
     kept: list[int] = []
     taken = {b.id for b in bodies}
-    for k in chosen:
+    for k in map(int, chosen):
         apart = centre[:, kept] - centre[:, [k]]
         if period:
             apart[..., 0] -= period * np.round(apart[..., 0] / period)
         if kept and np.min(np.hypot(*np.moveaxis(apart, -1, 0))) < least:
             continue  # two that began apart went to the same place
-        kept.append(int(k))
+        kept.append(k)
         r = float(np.clip(sized[k], sizes.min(), sizes.max()))
-        name = next(n for n in (f"hidden-{i}" for i in itertools.count(len(made) + 1)) if n not in taken)
+        name = next(n for n in (f"{NAME}{i}" for i in itertools.count(len(made) + 1)) if n not in taken)
         taken.add(name)
         made.append(replace(bodies[grains[0]], id=name, radius=r, mass=density * r**3, initial=None))
     between = [np.interp(t, t[looks], centre[:, k, a]) for k in kept for a in (0, 1)]

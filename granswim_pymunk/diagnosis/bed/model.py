@@ -260,7 +260,7 @@ class Windows(ObservationModel):
         found = []
         for bed in self.state.bench.beds:
             part = HELD_OUT if not bed.training.any() else TRAINING if bed.training.all() else PARTLY
-            found.append(Used.of(bed.recording, part, bed.dt))
+            found.append(Used.of(bed.given, part, bed.dt))
         return tuple(found)
 
     def evidence(self, course: Course) -> BedFinding:

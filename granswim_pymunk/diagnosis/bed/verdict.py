@@ -16,6 +16,7 @@ from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
 from .bench import Bench, Prediction
 from .candidates import LawAdder
+from .hidden import NAME
 from .trial import BedTrial
 from .windows import HALF, BedCase, BedPredictor, placed
 
@@ -44,7 +45,8 @@ def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
 
 
 def _acting(term: Term, scene: Scene) -> list[str]:
-    return list(term.bodies or tuple(b.id for b in scene.bodies if b.mobile))
+    acting = term.bodies or tuple(b.id for b in scene.bodies if b.mobile)
+    return [name for name in acting if not name.startswith(NAME)]
 
 
 def entry_of(trial: BedTrial, scene: Scene, gain: float | None) -> dict[str, Any]:
@@ -141,4 +143,5 @@ def body_map(
     gone = np.hypot(*(bed.film.xy[frames[-1]] - stack.mean(axis=0)).T)
     z = gone / (math.sqrt(2.0) * spread)
     z[[not b.mobile for b in bed.scene.bodies]] = np.nan
+    z[bed.hidden] = np.nan
     return z, window

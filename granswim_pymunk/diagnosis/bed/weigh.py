@@ -121,11 +121,22 @@ def sizes_of(bench: Bench, windows: Windows) -> list[int]:
     return [bed.size for bed, chosen in zip(bench.beds, windows, strict=True) for _ in chosen]
 
 
-def share_of(after: Scores, before: Scores, rng: np.random.Generator) -> Explained:
+def variation(bench: Bench, rows: Prediction, base: Prediction, windows: Windows) -> float:
+    """Spread of S between twins to which is added what the laws change: films of the same mismatch, other noise."""
+    change = [after.mean(axis=1) - before.mean(axis=1) for after, before in zip(rows, base, strict=True)]
+    count = sum(int(np.isfinite(c[w]).sum()) for c, w in zip(change, windows, strict=True))
+    sums = []
+    for k in range(min(len(noise.residuals) for noise in bench.noises)):
+        films = [noise.residuals[k] + c for noise, c in zip(bench.noises, change, strict=True)]
+        sums.append(squares_of(bench.noises, films, windows, k).sum())
+    return float(np.std(sums)) / max(count, 1)
+
+
+def share_of(after: Scores, before: Scores, rng: np.random.Generator, varies: float = 0.0) -> Explained:
     """See ``explained``; few twins know their spread badly: Student's t in place of the normal, and of their mean."""
     number = max(len(before.floor), 2)
     student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
-    return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True)
+    return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True, varies=varies)
 
 
 def before_of(search: Search) -> Scores:
@@ -140,7 +151,8 @@ def explained_by(search: Search, answer: Answer, before: Scores, rng: np.random.
         rows = judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
     if rows is None:
         return None
-    return share_of(scores_of(bench, judge, rows, search.used, answer.columns), before, rng)
+    varies = variation(bench, rows, search.base, search.used)
+    return share_of(scores_of(bench, judge, rows, search.used, answer.columns), before, rng, varies)
 
 
 def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.random.Generator) -> Explained | None:

@@ -11,7 +11,7 @@ import os
 import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,7 @@ class BedCase:
     grains : (g,) scene rows of the grains that are seen;  starts : (W,) frames at which windows start
     looks : (L,) frames later, the first 0;  training : (W,) bool;  repaired : labels put back, sightings left out
     hidden : (h,) rows of grains that the film does not show, see ``hidden``: they are there, and are not compared
+    given : the recording as it was given, without them
     """
 
     case: Case
@@ -74,7 +75,8 @@ class BedCase:
     dt: float
     seed: int
     repaired: tuple[int, int]
-    hidden: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    hidden: np.ndarray
+    given: Recording
 
     @property
     def recording(self) -> Recording:
@@ -149,6 +151,7 @@ def bed_case(
     end = recording.t[0] + TRAINING_SHARE * (recording.t[-1] - recording.t[0])
     learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
     listed = len(scene.bodies)
+    given = recording
     recording, full = with_hidden(recording, full, float(sigma), learnt)
     scene = recording.scene
     case = prepare(recording, held_out=held_out, split=split, clean=False)
@@ -180,7 +183,7 @@ def bed_case(
     steps = max(int(np.ceil(spacing / dt)), 10)
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
-        Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)),
+        Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)), given,
     )  # fmt: skip
 
 
