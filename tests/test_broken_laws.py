@@ -137,7 +137,8 @@ def broken(law):
         times, followed = law.series(t, value, **numbers)
         return times, OFF * followed
 
-    return replace(law, function=on_a_chain if law.kind == "chain" else function, series=law.series and series)
+    whole = law.kind == "chain" and not law.sees_joint
+    return replace(law, function=on_a_chain if whole else function, series=law.series and series)
 
 
 def ends(run, steps=60):

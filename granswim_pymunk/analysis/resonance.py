@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 
+from ..engine.swimmers import swimmer_forces
 from ..errors import InputError
 from ..scene import Scene
 
@@ -141,29 +141,17 @@ def linearised_modes(scene: Scene) -> Modes:
     bodies = [scene.bodies[k] for k in rows]
     mass = np.array([b.mass for b in bodies])
     n = len(rows)
-    laws = []
-    for item in scene.laws:
-        if item.law.kind == "chain" and item.law.series is None:
-            values: dict[str, Any] = scene.resolved(item)
-            laws.append(
-                (item.law.function, {
-                    p.name: p.choices.index(values[p.name]) if p.choices else values[p.name]
-                    for p in item.law.parameters
-                })
-            )  # fmt: skip
+    laws = [item for item in scene.laws if item.law.kind == "chain" and item.law.series is None]
     spacing = 2 * bodies[0].radius
     for item in scene.laws_named("union"):
         spacing = float(scene.resolved(item)["length"])
     x = np.arange(n) * spacing
 
     def transverse(y: np.ndarray, vy: np.ndarray) -> np.ndarray:
-        force = np.zeros((2, n))
-        for function, values in laws:
-            # the head axis points along the chain at t = 0
-            function(0.0, x, y, np.zeros(n), vy, mass, *force, **values) if _timed(function) else function(
-                x, y, np.zeros(n), vy, mass, *force, **values
-            )
-        return force[1]
+        xy, v = np.column_stack([x, y]), np.column_stack([np.zeros(n), vy])
+        # the head axis points along the chain at t = 0
+        forces = [swimmer_forces(item.law, scene.resolved(item), 0.0, xy, v, mass)[1] for item in laws]
+        return np.sum([np.zeros(n), *forces], axis=0)
 
     small_y, small_v = 1e-6 * spacing, 1e-6
     stiffness, damping = np.zeros((n, n)), np.zeros((n, n))
@@ -184,10 +172,6 @@ def linearised_modes(scene: Scene) -> Modes:
     roots = roots[(np.abs(roots) > 1e-3 * 2 * math.pi * natural[0]) & (roots.imag >= 0)]
     roots = roots[np.argsort(np.abs(roots))]
     return Modes(natural, np.abs(roots.imag) / (2 * math.pi), -roots.real / np.abs(roots), shapes)
-
-
-def _timed(function: Any) -> bool:
-    return "t" in function.__code__.co_varnames[: function.__code__.co_argcount]
 
 
 __all__ = [

@@ -10,17 +10,14 @@ text is meant to be read.
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import inspect
 import itertools
 import linecache
 import logging
-import math
 import re
 import sys
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -33,8 +30,10 @@ from ..files import written_whole
 from ..laws import Law
 from ..storage import code_folder
 from . import links, native, neighbours
+from .law_text import source_of
 from .motion import LIMIT, MOTION, columns
 from .native import ROW, Offsets
+from .swimmers import lifted
 
 log = logging.getLogger("granswim")
 
@@ -97,39 +96,6 @@ KEPT = ("fx", "fy", "torque", "vx", "vy", "spin")
 FUNCTIONS = 30
 # of what a law adds to a block of bodies, of one pair, of a body at a straight wall; 0 where it is not needed
 Addresses = tuple[int, int, int]
-
-_PLAIN_GLOBALS = {"math", "np", "numpy"}
-
-
-def _law_source(law: Law) -> str | None:
-    """The law's function as a text that stands alone, or None where there is none."""
-    function = inspect.unwrap(law.function)
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    except (OSError, TypeError, SyntaxError):
-        return None
-    definition = next((node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)), None)
-    if definition is None or function.__closure__:
-        return None
-    constants: list[ast.stmt] = []
-    for name in function.__code__.co_names:
-        if name in function.__globals__ and name not in _PLAIN_GLOBALS:
-            value = function.__globals__[name]
-            if not isinstance(value, int | float) or not math.isfinite(value):
-                return None
-            number = int(value) if isinstance(value, int) else float(value)
-            constants.append(ast.parse(f"{name} = {number!r}").body[0])
-    definition.decorator_list = []
-    definition.name = f"law_{law.name}"
-    definition.returns = None
-    for argument in definition.args.args:
-        argument.annotation = None
-    if definition.body and isinstance(definition.body[0], ast.Expr) and isinstance(definition.body[0].value, ast.Constant):
-        definition.body = definition.body[1:]  # the docstring
-    # inside the function: two laws may give one name to different numbers
-    definition.body = constants + definition.body
-    return "@njit(**INLINE)\n" + ast.unparse(ast.fix_missing_locations(definition)) + "\n"
-
 
 def _parameter_locals(law: Law) -> tuple[list[str], dict[str, str]]:
     """Lines that read the parameters of use u, and the name each argument got."""
@@ -1166,7 +1132,8 @@ class Kernel:
 
 @functools.lru_cache(maxsize=512)
 def _of_law(kernel: Kernel, law: Law, what: str, text: Callable[[Law], str]) -> ModuleType:
-    source = _law_source(law)
+    law = lifted(law)
+    source = source_of(law)
     given = {}
     if source is None:
         given[f"law_{law.name}"] = numba.njit(error_model="numpy", nogil=True)(law.function)

@@ -27,25 +27,5 @@ def delayed(t, value, tau):
     refines=("bending", "drive"),
     series=delayed,
 )
-def actuator_delay(t, x, y, fx, fy, tau, stiffness, amplitude, frequency, phase, form, length):
-    turning = 2.0 * math.pi * frequency
-    head = amplitude * math.sin(turning * t + phase)
-    follows = amplitude * math.sin(turning * (t - tau) + phase)
-    last = x.shape[0] - 1 if form == 2 else min(x.shape[0] - 1, 1)
-    for i in range(last):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        angle = math.atan2(dy, dx)
-        bend = angle - head
-        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
-        true_bend = angle - follows
-        true_bend -= 2.0 * math.pi * math.ceil((true_bend - math.pi) / (2.0 * math.pi))
-        force = -stiffness * (true_bend - bend) / distance
-        if form == 1:
-            force *= length / distance
-        fx[j] -= force * dy
-        fy[j] += force * dx
-        fx[i] += force * dy
-        fy[i] -= force * dx
+def actuator_delay(t, tau, amplitude, frequency, phase):
+    return amplitude * math.sin(2.0 * math.pi * frequency * (t - tau) + phase)

@@ -53,31 +53,12 @@ def lagging(t, value, tau):
     refines=("bending", "drive"),
     series=lagging,
 )
-def actuator_lag(t, x, y, fx, fy, tau, stiffness, amplitude, frequency, phase, form, length):
+def actuator_lag(t, command, tau, amplitude, frequency, phase):
+    if tau <= 0.0 or t <= 0.0:
+        return command
+    # the steady answer to a sine, and what is left of the start
     turning = 2.0 * math.pi * frequency
-    head = amplitude * math.sin(turning * t + phase)
-    follows = head
-    if tau > 0.0 and t > 0.0:
-        # the steady answer to a sine, and what is left of the start
-        late = math.atan(turning * tau)
-        gain = amplitude * math.cos(late)
-        left = amplitude * math.sin(phase) - gain * math.sin(phase - late)
-        follows = gain * math.sin(turning * t + phase - late) + left * math.exp(-t / tau)
-    last = x.shape[0] - 1 if form == 2 else min(x.shape[0] - 1, 1)
-    for i in range(last):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        angle = math.atan2(dy, dx)
-        bend = angle - head
-        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
-        true_bend = angle - follows
-        true_bend -= 2.0 * math.pi * math.ceil((true_bend - math.pi) / (2.0 * math.pi))
-        force = -stiffness * (true_bend - bend) / distance
-        if form == 1:
-            force *= length / distance
-        fx[j] -= force * dy
-        fy[j] += force * dx
-        fx[i] += force * dy
-        fy[i] -= force * dx
+    late = math.atan(turning * tau)
+    gain = amplitude * math.cos(late)
+    left = amplitude * math.sin(phase) - gain * math.sin(phase - late)
+    return gain * math.sin(turning * t + phase - late) + left * math.exp(-t / tau)

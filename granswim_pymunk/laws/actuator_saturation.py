@@ -1,7 +1,5 @@
 """A motor that stops at a limit."""
 
-import math
-
 import numpy as np
 
 from .base import Parameter, law
@@ -47,24 +45,5 @@ def clipped(t, value, limit):
     refines=("bending", "drive"),
     series=clipped,
 )
-def actuator_saturation(t, x, y, fx, fy, limit, stiffness, amplitude, frequency, phase, form, length):
-    head = amplitude * math.sin(2.0 * math.pi * frequency * t + phase)
-    follows = min(max(head, -limit), limit)
-    last = x.shape[0] - 1 if form == 2 else min(x.shape[0] - 1, 1)
-    for i in range(last):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        angle = math.atan2(dy, dx)
-        bend = angle - head
-        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
-        true_bend = angle - follows
-        true_bend -= 2.0 * math.pi * math.ceil((true_bend - math.pi) / (2.0 * math.pi))
-        force = -stiffness * (true_bend - bend) / distance
-        if form == 1:
-            force *= length / distance
-        fx[j] -= force * dy
-        fy[j] += force * dx
-        fx[i] += force * dy
-        fy[i] -= force * dx
+def actuator_saturation(command, limit):
+    return min(max(command, -limit), limit)

@@ -23,7 +23,12 @@ Kinds
     +90 degrees; returns ``(fn, ft)`` [N], the force on j along n and t; i gets the opposite. A law that
     asks for ``spin_i`` or ``spin_j`` returns ``(fn, ft, mi, mj)``, with a torque on each besides [N m].
 ``chain``
-    sees the arrays of one swimmer, head first, and adds to ``fx``, ``fy``; ``damping=True`` where it is a friction.
+    of a swimmer. Sees one joint (``bend``, ``rate``, ``index``) and returns the force F_t [N] across the segment
+    behind it, on disk i + 1; disk i gets the opposite. A law that asks for ``vt`` returns ``(F_t, across)``: the second
+    acts on the segment alone, whatever the form of the bending. A law with a ``series``, or that asks for ``command``,
+    returns the angle [rad] of the head's axis. A law that asks for ``fx``, ``fy`` sees the arrays of the whole
+    swimmer, head first, and adds to these two. ``damping=True`` where it is a friction. Amplitude, frequency and phase
+    of the head's axis, form and resting length are the law's parameters of these names (``laws.bending.of_bending``).
 ``joint``
     sees the rate of turning and the bend of a pin or hinge and returns the torque [N m] on the second body; the first
     gets the opposite. A friction: ``damping`` is set.
@@ -89,6 +94,12 @@ STATE: dict[str, dict[str, str]] = {
         "mass": "(n,) masses [kg]",
         "fx": "(n,) force, to be added to [N]",
         "fy": "(n,) force, to be added to [N]",
+        "index": "of a joint: which one, 0 the one against the head's axis",
+        "bend": "of a joint: angle of the segment behind it against the one before, or the head's axis [rad]",
+        "rate": "of a joint: rate at which it bends [rad/s]",
+        "vt": "of a joint: velocity of disk i + 1 against disk i across the segment [m/s]",
+        "reduced_mass": "of a joint: m_i m_(i+1)/(m_i + m_(i+1)) [kg]",
+        "command": "of the head's axis: the angle that it is told [rad]",
     },
     "joint": {
         "t": "time [s]",
@@ -226,6 +237,11 @@ class Law:
     @property
     def arguments(self) -> tuple[str, ...]:
         return tuple(inspect.signature(self.function).parameters)
+
+    @property
+    def sees_joint(self) -> bool:
+        """Whether a law of a swimmer sees one joint, or the head's axis, and not the arrays of all disks."""
+        return self.kind == "chain" and not {"fx", "fy"} & set(self.arguments)
 
     @property
     def shipped(self) -> bool:
@@ -393,6 +409,14 @@ def law(
                     + ", ".join(sorted(STATE[kind])),
                     where=f"law {declared.name}",
                 )
+        whole = {"x", "y", "vx", "vy", "mass"} & set(declared.arguments)
+        single = {"index", "bend", "rate", "vt", "reduced_mass", "command"} & set(declared.arguments)
+        if kind == "chain" and (whole if declared.sees_joint else single):
+            raise InputError(
+                "asks for arrays of a swimmer and for what one joint sees; with fx and fy it gets arrays, without them "
+                "a joint",
+                where=f"law {declared.name}",
+            )
         _REGISTRY[declared.name] = declared
         return declared
 

@@ -1,7 +1,5 @@
 """Bending of the swimmer towards its driven head axis."""
 
-import math
-
 from .base import AUTOMATIC, Parameter, law
 
 FORMS = ("leader", "elastic", "head_axis")
@@ -67,42 +65,5 @@ def of_bending(*names: str) -> list[Parameter]:
         ),
     ],
 )
-def bending(t, x, y, vx, vy, mass, fx, fy, stiffness, damping, amplitude, frequency, phase, form, length):
-    head = amplitude * math.sin(2.0 * math.pi * frequency * t + phase)
-    previous = head
-    previous_length = 1.0
-    previous_tx = 0.0
-    previous_ty = 0.0
-    for i in range(x.shape[0] - 1):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        tx = -dy / distance
-        ty = dx / distance
-        angle = math.atan2(dy, dx)
-        bend = angle - (head if form == 2 else previous)
-        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
-        reduced = mass[i] * mass[j] / (mass[i] + mass[j])
-        vt = (vx[j] - vx[i]) * tx + (vy[j] - vy[i]) * ty
-        force = -damping * reduced * vt
-        if form == 1:
-            # minus the gradient of k_B d/2 phi^2: the torque k_B d phi turns this segment back and, from
-            # the second joint on, the segment before it forward; d is a constant, or energy would leak
-            force -= stiffness * bend * length / distance
-            if i > 0:
-                reaction = stiffness * bend * length / previous_length
-                fx[i] += reaction * previous_tx
-                fy[i] += reaction * previous_ty
-                fx[i - 1] -= reaction * previous_tx
-                fy[i - 1] -= reaction * previous_ty
-        else:
-            force -= stiffness * bend
-        fx[j] += force * tx
-        fy[j] += force * ty
-        fx[i] -= force * tx
-        fy[i] -= force * ty
-        previous = angle
-        previous_length = distance
-        previous_tx = tx
-        previous_ty = ty
+def bending(bend, vt, reduced_mass, stiffness, damping):
+    return -stiffness * bend, -damping * reduced_mass * vt

@@ -23,39 +23,6 @@ from .bending import of_bending
     refines=("bending",),
     damping=True,
 )
-def joint_friction(t, x, y, vx, vy, fx, fy, force, w_0, amplitude, frequency, phase, form, length):
-    most = force
-    turning = 2.0 * math.pi * frequency
-    head_rate = amplitude * turning * math.cos(turning * t + phase)
-    previous_rate = head_rate
-    previous_length = 1.0
-    previous_tx = 0.0
-    previous_ty = 0.0
-    for i in range(x.shape[0] - 1):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        tx = -dy / distance
-        ty = dx / distance
-        rate = ((vx[j] - vx[i]) * tx + (vy[j] - vy[i]) * ty) / distance
-        bending_rate = rate - (head_rate if form == 2 else previous_rate)
-        size = math.sqrt(bending_rate * bending_rate + w_0 * w_0)
-        force = -most * bending_rate / size if size > 0.0 else 0.0
-        if form == 1:
-            # as the gradient of an energy: a torque on this segment, the opposite one on the segment before
-            if i > 0:
-                back = force * length / previous_length
-                fx[i] -= back * previous_tx
-                fy[i] -= back * previous_ty
-                fx[i - 1] += back * previous_tx
-                fy[i - 1] += back * previous_ty
-            force *= length / distance
-        fx[j] += force * tx
-        fy[j] += force * ty
-        fx[i] -= force * tx
-        fy[i] -= force * ty
-        previous_rate = rate
-        previous_length = distance
-        previous_tx = tx
-        previous_ty = ty
+def joint_friction(rate, force, w_0):
+    size = math.sqrt(rate * rate + w_0 * w_0)
+    return -force * rate / size if size > 0.0 else 0.0

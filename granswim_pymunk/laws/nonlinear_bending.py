@@ -1,7 +1,5 @@
 """Joints that stiffen as they bend."""
 
-import math
-
 from .base import Parameter, law
 from .bending import of_bending
 
@@ -19,37 +17,5 @@ from .bending import of_bending
     candidate="named",
     refines=("bending",),
 )
-def nonlinear_bending(t, x, y, fx, fy, k_3, amplitude, frequency, phase, form, length):
-    head = amplitude * math.sin(2.0 * math.pi * frequency * t + phase)
-    previous = head
-    previous_length = 1.0
-    previous_tx = 0.0
-    previous_ty = 0.0
-    for i in range(x.shape[0] - 1):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        tx = -dy / distance
-        ty = dx / distance
-        angle = math.atan2(dy, dx)
-        bend = angle - (head if form == 2 else previous)
-        bend -= 2.0 * math.pi * math.ceil((bend - math.pi) / (2.0 * math.pi))
-        force = -k_3 * bend * bend * bend
-        if form == 1:
-            # as the gradient of an energy: a torque on this segment, the opposite one on the segment before
-            if i > 0:
-                back = force * length / previous_length
-                fx[i] -= back * previous_tx
-                fy[i] -= back * previous_ty
-                fx[i - 1] += back * previous_tx
-                fy[i - 1] += back * previous_ty
-            force *= length / distance
-        fx[j] += force * tx
-        fy[j] += force * ty
-        fx[i] -= force * tx
-        fy[i] -= force * ty
-        previous = angle
-        previous_length = distance
-        previous_tx = tx
-        previous_ty = ty
+def nonlinear_bending(bend, k_3):
+    return -k_3 * bend * bend * bend

@@ -1,7 +1,5 @@
 """A swimmer that is not straight at rest."""
 
-import math
-
 from .base import Parameter, law
 from .bending import of_bending
 
@@ -28,32 +26,6 @@ from .bending import of_bending
     phrase="a resting curvature",
     refines=("bending",),
 )
-def resting_curvature(x, y, fx, fy, phi_0, joint, stiffness, form, length):
-    previous_length = 1.0
-    previous_tx = 0.0
-    previous_ty = 0.0
-    for i in range(x.shape[0] - 1):
-        j = i + 1
-        dx = x[j] - x[i]
-        dy = y[j] - y[i]
-        distance = math.sqrt(dx * dx + dy * dy)
-        tx = -dy / distance
-        ty = dx / distance
-        # the choices are counted: 0 is "all", 1 joint 0
-        force = stiffness * phi_0 if joint == 0 or joint == i + 1 else 0.0
-        if form == 1:
-            # as the gradient of an energy: a torque on this segment, the opposite one on the segment before
-            if i > 0:
-                back = force * length / previous_length
-                fx[i] -= back * previous_tx
-                fy[i] -= back * previous_ty
-                fx[i - 1] += back * previous_tx
-                fy[i - 1] += back * previous_ty
-            force *= length / distance
-        fx[j] += force * tx
-        fy[j] += force * ty
-        fx[i] -= force * tx
-        fy[i] -= force * ty
-        previous_length = distance
-        previous_tx = tx
-        previous_ty = ty
+def resting_curvature(index, phi_0, joint, stiffness):
+    # the choices are counted: 0 is "all", 1 joint 0
+    return stiffness * phi_0 if joint == 0 or joint == index + 1 else 0.0

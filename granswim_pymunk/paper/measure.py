@@ -13,6 +13,7 @@ from ..analysis.contacts import ContactFinder, Directions, contact_directions
 from ..analysis.fields import Fields, Grid, coarse_grain
 from ..analysis.network import contact_network
 from ..engine import Simulation
+from ..engine.swimmers import swimmer_forces
 from ..errors import InputError
 from ..packing import pack
 from ..scene import Scene
@@ -59,7 +60,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
     grains = np.array([k for k, b in enumerate(scene.bodies) if b.role == "grain"])
     grain = np.array([b.role == "grain" for b in scene.bodies])
     mobile = np.array([k for k, b in enumerate(scene.bodies) if b.mobile])
-    bending = [(item.law, _coded(item.law, scene.resolved(item))) for item in scene.laws_named("bending")]
+    bending = [(item.law, scene.resolved(item)) for item in scene.laws_named("bending")]
     find = ContactFinder(scene)
     grain_radius = float(radius[grains].mean())
     length = 2.0 * float(radius[rows].sum())
@@ -83,8 +84,7 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
         energy = 0.5 * mass * (state.v**2).sum(axis=1)
         bed_energy[k], swimmer_energy[k] = energy[grains].sum(), energy[rows].sum()
         for law, values in bending:
-            f = np.zeros((2, len(rows)))
-            law.function(t[k], *xy[k].T, *v[k].T, mass[rows], *f, **values)
+            f = swimmer_forces(law, values, t[k], xy[k], v[k], mass[rows])
             power[k] += float((f.T * v[k]).sum())
         if watch is not None and k % 20 == 0:
             watch(k / samples)
@@ -158,13 +158,6 @@ def measure(scene: Scene, plan: Plan = Plan(), watch: Watch | None = None) -> xr
         "grain_radius": grain_radius,
     }  # fmt: skip
     return result
-
-
-def _coded(law: Any, values: dict[str, Any]) -> dict[str, Any]:
-    """Parameters as the law's function wants them: a choice is its number."""
-    return {
-        p.name: p.choices.index(values[p.name]) if p.choices else values[p.name] for p in law.parameters
-    }
 
 
 def _fraction(scene: Scene) -> float:

@@ -18,6 +18,7 @@ from ..callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS, WALL
 from ..motion import Motion
 from ..native import Offsets
 from ..neighbours import gap_to_walls, to_wall, together
+from ..swimmers import lifted
 from .base import Backend, Plan
 
 
@@ -50,6 +51,7 @@ class Python(Backend):
             )
             for item in self.uses.items
         ]
+        self._laws = [lifted(item.law, compiled=False) for item in self.uses.items]
         self._far = [item for item in self.uses.items if item.law.kind == "pair" and item.law.reach]
         for k, body in enumerate(self.world.bodies[: self.order.n_mobile]):
             body.velocity_func = self._velocity_function(k)
@@ -184,7 +186,8 @@ class Python(Backend):
     def _call(self, item: LawUse, u: int, available: dict[str, Any]) -> Any:
         laws = self.state.laws
         given = {**available, **self._encoded[u], "r0": float(laws.parameters[laws.uses[u, 1] - 1])}
-        return item.law.function(*(given[name] for name in item.law.arguments))
+        law = self._laws[u]
+        return law.function(*(given[name] for name in law.arguments))
 
     def _sum(self, constrained: bool = True, in_step: bool = True) -> None:
         """All forces of this step; positions are new, velocities still half a step behind.

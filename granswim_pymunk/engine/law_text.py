@@ -1,0 +1,54 @@
+"""The function of a law as a text that stands alone: what generated code is made of."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import textwrap
+
+from ..laws import Law
+
+_PLAIN_GLOBALS = {"math", "np", "numpy"}
+
+
+def definition_of(law: Law, name: str) -> ast.FunctionDef | None:
+    """The law's function under another name, without annotations and docstring; None where it cannot stand alone.
+
+    Numbers that it looks up in its module are written into it. A function stands alone where its source can be had, it
+    closes over nothing, and looks up nothing but numbers, ``math`` and ``numpy``.
+    """
+    function = inspect.unwrap(law.function)
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):
+        return None
+    definition = next((node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)), None)
+    if definition is None or function.__closure__:
+        return None
+    constants: list[ast.stmt] = []
+    for known in function.__code__.co_names:
+        if known in function.__globals__ and known not in _PLAIN_GLOBALS:
+            value = function.__globals__[known]
+            if not isinstance(value, int | float) or not math.isfinite(value):
+                return None
+            number = int(value) if isinstance(value, int) else float(value)
+            constants.append(ast.parse(f"{known} = {number!r}").body[0])
+    definition.decorator_list = []
+    definition.name = name
+    definition.returns = None
+    for argument in definition.args.args:
+        argument.annotation = None
+    if ast.get_docstring(definition) is not None:
+        definition.body = definition.body[1:]
+    # inside the function: two laws may give one name to different numbers
+    definition.body = constants + definition.body
+    return definition
+
+
+def source_of(law: Law) -> str | None:
+    """The law as the text of a compiled function ``law_NAME``, or None where it cannot stand alone."""
+    definition = definition_of(law, f"law_{law.name}")
+    if definition is None:
+        return None
+    return "@njit(**INLINE)\n" + ast.unparse(ast.fix_missing_locations(definition)) + "\n"
