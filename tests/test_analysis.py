@@ -366,7 +366,7 @@ def test_power_audit_closes(bed: Scene) -> None:
     # a force that the scene's laws do not know is not hidden
     other = Simulation(scene)
     other.advance(4000)
-    other.scene = replace(scene, laws=tuple(item for item in scene.laws if item.name != "confinement"))
+    other.backend.scene = replace(scene, laws=tuple(item for item in scene.laws if item.name != "confinement"))
     assert power_audit(other, 300).residual > 1e-2
 
 
