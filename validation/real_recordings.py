@@ -2,7 +2,7 @@
 
 Diagnoses the real recordings that come with the package and writes the page of them: the picture, the verdict, how much
 it explains, what remains, and what somebody who knows the apparatus would add. A diagnosis that lies in DIR already is
-read and not made again.
+read and not made again. Beside the double pendulum stands what each friction leaves of its errors in short windows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ from typing import Any
 
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.diagnose import ProgressLine
+from granswim_pymunk.files import written_whole
+from granswim_pymunk.recording.importers import import_double_pendulum
 from granswim_pymunk.result import load_verdict
+
+from . import swings
 
 MOST_NUMBERS = 5  # of a law that are shown: a form without a name has twenty
 HEAD = """# Real recordings
@@ -95,6 +99,20 @@ def told(verdict: Mapping[str, Any], summary: str) -> str:
     return "\n".join(kept)
 
 
+def in_windows(out: Path) -> str:
+    """How each friction follows the two arms in windows of the last 40 % of 48 s, as Markdown; kept in ``out``."""
+    kept = out / "windows.md"
+    if not kept.exists():
+        rows = swings.compared(import_double_pendulum(swings.shipped()), swings.LAWS, lambda text: None)
+        with written_whole(kept) as stream:
+            stream.write((swings.table(rows) + "\n").encode())
+    return "\n".join([
+        "Each friction fitted to the first 60 % of 48 s of the same swing, and the last 40 % followed in windows whose "
+        "starts are fitted on their first third: what is left of the error without friction, by "
+        "`python -m granswim_pymunk.validation.swings`.", "", kept.read_text(encoding="utf-8"),
+    ])  # fmt: skip
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     how = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(prog="real_recordings", description=__doc__, formatter_class=how)
@@ -118,6 +136,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             folder.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(out / "figures" / "overlay.png", folder / picture)
         parts.append(section(name, result.verdict, told(result.verdict, result.summary()), f"pictures/{picture}"))
+        if name == "double_pendulum":
+            parts.append(in_windows(out))
     text = "\n".join(parts)
     if args.page:
         args.page.write_text(text, encoding="utf-8")
