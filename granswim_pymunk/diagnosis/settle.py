@@ -150,20 +150,23 @@ def that_earn_their_place(
     return found, revised, dropped
 
 
-def within_belief(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, spread: float) -> bool:
-    """Whether masses and radii that are off as the experimenter says they may be do what was found.
+def within_belief(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, spread: float
+) -> tuple[Fit, list[Trial]]:
+    """The fit with what errors of the believed masses and radii add to its intervals, and laws that they imitate.
 
-    Where the interval of every strength, with what these errors add to it, holds its neutral value.
+    Those whose strengths all have intervals that then hold their neutral values: masses and radii as far off as the
+    experimenter says they may be do the same. None where nothing was said of such errors.
     """
     fit = with_believed_errors(fitter, revised, spread)
-    if not found or fit.believed is None:
-        return False
-    for trial, rows in zip(found, rows_of(found, len(recalibrated.values)), strict=True):
-        for k, free in zip(range(rows.start, rows.stop), trial.term.free, strict=True):
-            _, low, high = fit.interval(k, spread)
-            if not free.inner and not low <= free.neutral <= high:
-                return False
-    return True
+    alike = []
+    if fit.believed is not None:
+        for trial, rows in zip(found, rows_of(found, len(recalibrated.values)), strict=True):
+            pairs = zip(range(rows.start, rows.stop), trial.term.free, strict=True)
+            ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in pairs if not f.inner]
+            if all(low <= neutral <= high for neutral, low, high in ends):
+                alike.append(trial)
+    return fit, alike
 
 
 def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:

@@ -50,10 +50,11 @@ from .held_out import (
 )
 from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_of, whiteness, window_map
-from .intervals import with_believed_errors, with_limits
+from .intervals import with_limits
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
+from .score_test import chance_of_more
 from .settle import in_names_of_apparatus, that_earn_their_place, within_belief
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
@@ -61,6 +62,7 @@ from .verdict import Told, revised_scene, used
 from .whom import whom
 
 FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
+AS_BELIEVED = "masses and radii as far off as was stated do the same"
 BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
 FAR_BEYOND = 1.5  # times the noise floor that a held-out error is said to remain
 
@@ -239,26 +241,36 @@ class Tracks(ObservationModel):
         if left.passes and _below_tolerance(tried.recalibrated, study.training):
             real = False
         laws = list(claim.laws)
-        if real and laws and within_belief(laws, claim.fit, tried.recalibrated, study.fitter, self.spread):
-            self.notes.append(f"{claim.label}: masses and radii as far off as was stated do the same")
-            real = False
+        if real and laws:
+            _, alike = within_belief(laws, claim.fit, tried.recalibrated, study.fitter, self.spread)
+            if len(alike) == len(laws):
+                self.notes.append(f"{claim.label}: {AS_BELIEVED}")
+                real = False
         improved = tried.naive.chi2 - tried.recalibrated.chi2
         moved = improved / self.spread > 12 + 2 * len(tried.recalibrated.values)
         return Mismatch(real, bool(study.adjustables) and moved)
 
     def settle(self, judged: Judgement) -> Judgement:
-        """With profiles of chi2 where a law and the adjustables are known only together."""
+        """With profiles of chi2 where a law and the adjustables are known only together.
+
+        Without those of several laws that masses and radii imitate, as far off as was said.
+        """
         if judged.verdict not in ("missing_physics", "measurement"):
             return judged
         count = len(self.tried.recalibrated.values)
         fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, lambda: self.study.late(0.75))
-        fit = with_believed_errors(self.fitter, fit, self.spread)
+        laws = judged.claim.laws
+        fit, alike = within_belief(laws, fit, self.tried.recalibrated, self.fitter, self.spread)
+        if alike and len(alike) < len(laws):
+            named = Claim(tuple(alike), fit).label
+            self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
+            laws = tuple(t for t in laws if not any(t is a for a in alike))
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
                 f"{names} and the adjustables are known only together: their intervals are profiles of chi2"
             )
-        return replace(judged, claim=replace(judged.claim, fit=fit))
+        return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         study, revised = self.study, judged.claim.fit
@@ -304,9 +316,18 @@ class Tracks(ObservationModel):
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
         complete = self.completeness(judged.claim.fit).passes
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
+        complete = complete and not self._more_to_see(judged.claim.fit)
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None)
         return Left(False, self._remains(judged.claim))
+
+    def _more_to_see(self, fit: Fit) -> bool:
+        """Whether what is left, and matters, holds more along the signature of a candidate than noise would."""
+        study, tried = self.study, self.tried
+        if study.late(0.95) or _below_tolerance(fit, study.training):
+            return False
+        terms = [*tried.terms, *(t.term for t in tried.arms)]
+        return chance_of_more(self.fitter, fit, terms, study.rng) < current().noise.alarm
 
     def _remains(self, claim: Claim) -> Remains | None:
         """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
