@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import norm
-from unseen_world import STIFFNESS, World, filmed, world_candidates
+from unseen_world import STIFFNESS, World, curve_of, filmed, world_candidates
 
 from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.diagnosis.hypothesis import Free
@@ -490,6 +490,21 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     assert gains[0][0] == pytest.approx(entry["gain_heldout"], rel=0.3, abs=3.0)
     assert all(gain[0] < entry["gain_heldout"] for gain in gains[1:])
     assert all(r["gain_heldout"] is not None for r in verdict["rivals"])
+
+
+def test_a_curve_tells_a_class_and_the_film_that_would_decide(world):
+    """Six speeds say one thing: laws that explain them are one class, and a film of the swimmer tells them apart."""
+    found = diagnose_unseen([curve_of({"coulomb_substrate": [world["coulomb_substrate"].design[0, 0]]}, 2)])
+    verdict = found.verdict
+    assert verdict["verdict"] in ("missing_physics", "measurement")
+    alike = {r["name"] for r in verdict["rivals"] if r["indistinguishable"]}
+    assert "coulomb_substrate" in alike | {m["name"] for m in verdict["mechanisms"]} and len(alike) > 2
+    assert all(r["gain_heldout"] is not None for r in verdict["rivals"])
+    proposed = verdict["next_experiment"]
+    assert proposed["change"].startswith("film the swimmer at") and proposed["d_prime"] > 2
+    assert set(proposed["separates"]) <= alike | {m["name"] for m in verdict["mechanisms"]}
+    nothing = diagnose_unseen([curve_of({}, 3)]).verdict
+    assert nothing["verdict"] == "no_mismatch" and not nothing["mechanisms"]
 
 
 @pytest.mark.parametrize(("push", "named"), [(0.0, "linear_drag"), (1.0, "ambient_flow")])

@@ -16,6 +16,7 @@ from granswim_pymunk.diagnosis.unseen.candidates import Suspect, suspects_of
 from granswim_pymunk.diagnosis.unseen.runs import Job, Runner
 from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
 from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.validation.unseen_cases import toy_scene
 
 T = np.arange(400) * 2e-3  # s
@@ -60,11 +61,13 @@ def _usual(frequency: float) -> np.ndarray:
     return np.array(out)
 
 
-def _tracks(numbers: np.ndarray, frequency: float, noise: float, rng: np.random.Generator) -> np.ndarray:
+def _tracks(
+    numbers: np.ndarray, frequency: float, noise: float, rng: np.random.Generator, t: np.ndarray = T
+) -> np.ndarray:
     """(T, 7, 2) of a swimmer that has these numbers."""
-    turn = 2 * math.pi * frequency * T
+    turn = 2 * math.pi * frequency * t
     waves: dict[str, Callable[[np.ndarray], np.ndarray]] = {"cos": np.cos, "sin": np.sin}
-    angle, xy, length = np.zeros((len(T), 6)), np.zeros((len(T), 7, 2)), 3e-3
+    angle, xy, length = np.zeros((len(t), 6)), np.zeros((len(t), 7, 2)), 3e-3
     for value, n in zip(numbers, NAMES, strict=True):
         kind = n.kind.removeprefix("head_")
         if n.kind == "mean":
@@ -72,7 +75,7 @@ def _tracks(numbers: np.ndarray, frequency: float, noise: float, rng: np.random.
         elif n.kind in waves:
             angle[:, n.place] += value * waves[kind](n.harmonic * turn)
         elif n.kind == "drift":
-            xy[:, 0, n.place] += value * T
+            xy[:, 0, n.place] += value * t
         elif n.kind == "length":
             length = value
         else:
@@ -99,7 +102,10 @@ class World(Runner):
         for k in order:
             job = jobs[k]
             rng = _generator(self.seed, job.key, job.number)
-            found = swum(job.condition.frequency, amounts(job.label), rng, self.candidates, soft=job.soft)
+            made_of = amounts(job.label)
+            found = swum(
+                job.condition.frequency, made_of, rng, self.candidates, soft=job.soft, t=job.condition.frames
+            )
             self.tracks.setdefault(job.key, {})[job.number] = found
 
 
@@ -118,7 +124,7 @@ def amounts(label: str) -> dict[str, list[float]]:
 
 def swum(
     frequency: float, laws: Mapping[str, Sequence[float]], rng: np.random.Generator,
-    candidates: Mapping[str, Suspect], *, soft: bool = False, noise: float = 0.0,
+    candidates: Mapping[str, Suspect], *, soft: bool = False, noise: float = 0.0, t: np.ndarray = T,
 ) -> np.ndarray:  # fmt: skip
     """(T, 7, 2) tracks of one packing under these laws."""
     numbers = _usual(frequency) + SD * (MIX @ rng.normal(size=len(NAMES)))
@@ -132,7 +138,7 @@ def swum(
             # a flow without speed is drag
             way = "linear_drag/0" if (label, k) == ("ambient_flow", 0) else f"{label}/{k}"
             numbers = numbers + _change(way, (value - f.neutral) / np.abs(x.design[:, k]).max(), frequency)
-    return _tracks(numbers, frequency, noise, rng)
+    return _tracks(numbers, frequency, noise, rng, t)
 
 
 def filmed(laws: Mapping[str, Sequence[float]], seed: int, films: int = 4) -> list[Recording]:
@@ -144,6 +150,21 @@ def filmed(laws: Mapping[str, Sequence[float]], seed: int, films: int = 4) -> li
         xy = swum(frequency, laws, rng, world_candidates(), noise=NOISE)
         found.append(Recording(f"film-{k + 1}", scene, T, scene.ids, xy, position_noise=NOISE))
     return found[:films]
+
+
+def curve_of(laws: Mapping[str, Sequence[float]], seed: int, packings: int = 6) -> Recording:
+    """A curve: at each of six frequencies the mean speed in some packings, with its standard error."""
+    rng = np.random.default_rng(seed)
+    scene = toy_scene(10.0, adjustable=True)
+    t = np.arange(0.0, 1.1 + 1e-3, 2e-3)
+    masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
+    rows = []
+    for frequency in (7.0, 8.5, 10.0, 11.5, 13.0, 14.5):
+        view = View(t, t >= 0.5 - 1e-9, frequency, 0.0, masses, curve=True)
+        speeds = [float(view.observe(swum(frequency, laws, rng, world_candidates(), t=t))[0]) for _ in range(packings)]
+        sem = float(np.std(speeds, ddof=1)) / math.sqrt(packings)
+        rows.append((frequency, math.nan, float(np.mean(speeds)), sem, packings))
+    return Recording("curve", scene, np.zeros(0), scene.ids, np.zeros((0, 7, 2)), curve=np.array(rows, dtype=CURVE))
 
 
 def world_candidates() -> dict[str, Suspect]:

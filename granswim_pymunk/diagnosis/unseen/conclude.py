@@ -31,6 +31,7 @@ from .search import (
 
 # one and the same where only the drive depends on time (contract): what differs is the error of the runs
 EQUIVALENT = {frozenset(("actuator_delay", "time_offset"))}
+OF_A_CLASS = 0.95  # of what the best gains on speeds alone, from which a law is of its class
 RESAMPLES = 400
 
 
@@ -135,14 +136,16 @@ def named_laws(
     if pair is not None:
         found, revised = pair
     names = {f.mechanism for f in found}
+    curves = all(c.any_view.curve for c in s.training)
     rivals = [
-        (t, _alike(s, chosen, t)) for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
-    ]
-    if all(c.any_view.curve for c in s.training):
+        (t, _alike(s, chosen, t) or (curves and t.gain > OF_A_CLASS * chosen.gain))
+        for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
+    ]  # fmt: skip
+    if curves:
         # a few speeds say one thing only: whatever explains it to first order is of the same class
         rivals += [
             (_to_first_order(s, t), True) for t in open_
-            if t.fit is None and t.gain > 0.95 * open_[0].gain and t.mechanism != chosen.mechanism
+            if t.fit is None and t.gain > OF_A_CLASS * open_[0].gain and t.mechanism != chosen.mechanism
         ]  # fmt: skip
     return found, revised, _once(rivals)
 

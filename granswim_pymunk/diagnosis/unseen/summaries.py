@@ -430,6 +430,18 @@ def _noise(t: np.ndarray, xy: np.ndarray) -> float:
     return float(np.median(sizes))
 
 
+def _few(n: float) -> float:
+    """By how much the square of a standard error is larger that n speeds tell: nu/(nu - 2), nu = n - 1.
+
+    The variance of Student's t; a mean of two or three speeds counts as one of four, for which it is 3. 1 where n is
+    not said.
+    """
+    if not math.isfinite(n):
+        return 1.0
+    nu = max(n - 1, 3.0)
+    return nu / (nu - 2)
+
+
 def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition]:
     scene, _ = _start(recording, np.zeros((0, 7, 2)))
     curve = recording.curve
@@ -451,7 +463,7 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
         view = View(frames, frames >= CURVE_START - 1e-9, f, phase, masses, curve=True)
         sem = float(row["speed_sem"])
         speed = np.array([float(row["speed"])])
-        error = np.array([[sem**2 if math.isfinite(sem) else 0.0]])
+        error = np.array([[sem**2 * _few(float(row["n"])) if math.isfinite(sem) else 0.0]])
         # every third speed tests what the others said
         test = held or (split and len(curve) >= 6 and k % 3 == 1)
         name = f"{recording.name}, {f:g} Hz" + (f", {layers:g} layers" if math.isfinite(layers) else "")
