@@ -1,0 +1,195 @@
+"""Blocks of pairs, dampings taken twice: the part of the core that no law and no layout of memory changes.
+
+This is text. The core of generated code (see ``callbacks``) is made of what stands below the line, behind the numbers
+that are imported here for editors and linters; the file itself is never imported.
+"""
+
+import math
+
+import numpy as np
+
+from ..compiled import njit
+from .kernel_names import (
+    FX,
+    FY,
+    P_FX,
+    P_ROW,
+    P_SPIN,
+    P_TORQUE,
+    P_VX,
+    P_VY,
+    P_X,
+    P_Y,
+    PLAIN,
+    SPIN,
+    TORQUE,
+    VX,
+    VY,
+    W_DX,
+    W_DY,
+    W_MASS,
+    W_PX,
+    W_PY,
+    W_RI,
+    W_RJ,
+    W_TI,
+    W_TJ,
+    W_TOUCH,
+    W_UX,
+    W_UY,
+    W_WI,
+    W_WJ,
+)  # fmt: skip
+from .native import difference, four_shifted_ways, four_ways, lowest_bit, push_apart
+
+# ---- text ----
+
+
+@njit(**PLAIN)
+def interpolate(t, times, values, first, last):
+    """Linear between rows, constant outside."""
+    if last <= first:
+        return 0.0
+    if t <= times[first]:
+        return values[first]
+    if t >= times[last - 1]:
+        return values[last - 1]
+    low = first
+    high = last - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if times[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    weight = (t - times[low]) / (times[high] - times[low])
+    return values[low] + weight * (values[high] - values[low])
+
+
+# Neither a branch nor the place of a store depends on whether a pair touches, which cannot be foreseen: the answers
+# are gathered as the bits of a word, and the bits that are set are then taken one by one. numba counts references
+# to arrays unless a function is one straight line to its end: hence two of them.
+@njit(**PLAIN)
+def touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work):
+    """Which pairs of a block touch: their numbers in the block; of each pair the way from i to j."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    count = np.uint64(last) - begin
+    for low in range(np.uint64(0), count, np.uint64(64)):
+        word = np.uint64(0)
+        for q in range(low, min(low + np.uint64(64), count), np.uint64(4)):
+            if seam == 0:
+                word |= four_ways(flat, P_X, near_i, near_j, near_shift, near_touch, begin + q,
+                                  work, q + W_DX, q + W_DY) << (q - low)
+            else:
+                word |= four_shifted_ways(flat, P_X, near_i, near_j, near_shift, near_touch, begin + q,
+                                          work, q + W_DX, q + W_DY) << (q - low)
+        if count - low < np.uint64(64):
+            word &= (np.uint64(1) << (count - low)) - np.uint64(1)  # the last four may be fewer
+        while word != np.uint64(0):
+            which[m] = low + lowest_bit(word)
+            m += np.uint64(1)
+            word &= word - np.uint64(1)
+    return m
+
+
+@njit(**PLAIN)
+def reached(first, last, reach, step, masked, mask, flat, near_i, near_j, near_shift, near_touch, which, work):
+    """The same for a law that reaches farther, or acts on some bodies only; half a ``step`` before or after, too."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    end = np.uint64(last)
+    for low in range(begin, end, np.uint64(64)):
+        word = np.uint64(0)
+        for k in range(low, min(low + np.uint64(64), end)):
+            i = near_i[k]
+            j = near_j[k]
+            dx = flat[j + P_X] - flat[i + P_X] + near_shift[k]
+            dy = flat[j + P_Y] - flat[i + P_Y]
+            work[k - begin + W_DX] = dx
+            work[k - begin + W_DY] = dy
+            limit = near_touch[k] + reach
+            if step > 0.0:
+                ux = flat[j + P_VX] - flat[i + P_VX]
+                uy = flat[j + P_VY] - flat[i + P_VY]
+                limit += 0.5 * step * math.sqrt(ux * ux + uy * uy)
+            chosen = masked == 0 or (mask[i // P_ROW] and mask[j // P_ROW])
+            word |= np.uint64(chosen and dx * dx + dy * dy < limit * limit) << (k - low)
+        while word != np.uint64(0):
+            which[m] = low - begin + lowest_bit(word)
+            m += np.uint64(1)
+            word &= word - np.uint64(1)
+    return m
+
+
+@njit(**PLAIN)
+def collect(first, count, round_, flat, radius, near_i, near_j, near_touch, near_mass, which, work):
+    """What the laws look at, of the pairs within reach; those at one place, without a direction, are left out."""
+    m = np.uint64(0)
+    begin = np.uint64(first)
+    for c in range(count):
+        q = which[c]
+        k = begin + q
+        i = near_i[k]
+        j = near_j[k]
+        dx = work[q + W_DX]
+        dy = work[q + W_DY]
+        which[m] = k
+        work[m + W_DX] = dx
+        work[m + W_DY] = dy
+        difference(flat, i + P_VX, j + P_VX, work, m + W_UX, m + W_UY)
+        work[m + W_TOUCH] = near_touch[k]
+        work[m + W_MASS] = near_mass[k]
+        if round_ != 0:
+            work[m + W_RI] = radius[i // P_ROW]
+            work[m + W_RJ] = radius[j // P_ROW]
+            work[m + W_WI] = flat[i + P_SPIN]
+            work[m + W_WJ] = flat[j + P_SPIN]
+        m += np.uint64(dx * dx + dy * dy > 0.0)
+    return m
+
+
+@njit(**PLAIN)
+def scatter(count, spin, flat, near_i, near_j, which, work):
+    """Forces and torques to the bodies, in the order of the list."""
+    for m in range(count):
+        k = which[m]
+        i = near_i[k]
+        j = near_j[k]
+        push_apart(flat, i + P_FX, j + P_FX, work[m + W_PX], work[m + W_PY])
+        if spin != 0:
+            flat[i + P_TORQUE] += work[m + W_TI]
+            flat[j + P_TORQUE] += work[m + W_TJ]
+
+
+@njit(**PLAIN)
+def keep(first, last, state, kept):
+    """Remember the forces before any damping, and the half-step velocities."""
+    for i in range(first, last):
+        kept[i, 0] = state[i, FX]
+        kept[i, 1] = state[i, FY]
+        kept[i, 2] = state[i, TORQUE]
+        kept[i, 3] = state[i, VX]
+        kept[i, 4] = state[i, VY]
+        kept[i, 5] = state[i, SPIN]
+
+
+@njit(**PLAIN)
+def half_kick(first, last, half, state, kick_mass, inverse_moment, kept):
+    """Back to the forces before any damping, at the velocities of the time of the positions."""
+    for i in range(first, last):
+        state[i, VX] += half * kick_mass[i] * state[i, FX]
+        state[i, VY] += half * kick_mass[i] * state[i, FY]
+        state[i, SPIN] += half * inverse_moment[i] * state[i, TORQUE]
+        state[i, FX] = kept[i, 0]
+        state[i, FY] = kept[i, 1]
+        state[i, TORQUE] = kept[i, 2]
+
+
+@njit(**PLAIN)
+def give_back(first, last, state, kept):
+    """The half-step velocities again: constraints and kick start from them."""
+    for i in range(first, last):
+        state[i, VX] = kept[i, 3]
+        state[i, VY] = kept[i, 4]
+        state[i, SPIN] = kept[i, 5]
