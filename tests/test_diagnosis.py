@@ -13,7 +13,7 @@ from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verd
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
-from granswim_pymunk.diagnosis.fit import Fit, Fitter
+from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.intervals import with_limits
@@ -28,6 +28,7 @@ from granswim_pymunk.joints import place
 from granswim_pymunk.recording import Recording, film, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
 from granswim_pymunk.validation.reference import Reference
+from granswim_pymunk.walls import Wall
 
 NOISE = 2e-5  # m
 
@@ -732,3 +733,53 @@ def test_a_third_law_that_leaves_one_of_two_nothing_to_do_takes_its_place():
     assert fit.values == pytest.approx([0.05, 0.0, 0.006], abs=2e-3)
     # where it does worse in that place, the two stay
     assert _in_place(idle, two, third, replace(fit, chi2=0.0), base, fitter, inner, {})[0] is two
+
+
+def bounces(restitution: float, height: float, t: np.ndarray) -> np.ndarray:
+    """(T,) height over the floor of the lower edge of a ball that falls from rest, by the formula of free fall [m]."""
+    begun, y, v = 0.0, height, 0.0
+    result = np.empty(len(t))
+    for k, now in enumerate(t):
+        while y + v * (now - begun) - 0.5 * 9.81 * (now - begun) ** 2 < 0:
+            # up to the floor, and away from it
+            lasts = (v + math.sqrt(v * v + 2 * 9.81 * y)) / 9.81
+            begun, y, v = begun + lasts, 0.0, -restitution * (v - 9.81 * lasts)
+        result[k] = y + v * (now - begun) - 0.5 * 9.81 * (now - begun) ** 2
+    return result
+
+
+def test_a_bouncing_ball_is_followed_in_one_where_that_is_possible():
+    """Segments between impacts, however closely tied, left a restitution that was off by twenty of its own errors."""
+    t, rng = np.arange(0.0, 1.3, 1 / 240), np.random.default_rng(7)
+    xy = np.stack([0.1 + 0.2 * t, 0.02 + bounces(0.82, 0.58, t)], axis=1)[:, None]
+    xy = xy + 3e-4 * rng.normal(size=xy.shape)
+    floor = Wall((-2.0, 0.0), (2.0, 0.0))
+    laws = (use("contact_elastic", restitution=0.95),)
+    scene = Scene((Body("ball", "free", 0.02, 0.01),), laws, gravity=(0.0, -9.81), walls=(floor,))
+    case = prepare(Recording("r", scene, t, ("ball",), xy, position_noise=3e-4), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 1e-3}))
+    assert fitter.segmented
+    (law,) = (t for t in named_terms([case], each=False) if t.mechanism == "restitution")
+    one, fit = joined(fitter, fitter.fit(Hypothesis().with_term(law), [0.8], evaluations=60))
+    _, low, high = fit.interval(0)
+    assert not one.segmented and low < 0.82 < high and high - low < 3e-4
+    assert fit.chi2 < fit.count + 3 * math.sqrt(2 * fit.count)
+
+
+def test_friction_of_an_impact_without_slip_has_a_lower_limit_alone():
+    """Beyond what stops the slip any friction does the same: curvature is none, and a profile has one end."""
+    balls = [
+        Body("a", "free", 0.02, 0.05, initial=(0.0, 0.0, 0.6, 0.0)),
+        Body("b", "free", 0.02, 0.05, initial=(0.15, 0.025, 0.0, 0.0)),
+    ]
+    laws = (use("contact_elastic", restitution=0.9),)
+    truth = Scene(tuple(balls), (*laws, use("contact_friction", mu=0.8)))
+    t, rng = np.arange(0.0, 0.8, 0.005), np.random.default_rng(2)
+    xy = Simulation(truth, dt=1e-4).sample(t) + 1e-4 * rng.normal(size=(len(t), 2, 2))
+    naive = Scene(tuple(replace(b, initial=None) for b in balls), laws)
+    case = prepare(Recording("r", naive, t, ("a", "b"), xy, position_noise=1e-4), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 1e-3}))
+    (law,) = (t for t in named_terms([case], each=False) if t.mechanism == "contact_friction")
+    fit = with_limits(*joined(fitter, fitter.fit(Hypothesis().with_term(law), [0.6], evaluations=30)), 0, 1.0)
+    _, low, high = fit.interval(0)
+    assert 0.02 < low < 0.5 and high == law.free[0].high

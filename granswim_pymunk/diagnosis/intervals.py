@@ -1,7 +1,8 @@
-"""Intervals of numbers that only together are known: a profile of chi2 in place of its curvature.
+"""Intervals of numbers that only together are known, or known unevenly: a profile of chi2 in place of its curvature.
 
 Where a drag is adjustable and a flow is missing, c (v - u) shows as c u and as c plus the other drag: any c will do,
-with a u to match. The curvature at one place of such a valley says nothing of how far it goes, and it bends.
+with a u to match. The curvature at one place of such a valley says nothing of how far it goes, and it bends. Where all
+impacts end without slip, any larger friction says the same, and curvature is none.
 Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
 """
 
@@ -20,8 +21,10 @@ ALONE = 1e-3  # share of its information that a number keeps beside the others, 
 LEVEL = 3.84  # rise of chi2 at the ends of 95 %
 GROWTH = 2.0  # of steps along a valley that were good
 MOST = 20  # steps to either side, after which there is no end but the bound
+UNLIKE = 3.0  # times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them
 FINE = 0.05  # of its distance, to which an end is found
 EVALUATIONS = 30
+AGAIN = 3  # fits that were not at their end are gone on with at most so often
 
 
 def with_limits(
@@ -32,14 +35,48 @@ def with_limits(
     spread : inflation of variances by what the fit leaves;  late : stops between two numbers
     """
     fit = fitter.sharpened(fit)
+    uneven: list[int] = []
+    for _ in range(AGAIN):
+        probes = {k: _probe(fitter, fit, k, spread) for k in range(first, len(fit.values)) if not late()}
+        uneven = [k for k, (as_told, _) in probes.items() if not as_told]
+        lowest = min((found for _, found in probes.values()), key=lambda f: f.chi2, default=fit)
+        if lowest.chi2 > fit.chi2 - spread or late():
+            break
+        # the fit was not at its end yet
+        better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=EVALUATIONS)
+        fit = fitter.sharpened(min(lowest, better, key=lambda f: f.chi2))
     told = information_of(fit.jacobian, len(fit.values))
     limits = {}
-    for k in unknown_alone(told):
+    for k in sorted({*unknown_alone(told), *uneven}):
         if k < first or late():
             continue
-        step = 1.96 / math.sqrt(told[k, k])
+        free = fit.hypothesis.free[k]
+        least = PART * (abs(float(fit.values[k]) - free.neutral) or free.scale)
+        step = min(1.96 / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
         limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
     return replace(fit, limits=limits) if limits else fit
+
+
+def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[bool, Fit]:
+    """Whether chi2 rises to either side of a number about as its curvature says: at the ends of 95 % by ``LEVEL``.
+
+    The other numbers are fitted there. Also the best of these fits, or the one that was given.
+    """
+    variance, best = float(fit.covariance[k, k]), fit
+    if not variance > 0:
+        return False, best
+    free, as_told = fit.hypothesis.free[k], True
+    away = 1.96 * math.sqrt(spread / variance) * fit.covariance[:, k]
+    bounds = np.array([(f.low, f.high) for f in fit.hypothesis.free]).T
+    for side in (-1.0, 1.0):
+        values = fit.values + side * away
+        if not free.low <= values[k] <= free.high:
+            continue  # it is cut there
+        found = fitter.fit(fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=5)
+        best = min(best, found, key=lambda f: f.chi2)
+        rise = (found.chi2 - fit.chi2) / (LEVEL * spread)
+        as_told = as_told and 1 / UNLIKE < rise < UNLIKE
+    return as_told, best
 
 
 def unknown_alone(information: np.ndarray) -> list[int]:

@@ -251,7 +251,7 @@ class Tracks(ObservationModel):
         return Mismatch(real, bool(study.adjustables) and moved)
 
     def settle(self, judged: Judgement) -> Judgement:
-        """With profiles of chi2 where a law and the adjustables are known only together.
+        """With profiles of chi2 where numbers are known only together, or unevenly.
 
         Without those of several laws that masses and radii imitate, as far off as was said.
         """
@@ -268,7 +268,7 @@ class Tracks(ObservationModel):
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
-                f"{names} and the adjustables are known only together: their intervals are profiles of chi2"
+                f"{names}: known only together with others, or unevenly: their intervals are profiles of chi2"
             )
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
