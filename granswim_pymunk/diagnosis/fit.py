@@ -126,24 +126,30 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
 
     Allowed is a rise of chi2 that as many narrower steps would bring by chance in one of twenty fits. What numbers say
     grows with the length that is followed from one start, and closely tied segments may be caught in the bent valley
-    between their starts, where one long one is not.
+    between their starts, where one long one is not. Through many impacts chi2 of one start has many valleys itself: it
+    counts only where the search ends in the same one from the loosely and from the closely joined segments.
     """
     ties = sum(int(np.isfinite(s.limit).sum()) for c in fit.segments.values() for s in c)
     level = max(fit.chi2 / max(fit.count, 1), 1.0)
     allowed = level * float(stats.chi2.isf(0.05, max(ties, 1)))
+    loose = fit
     for share in TIGHTER if ties else ():
         closer = fitter.tightened(share)
         again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=12)
         if again.chi2 - fit.chi2 > allowed:
             break
         fitter, fit = closer, again
-    if fitter.segmented and not fitter.stop():
-        one = fitter.in_one()
-        starts = {name: numbers[: one.segments[name][0].size] for name, numbers in fit.starts.items()}
-        whole = one.fit(fit.hypothesis, fit.values, starts, stages=(0.35, 0.65, 1.0), evaluations=30)
-        if whole.chi2 - fit.chi2 <= allowed:
-            return one, whole
-    return fitter, fit
+    if not fitter.segmented or fitter.stop():
+        return fitter, fit
+    one = fitter.in_one()
+    ends = [one.fit_from(begin) for begin in ((fit,) if fit is loose else (fit, loose))]
+    whole = min(ends, key=lambda f: f.chi2)
+    spread = np.sqrt(np.diag(whole.covariance) * level)
+    same = all((np.abs(f.values - whole.values) <= SAME * spread).all() for f in ends)
+    return (one, whole) if same and whole.chi2 - fit.chi2 <= allowed else (fitter, fit)
+
+
+SAME = 0.2  # standard errors that two searches may end apart in one valley
 
 
 class TimeUp(Exception):
@@ -201,6 +207,11 @@ class Fitter:
     def in_one(self) -> Fitter:
         """The same with every recording followed from one start."""
         return Fitter(self.cases, self.predictor, self.frames, self.stop, self.weights, whole=True, spin=self.spin)
+
+    def fit_from(self, segments: Fit) -> Fit:
+        """Recordings followed from one start, beginning where a fit to their segments ended, over growing parts."""
+        first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}
+        return self.fit(segments.hypothesis, segments.values, first, stages=(0.35, 0.65, 1.0), evaluations=30)
 
     def tightened(self, share: float) -> Fitter:
         """The same with the spread of steps at impacts multiplied by a share."""
