@@ -390,6 +390,10 @@ class Scene:
     def laws_named(self, name: str) -> tuple[LawUse, ...]:
         return tuple(item for item in self.laws if item.name == name)
 
+    def laws_as(self, role: str) -> tuple[LawUse, ...]:
+        """Those that are declared to have this role, see ``Law.role``."""
+        return tuple(item for item in self.laws if item.law.role == role)
+
     def rows(self, item: LawUse) -> np.ndarray:
         """Rows of the mobile bodies (for pair laws: all bodies) that a law acts on."""
         wanted = None if item.bodies is None else set(item.bodies)

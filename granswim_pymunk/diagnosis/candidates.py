@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..inference.criteria import current
+from ..inference.mechanisms import RESTITUTION
 from ..joints import arm_of
 from ..laws import Law, all_laws
 from ..scene import Scene, use
@@ -41,7 +42,7 @@ def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
 
 def _driven(scene: Scene) -> set[str]:
     """Bodies whose motion is commanded: no force changes it."""
-    return {name for item in scene.laws_named("drive") for name in item.bodies or ()}
+    return {name for item in scene.laws_as("drive") for name in item.bodies or ()}
 
 
 def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:
@@ -114,7 +115,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
 def _stretches(law: Law) -> tuple[float, ...]:
     """From how many times its typical size a range or an exponent is looked for."""
-    if law.name == "ambient_flow" or law.candidate == "flexible":
+    if law.role == "medium" or law.candidate == "flexible":
         return (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
     shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
     if not shapes:
@@ -225,24 +226,22 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
     scene = cases[0].recording.scene
     adjustable = {a.name for a in scene.adjustable}
     terms = []
-    for law, parameter, unit, high in (
-        ("contact_elastic", "restitution", "1", 1.0),
-        ("contact_linear", "damping", "1/s", math.inf),
-        ("contact_hertz", "damping", "1/s", math.inf),
-    ):
-        name = f"{law}.{parameter}"
-        if scene.laws_named(law) and name not in adjustable:
+    for item in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        lost = item.law.parameter(item.law.loses)
+        name = f"{item.name}.{lost.name}"
+        if name not in adjustable:
             believed = float(scene.parameter(name))
 
             def apply(scene, camera, values, name=name):
                 return scene.with_parameter(name, float(values[0])), camera
 
-            free = Free(name, unit, 0.0, high, believed, 0.01 * max(believed, 0.1), None, believed, natural=True)
-            acting = scene.laws_named(law)[0].bodies or tuple(b.id for b in scene.bodies if b.mobile)
+            scale = 0.01 * max(believed, 0.1)
+            free = Free(name, lost.unit, 0.0, lost.high, believed, scale, None, believed, natural=True)
+            acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
             terms.append(
                 Term(
-                    "restitution", "restitution", (free,), apply, bodies=acting,
-                    expression=scene.laws_named(law)[0].law.expression, groups=((parameter, (0,)),),
+                    RESTITUTION, RESTITUTION, (free,), apply, bodies=acting,
+                    expression=item.law.expression, groups=((lost.name, (0,)),),
                 )
             )  # fmt: skip
     return terms
@@ -268,7 +267,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
-    if any(c.recording.scene.inputs or c.recording.scene.laws_named("bending") for c in cases):
+    if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
         terms.append(
             Term("time_offset", "time_offset", (Free("camera.time_offset", "s", -0.2, 0.2, 0.0, 0.1 / rate),),
                  put("time_offset"), expression="a frame stamped t shows the state at t + offset",

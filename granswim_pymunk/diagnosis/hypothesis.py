@@ -15,6 +15,7 @@ import numpy as np
 from ..engine import Simulation
 from ..errors import InputError, SimulationError
 from ..joints import hinged
+from ..laws import has_role
 from ..recording.camera import see
 from ..scene import Scene
 from .data import Case
@@ -23,9 +24,6 @@ from .start import StartBody, numbers_at, states, turning_angle
 NO_CAMERA: dict[str, Any] = {
     "scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0, "middle": (0.0, 0.0),
 }  # fmt: skip
-
-
-TURNING = ("contact_friction", "rolling_resistance")
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Hypothesis:
 
     def turns(self, case: Case) -> bool:
         """Whether disks are made to spin, and spin matters to them: what one segment ends with the next begins with."""
-        return any(t.law in TURNING for t in self.terms) or any(map(case.recording.scene.laws_named, TURNING))
+        return any(has_role(t.law, "spin") for t in self.terms) or bool(case.recording.scene.laws_as("spin"))
 
     def scene(self, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Scene, Mapping[str, Any]]:
         """Scene and camera of a recording under these values."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..inference.mechanisms import APPARATUS
-from ..laws import all_laws
+from ..laws import all_laws, has_role
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
@@ -221,7 +221,7 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
     usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
     beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
-    if term.mechanism == "ambient_flow" and beside and len(first) > 1 and first[0] > 0:
+    if has_role(term.mechanism, "medium") and beside and len(first) > 1 and first[0] > 0:
         # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
         part = np.array([4.0, *[0.25] * (len(first) - 1)])
         return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..inference.criteria import current
 from ..inference.significance import price
-from ..laws import all_laws
+from ..laws import all_laws, has_role
 from .candidates import fastest_of
 from .choose import choose, worth
 from .data import Case
@@ -26,7 +26,7 @@ PARTNERS = 4  # such rivals that are refitted
 PAIRS = 6  # that are refitted, of each way to look for them
 FIRSTS = 8  # laws beside which a second one is looked for,
 VARIANTS = 2  # so many of one name
-PUSHES = ("uniform_force", "ambient_flow")
+PUSHES = ("push", "medium")  # roles
 ROUNDS = 2  # in which one of two laws may be exchanged
 
 
@@ -118,7 +118,7 @@ def drag_and_push(
     for k, stream in enumerate(found):
         law = laws.get(stream.term.law)
         moved = [a for p in law.parameters if p.within == "speed" for a in p.arguments] if law is not None else []
-        if not moved or len(found) > 2 or any(t.mechanism in PUSHES for t in found if t is not stream):
+        if not moved or len(found) > 2 or any(has_role(t.mechanism, *PUSHES) for t in found if t is not stream):
             continue
         at = len(recalibrated.values) + sum(t.numbers for t in found[:k])
         own = zip(stream.term.free, revised.values[at : at + stream.numbers], strict=True)
@@ -131,7 +131,7 @@ def drag_and_push(
             begin = len(recalibrated.values) + (stream.numbers if k == 0 else 0)
             keep.append(revised.values[begin : begin + others[0].numbers])
         plain = [t for t in terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
-        pushes = [t for t in terms if t.mechanism == "uniform_force" and not is_part(t, terms)]
+        pushes = [t for t in terms if has_role(t.mechanism, "push") and not is_part(t, terms)]
         best: tuple[Fit, Signature, Signature] | None = None
         for term in plain if pushes else []:
             hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), term)
@@ -310,7 +310,7 @@ def _beside_each(
 
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """Whether both push, or one of them on some of the bodies only: together they imitate any force in space."""
-    pushes = [t for t in (a, b) if t.mechanism in PUSHES]
+    pushes = [t for t in (a, b) if has_role(t.mechanism, *PUSHES)]
     return len(pushes) == 2 or any(is_part(t, terms) for t in pushes)
 
 

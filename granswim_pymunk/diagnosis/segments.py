@@ -23,7 +23,6 @@ from .start import StartBody, describe_starts, first_numbers, number_scales
 
 START_FRAMES = 24  # the least of a segment that no impact ends
 AT_ONCE = 3  # frames, within which minima of a gap are those of one meeting
-CONTACTS = ("contact_elastic", "contact_linear", "contact_hertz")
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
     """Where bodies met, told from the tracks: their gap has a minimum near zero and their velocities change there."""
     criteria = criteria or current().segments
     scene = case.recording.scene
-    if not any(scene.laws_named(name) for name in CONTACTS) or len(case.t) < 2 * criteria.around + 2:
+    if not scene.laws_as("contact") or len(case.t) < 2 * criteria.around + 2:
         return []
     paths = _paths(case)
     names = list(paths)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..laws import has_role
 from .candidates import rescaled, with_numbers
 from .fit import Fit, Fitter, basis
 from .hypothesis import Term
@@ -164,7 +165,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []
     for term in terms:
-        if term.mechanism == "ambient_flow" and len(term.free) == 3:
+        if has_role(term.mechanism, "medium") and len(term.free) == 3:
             signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
             continue
         columns, scales = columns_of(fitter, fit, term)

@@ -68,8 +68,8 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
         spacing = float(np.median(np.diff(case.t))) if len(case.t) > 1 else dt
         # a whole number of steps between frames, and never fewer than ten; where disks meet, what acts just before they
         # touch has to be seen
-        steps = max(int(np.ceil(spacing / dt)), 20 if scene.laws_named("contact_elastic") else 10)
-        if any(item.name in ("contact_linear", "contact_hertz") for item in scene.laws):
+        steps = max(int(np.ceil(spacing / dt)), 20 if any(i.law.kind == "impulse" for i in scene.laws) else 10)
+        if any(item.law.kind == "pair" for item in scene.laws_as("contact")):
             steps = _fine_enough(case, described, steps, spacing)
         result[case.name] = spacing / steps
     return result

@@ -17,10 +17,7 @@ from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .hypothesis import Free, Term, equation_with
 
-ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation")
 INTERVAL = 1.96  # standard deviations on either side: the central 95 %
-# sizes of a first try, in the unit of the strength, where the law declares none that suits a swimmer
-SIZES = {"actuator_lag": 2e-3, "actuator_delay": 2e-3, "joint_friction": 2e-4, "nonlinear_bending": 1e-3}
 
 
 def swimmer_terms(scenes: Sequence[Scene]) -> list[Term]:
@@ -57,6 +54,12 @@ def _applies(term: Term, scene: Scene) -> bool:
     return True
 
 
+def tried_below(term: Term) -> bool:
+    """Whether the law of a term is tried below its neutral value first, as its declaration says."""
+    law = all_laws().get(term.mechanism)
+    return law is not None and any(p.side < 0 for p in law.parameters)
+
+
 def _inward(free: Free) -> float:
     return -1.0 if free.neutral >= free.high else 1.0
 
@@ -65,12 +68,10 @@ def _terms(law: Law, scene: Scene, scenes: Sequence[Scene]) -> list[Term]:
     ids = [scene.bodies[k].id for k in scene.chains[0]]
     joints = len(ids) - 1
     strength = law.parameter(law.strength[0])
-    size = SIZES.get(law.name, abs(strength.typical or 1.0))
-    if law.name in ACTUATORS or law.name == "head_force":
-        bodies: tuple[str, ...] = (ids[0],)
-    else:
-        bodies = tuple(ids)
+    size = abs(strength.typical or 1.0) if strength.in_bed is None else strength.in_bed
     names = {p.name for p in law.parameters}
+    of_head = law.series is not None or {"angle", "axis"} <= names
+    bodies = (ids[0],) if of_head else tuple(ids)
 
     def term(label: str, free: Sequence[Free], groups, acting=bodies, **choices: Any) -> Term:
         return Term(
@@ -92,7 +93,7 @@ def _terms(law: Law, scene: Scene, scenes: Sequence[Scene]) -> list[Term]:
     if law.name == "actuator_saturation":
         # a limit above the amplitude does nothing
         amplitude = max(
-            (abs(float(i.values["amplitude"])) for s in scenes for i in s.laws_named("bending")), default=0.0
+            (abs(float(i.values["amplitude"])) for s in scenes for i in s.laws_as("stroke")), default=0.0
         )
         if amplitude <= 0.0:
             return []

@@ -13,8 +13,9 @@ APPARATUS = {
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }
 UNKNOWN = "unknown"  # the name of a form without one
+RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for
-_OTHERS = {"restitution": "another restitution", UNKNOWN: "a force without a name"}
+_OTHERS = {RESTITUTION: "another restitution", UNKNOWN: "a force without a name"}
 
 
 def nameless(mechanism: str) -> bool:

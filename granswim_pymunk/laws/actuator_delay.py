@@ -18,7 +18,7 @@ def delayed(t, value, tau):
     expression="theta(t) = command(t - tau); the same for a driven velocity",
     reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 5 (time delay)",
     parameters=[
-        Parameter("tau", "s", "delay", low=0.0, typical=1.0e-3),
+        Parameter("tau", "s", "delay", low=0.0, typical=1.0e-3, in_bed=2e-3),
         *of_bending("stiffness", "amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("tau",),
@@ -26,6 +26,8 @@ def delayed(t, value, tau):
     phrase="a delay of the actuator",
     refines=("bending", "drive"),
     series=delayed,
+    role="late",
+    same_as=("time_offset",),
 )
 def actuator_delay(t, tau, amplitude, frequency, phase):
     return amplitude * math.sin(2.0 * math.pi * frequency * (t - tau) + phase)

@@ -44,7 +44,7 @@ def lagging(t, value, tau):
     expression="tau dtheta/dt = command - theta, theta(0) = command(0); the same for a driven velocity",
     reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 3 (first-order lag)",
     parameters=[
-        Parameter("tau", "s", "time constant of the lag", low=0.0, typical=1.0e-3),
+        Parameter("tau", "s", "time constant of the lag", low=0.0, typical=1.0e-3, in_bed=2e-3),
         *of_bending("stiffness", "amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("tau",),
@@ -52,6 +52,7 @@ def lagging(t, value, tau):
     phrase="a lag of the actuator",
     refines=("bending", "drive"),
     series=lagging,
+    role="late",
 )
 def actuator_lag(t, command, tau, amplitude, frequency, phase):
     if tau <= 0.0 or t <= 0.0:

@@ -8,7 +8,9 @@ from .base import Parameter, law
     expression="m_i (1 + beta) dv_i/dt = F_i, gravity and dampings as before; about a pin the given "
     "inertia grows alike",
     reference="Poisson 1832, Mem. Acad. R. Sci. 11, 521; Lamb, Hydrodynamics, art. 92",
-    parameters=[Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, high=1.0, typical=0.1)],
+    parameters=[
+        Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, high=1.0, typical=0.1, in_bed=0.2)
+    ],
     strength=("beta",),
     candidate="named",
     linear=True,

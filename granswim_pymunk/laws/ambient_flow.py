@@ -18,6 +18,7 @@ from .base import Parameter, law
     phrase="an ambient flow",
     nests=("linear_drag",),
     linear=True,
+    role="medium",
 )
 def ambient_flow(vx, vy, c, u_x, u_y):
     return -c * (vx - u_x), -c * (vy - u_y)

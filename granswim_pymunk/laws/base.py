@@ -153,6 +153,12 @@ class Parameter:
     neutral: float = 0.0
     # "speed": no larger than the fastest body moves, or it explains nothing
     within: str = ""
+    # the size of a first try in a bed of grains, where its unit does not tell it: a number, or a multiple of the force
+    # that shows there ("force", N), or of that force over the grains' speed ("drag", kg/s)
+    in_bed: float | None = None
+    in_bed_times: str = ""
+    # -1: it is tried below its neutral value first, as of a joint that is weaker
+    side: int = 0
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -218,6 +224,17 @@ class Law:
     stands_for: tuple[str, ...] = ()
     # laws that are this one with some of its numbers at their neutral values (a flow at rest is a drag)
     nests: tuple[str, ...] = ()
+    # what it is to a scene, so that none who asks needs its name: "contact" (between bodies that touch), "link" (holds
+    # the disks of a swimmer together), "stroke" (bends it at one frequency), "drive" (a body follows a command), "late"
+    # (shifts a drive in time), "medium" (a drag against what moves), "push" (the same on all, always), "spin" (turns
+    # bodies that touch)
+    role: str = ""
+    # the parameter of a contact that says what impacts lose
+    loses: str = ""
+    # it is looked for on the swimmer and on the grains alone from the beginning: on all it looks like something else
+    apart: bool = False
+    # apparatus that does one and the same to a drive of a single frequency
+    same_as: tuple[str, ...] = ()
     # a drag or a friction: where the scheme is exact it sees the velocity of the time of the positions, not that of
     # half a step before. All laws of kind body that look at a velocity are; others say so
     damping: bool = False
@@ -347,6 +364,26 @@ def _received(name: str, module: str, place: str, mark: str, version: str, whole
     return law
 
 
+def _check_arguments(declared: Law) -> None:
+    """Raise InputError where a law's function asks for what is neither a parameter nor a state of its kind."""
+    known = set(STATE[declared.kind]) | {a for p in declared.parameters for a in p.arguments}
+    for argument in declared.arguments if declared.kind != "impulse" else ():
+        if argument not in known:
+            raise InputError(
+                f"the function asks for {argument!r}, which is neither a parameter nor one of "
+                + ", ".join(sorted(STATE[declared.kind])),
+                where=f"law {declared.name}",
+            )
+    whole = {"x", "y", "vx", "vy", "mass"} & set(declared.arguments)
+    single = {"index", "bend", "rate", "vt", "reduced_mass", "command"} & set(declared.arguments)
+    if declared.kind == "chain" and (whole if declared.sees_joint else single):
+        raise InputError(
+            "asks for arrays of a swimmer and for what one joint sees; with fx and fy it gets arrays, without them "
+            "a joint",
+            where=f"law {declared.name}",
+        )
+
+
 def law(
     *,
     kind: str,
@@ -364,6 +401,10 @@ def law(
     preferred_where: Iterable[str] = (),
     stands_for: Iterable[str] = (),
     nests: Iterable[str] = (),
+    role: str = "",
+    loses: str = "",
+    apart: bool = False,
+    same_as: Iterable[str] = (),
     damping: bool = False,
     linear: bool = False,
     name: str | None = None,
@@ -396,27 +437,16 @@ def law(
             preferred_where=tuple(preferred_where),
             stands_for=tuple(stands_for),
             nests=tuple(nests),
+            role=role,
+            loses=loses,
+            apart=apart,
+            same_as=tuple(same_as),
             damping=damping or kind == "joint",
             linear=linear,
         )
         if kind == "body" and {"vx", "vy"} & set(declared.arguments):
             declared = replace(declared, damping=True)
-        known = set(STATE[kind]) | {a for p in parameters for a in p.arguments}
-        for argument in declared.arguments if kind != "impulse" else ():
-            if argument not in known:
-                raise InputError(
-                    f"the function asks for {argument!r}, which is neither a parameter nor one of "
-                    + ", ".join(sorted(STATE[kind])),
-                    where=f"law {declared.name}",
-                )
-        whole = {"x", "y", "vx", "vy", "mass"} & set(declared.arguments)
-        single = {"index", "bend", "rate", "vt", "reduced_mass", "command"} & set(declared.arguments)
-        if kind == "chain" and (whole if declared.sees_joint else single):
-            raise InputError(
-                "asks for arrays of a swimmer and for what one joint sees; with fx and fy it gets arrays, without them "
-                "a joint",
-                where=f"law {declared.name}",
-            )
+        _check_arguments(declared)
         _REGISTRY[declared.name] = declared
         return declared
 
@@ -440,3 +470,9 @@ def get_law(name: str, *, given: Iterable[str] = (), file: Any = None) -> Law:
 
 def all_laws() -> dict[str, Law]:
     return dict(_REGISTRY)
+
+
+def has_role(mechanism: str, *roles: str) -> bool:
+    """Whether a mechanism is a law that has one of these roles; apparatus, and a form without a name, have none."""
+    law = _REGISTRY.get(mechanism)
+    return law is not None and law.role in roles

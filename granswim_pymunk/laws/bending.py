@@ -64,6 +64,7 @@ def of_bending(*names: str) -> list[Parameter]:
             default=AUTOMATIC,
         ),
     ],
+    role="stroke",
 )
 def bending(bend, vt, reduced_mass, stiffness, damping):
     return -stiffness * bend, -damping * reduced_mass * vt

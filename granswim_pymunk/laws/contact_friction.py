@@ -11,7 +11,7 @@ from .base import AUTOMATIC, Parameter, law
     "the spins; beside contact_elastic Chipmunk's own: the impulse across is at most mu times that along",
     reference="Haff & Werner 1986, Powder Technol. 48, 239; doi:10.1016/0032-5910(86)80048-1",
     parameters=[
-        Parameter("mu", "1", "friction coefficient", low=0.0, typical=0.1),
+        Parameter("mu", "1", "friction coefficient", low=0.0, typical=0.1, in_bed=0.05),
         Parameter(
             "v_0", "m/s", "slip speed below which the force goes smoothly to zero", low=0.0, default=1.0e-3
         ),
@@ -41,6 +41,7 @@ from .base import AUTOMATIC, Parameter, law
     candidate="named",
     phrase="friction in contacts",
     refines=("contact_linear", "contact_hertz", "contact_elastic"),
+    role="spin",
 )
 def contact_friction(gap, vn, vt, reduced_mass, mu, v_0, stiffness, hertz, damping):
     overlap = max(-gap, 0.0)

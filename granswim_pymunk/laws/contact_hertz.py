@@ -13,6 +13,8 @@ from .base import Parameter, law
         Parameter("stiffness", "N/m^1.5", "contact stiffness k_H", low=0.0),
         Parameter("damping", "1/s", "contact damping gamma_C, as in the linear law", low=0.0, default=0.0),
     ],
+    role="contact",
+    loses="damping",
 )
 def contact_hertz(gap, vn, reduced_mass, stiffness, damping):
     overlap = -gap

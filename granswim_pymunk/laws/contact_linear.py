@@ -11,6 +11,8 @@ from .base import Parameter, law
         Parameter("stiffness", "N/m", "contact stiffness k_C", low=0.0),
         Parameter("damping", "1/s", "contact damping gamma_C; the dashpot is gamma_C m_r", low=0.0, default=0.0),
     ],
+    role="contact",
+    loses="damping",
 )
 def contact_linear(gap, vn, reduced_mass, stiffness, damping):
     return -stiffness * gap - damping * reduced_mass * vn, 0.0

@@ -9,7 +9,9 @@ from .base import AUTOMATIC, Parameter, law
     expression="F_n = s (r_0/d)^n while 0 < gap < range, d the distance of centres; s > 0 repels",
     reference="Mie 1903, Ann. Phys. 316, 657 (inverse powers); doi:10.1002/andp.19033160802",
     parameters=[
-        Parameter("s", "N", "force at a distance of one mean radius r_0", typical=1.0),
+        Parameter(
+            "s", "N", "force at a distance of one mean radius r_0", typical=1.0, in_bed=3.0, in_bed_times="force"
+        ),
         Parameter("n", "1", "power of the distance", low=0.0, high=20.0, default=2.0, typical=2.0),
         Parameter(
             "range",

@@ -11,7 +11,7 @@ from .bending import of_bending
     expression="F_t = -F w/sqrt(w^2 + w_0^2) on i+1, the opposite on i; w = dphi_i/dt",
     reference="Coulomb 1785, Theorie des machines simples",
     parameters=[
-        Parameter("force", "N", "friction force F of each joint", low=0.0, typical=1.0e-4),
+        Parameter("force", "N", "friction force F of each joint", low=0.0, typical=1.0e-4, in_bed=2e-4),
         Parameter(
             "w_0", "rad/s", "rate of bending below which it goes smoothly to zero", low=0.0, default=1.0
         ),

@@ -14,6 +14,7 @@ from .base import Parameter, law
     strength=("c",),
     candidate="named",
     linear=True,
+    apart=True,
 )
 def linear_drag(vx, vy, radius, r0, c, p):
     rate = c * (radius / r0) if p == 1 else c

@@ -10,7 +10,7 @@ from .bending import of_bending
     "phi^4)",
     reference="Landau & Lifshitz, Theory of Elasticity, ch. II, with the next even power of the bend",
     parameters=[
-        Parameter("k_3", "N/rad^3", "cubic bending force", typical=1.0e-3),
+        Parameter("k_3", "N/rad^3", "cubic bending force", typical=1.0e-3, in_bed=1e-3),
         *of_bending("amplitude", "frequency", "phase", "form", "length"),
     ],
     strength=("k_3",),

@@ -10,7 +10,7 @@ from .base import AUTOMATIC, Parameter, law
     reference="Brenner 1961, Chem. Eng. Sci. 16, 242 (lubrication), bounded at contact; "
     "doi:10.1016/0009-2509(61)80035-3",
     parameters=[
-        Parameter("c", "1/s", "damping rate at contact; the dashpot is c m_r", low=0.0, typical=1.0),
+        Parameter("c", "1/s", "damping rate at contact; the dashpot is c m_r", low=0.0, typical=1.0, in_bed=1e3),
         Parameter(
             "range", "m", "gap at which it is half as strong", low=1.0e-12, default=1.0e-4, typical=1.0e-4
         ),

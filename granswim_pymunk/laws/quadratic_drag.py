@@ -15,6 +15,7 @@ from .base import Parameter, law
     ],
     strength=("c",),
     candidate="named",
+    apart=True,
 )
 def quadratic_drag(vx, vy, radius, r0, c, p):
     rate = c * math.sqrt(vx * vx + vy * vy)

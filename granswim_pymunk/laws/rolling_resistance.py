@@ -28,6 +28,7 @@ from .base import AUTOMATIC, Parameter, law
     candidate="named",
     phrase="resistance to rolling in contacts",
     refines=("contact_linear", "contact_hertz"),
+    role="spin",
 )
 def rolling_resistance(
     gap, vn, spin_i, spin_j, radius_i, radius_j, reduced_mass, mu_r, w_0, stiffness, hertz, damping

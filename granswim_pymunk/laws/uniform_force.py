@@ -11,6 +11,8 @@ from .base import Parameter, law
     strength=("a",),
     candidate="named",
     phrase="a uniform force",
+    role="push",
+    apart=True,
 )
 def uniform_force(mass, a_x, a_y):
     return mass * a_x, mass * a_y

@@ -15,6 +15,7 @@ from .base import AUTOMATIC, Parameter, law
         Parameter("damping", "1/s", "union damping gamma_U", low=0.0, default=0.0),
         Parameter("length", "m", "length at rest; twice the radius where not given", low=0.0, default=AUTOMATIC),
     ],
+    role="link",
 )
 def union(x, y, vx, vy, mass, fx, fy, stiffness, damping, length):
     for i in range(x.shape[0] - 1):

@@ -8,7 +8,7 @@ from .base import AUTOMATIC, Parameter, law
     expression="F_i = -c v_i while the gap to the wall below or above, or to a straight wall, is below the range",
     reference="Faxen 1922, Ann. Phys. 373, 89 (drag grows near a wall); doi:10.1002/andp.19223731003",
     parameters=[
-        Parameter("c", "kg/s", "drag coefficient near a wall", low=0.0, typical=1.0),
+        Parameter("c", "kg/s", "drag coefficient near a wall", low=0.0, typical=1.0, in_bed=10.0, in_bed_times="drag"),
         Parameter(
             "range",
             "m",

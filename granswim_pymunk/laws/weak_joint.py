@@ -12,7 +12,7 @@ from .bending import of_bending
     "granular media, Eq. 3",
     parameters=[
         Parameter(
-            "factor", "1", "stiffness of the joint in units of the others'", low=0.0, typical=0.5, neutral=1.0
+            "factor", "1", "stiffness of the joint in units of the others'", low=0.0, typical=0.5, side=-1, neutral=1.0
         ),
         Parameter(
             "joint",

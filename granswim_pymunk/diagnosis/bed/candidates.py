@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ...inference.mechanisms import RESTITUTION
 from ...laws import Law, all_laws
 from ...laws.base import AUTOMATIC
 from ...scene import Scene, use
@@ -31,8 +32,6 @@ LEAST_SCALE = 3e-3  # of a picture: less may be what a force does that squeezes 
 COARSE_SCALE = 2e-3  # standard error above which links say too little
 FEWEST_SIGHTS = 10  # of a link
 ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
-# suspects of the swimmer alone from the beginning: on all bodies together they look like something else
-OWN = ("uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate")
 
 
 def bed_terms(cases: Sequence[Case]) -> list[Term]:
@@ -47,7 +46,7 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
     laws = [law for law in laws if applies(law, cases)]
     drift = mean_drift(cases)
     terms += [t for law in laws if not _far(law) for t in law_terms(law, scene, drift)[:1]]
-    terms += [t for law in laws if law.name in OWN for t in on_some(law, scene, drift)[:1]]
+    terms += [t for law in laws if law.apart for t in on_some(law, scene, drift)[:1]]
     terms += swimmer_terms([c.recording.scene for c in cases])
     # what reaches far costs many times a step: it comes last, and is what is left out where the time is up
     return terms + [t for law in laws if _far(law) for t in law_terms(law, scene, drift)[:1]]
@@ -93,7 +92,7 @@ def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
         scene, xy = case.recording.scene, case.recording.unwrapped().xy
         column = {row: k for k, row in enumerate(case.recording.track_rows.tolist())}
         sigma = float(np.nanmean(case.sigma)) if len(case.sigma) else 0.0
-        for item in scene.laws_named("union"):
+        for item in scene.laws_as("link"):
             length = float(scene.resolved(item)["length"])
             for chain in scene.chains if length > 0 else ():
                 for i, j in itertools.pairwise(chain):
@@ -166,12 +165,10 @@ def size_of(law: Law, name: str, unit: str, scene: Scene) -> float:
     """A strength of the law that shows in a window without overturning it."""
     mass = mean_grain_mass(scene)
     force = mass * ACCELERATION
-    special = {"distance_force": 3.0 * force, "cohesion": 30.0 * force, "coulomb_substrate": 0.03, "added_mass": 0.2,
-               "contact_friction": 0.05, "pair_lubrication": 1e3, "wall_drag": 10 * force / SPEED}  # fmt: skip
-    if law.name in special:
-        return special[law.name]
-    by_unit = {"kg/s": force / SPEED, "kg/m": 2 * force / SPEED**2, "N": force, "m/s^2": ACCELERATION, "1/s": 1e2}
     parameter = law.parameter(name)
+    if parameter.in_bed is not None:
+        return parameter.in_bed * {"force": force, "drag": force / SPEED}.get(parameter.in_bed_times, 1.0)
+    by_unit = {"kg/s": force / SPEED, "kg/m": 2 * force / SPEED**2, "N": force, "m/s^2": ACCELERATION, "1/s": 1e2}
     return by_unit.get(unit, abs(parameter.typical or 1.0))
 
 
@@ -268,20 +265,20 @@ def _contact_damping(cases: Sequence[Case]) -> list[Term]:
     """Contacts that lose more, or less, than believed."""
     scene = cases[0].recording.scene
     terms = []
-    for name in ("contact_linear", "contact_hertz"):
-        if not scene.laws_named(name) or f"{name}.damping" in {a.name for a in scene.adjustable}:
+    for item in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        name = f"{item.name}.{item.law.loses}"
+        if item.law.kind != "pair" or name in {a.name for a in scene.adjustable}:
             continue
-        item = scene.laws_named(name)[0]
-        believed = float(item.values["damping"])
+        believed = float(item.values[item.law.loses])
 
         def apply(scene, camera, values, name=name):
-            return scene.with_parameter(f"{name}.damping", float(values[0])), camera
+            return scene.with_parameter(name, float(values[0])), camera
 
-        free = Free(f"{name}.damping", "1/s", 0.0, math.inf, believed, max(believed, 1e3), None, believed)
+        lost = item.law.parameter(item.law.loses)
+        free = Free(name, lost.unit, 0.0, math.inf, believed, max(believed, 1e3), None, believed)
         bodies = tuple(b.id for b in scene.bodies if b.mobile)
-        terms.append(
-            Term("restitution", "restitution", (free,), apply, bodies, item.law.expression, {}, (("damping", (0,)),))
-        )
+        groups = ((lost.name, (0,)),)
+        terms.append(Term(RESTITUTION, RESTITUTION, (free,), apply, bodies, item.law.expression, {}, groups))
     return terms
 
 
@@ -360,6 +357,6 @@ def nameless_terms(cases: Sequence[Case]) -> list[Term]:
 
 def _cycle(scene: Scene) -> dict[str, Any]:
     """Frequency and phase of the first drive; nothing where there is none."""
-    for item in scene.laws_named("bending")[:1]:
+    for item in scene.laws_as("stroke")[:1]:
         return {"frequency": float(item.values["frequency"]), "phase": float(item.values["phase"])}
     return {}

@@ -22,11 +22,11 @@ ENOUGH = 3.0  # d' that is asked of the next recording
 
 def _drive(key: str, factor: float) -> Term:
     def apply(scene, camera, values):
-        for item in scene.laws_named("bending"):
+        for item in scene.laws_as("stroke"):
             scene = scene.with_parameter(f"bending.{key}", factor * float(item.values[key]))
         return scene, camera
 
-    return Term("drive", f"drive {key} times {factor:g}", (), apply)
+    return Term("other_drive", f"drive {key} times {factor:g}", (), apply)
 
 
 def propose(
@@ -40,7 +40,7 @@ def propose(
     """
     number = next(k for k, w in enumerate(windows) if len(w))
     bed, predictor, noise = bench.beds[number], bench.predictors[number], bench.noises[number]
-    bending = bed.scene.laws_named("bending")
+    bending = bed.scene.laws_as("stroke")
     options: list[tuple[str, Term]] = []
     if bending:
         f = float(bending[0].values["frequency"])

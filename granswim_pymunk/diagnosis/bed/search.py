@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inference.criteria import current
+from ...laws import has_role
 from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
 from ..name import special_cases
+from ..swimmer_terms import tried_below
 from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings
 from .chance import chance
@@ -26,9 +28,13 @@ from .windows import BedCase
 RESPONSE = (0.8, 2.5)
 ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
 SECONDS = 6  # laws that are tried beside the one that was found
-LATE = ("actuator_lag", "actuator_delay")
 
 Progress = Callable[[str, float], None]
+
+
+def _shifts_the_drive(t: BedTrial) -> bool:
+    """Whether a law or the clock shifts the drive in time."""
+    return t.mechanism == "time_offset" or has_role(t.mechanism, "late")
 
 
 def signature_of(
@@ -52,7 +58,7 @@ def signature_of(
     tried, other, columns = [], [], []
     for k in range(len(term.free)):
         sign = 1.0 if high[k] > 1e-9 else -1.0
-        if term.mechanism == "weak_joint":
+        if tried_below(term):
             sign = -1.0
         most = 0.8 * (high[k] if sign > 0 else -low[k])
         amount = min(1.0, most)
@@ -374,7 +380,7 @@ def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial
 
     To first order it may be far behind: a shift that is not small is no longer linear.
     """
-    first = next((t for t in chosen if t.mechanism in (*LATE, "time_offset")), None)
+    first = next((t for t in chosen if _shifts_the_drive(t)), None)
     if first is None:
         return chosen
     # a motor that is late by tau looks like a clock that is ahead by it
@@ -384,7 +390,7 @@ def _with_clock(chosen: list[BedTrial], trials: list[BedTrial]) -> list[BedTrial
     at = chosen.index(first) + 1
     beside: list[BedTrial] = []
     for t in trials:
-        if t.mechanism in (*LATE, "time_offset") and t.mechanism not in {c.mechanism for c in (*chosen, *beside)}:
+        if _shifts_the_drive(t) and t.mechanism not in {c.mechanism for c in (*chosen, *beside)}:
             amount = (-late if t.mechanism == "time_offset" else late) / t.term.free[0].scale
             low, high = limits(t.term)
             beside.append(replace(t, amounts=np.clip(np.array([amount]), low, high)))
@@ -408,7 +414,7 @@ def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
 
 def clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
     """A late motor that a shifted clock imitates to within chaos: apparatus comes before physics."""
-    if not trials or trials[0].gain is None or trials[0].mechanism not in LATE:
+    if not trials or trials[0].gain is None or not has_role(trials[0].mechanism, "late"):
         return trials
     offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
     if offset is None or trials[0].worth - offset.worth > current().verdict.same + CHAOS:

@@ -100,7 +100,7 @@ class Shapes:
         joints: list[tuple[int, int]] = []
         lengths: list[float] = []
         length = 0.0
-        for item in scene.laws_named("union"):
+        for item in scene.laws_as("link"):
             length = float(scene.resolved(item)["length"])
         for number, chain in enumerate(scene.chains):
             group[list(chain)] = number + 1

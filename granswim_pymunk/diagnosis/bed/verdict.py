@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ...inference.mechanisms import RESTITUTION
 from ...inference.result import mechanism_entry, mismatch_entry, with_camera
+from ...laws import all_laws
 from ...scene import Scene, Time
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
@@ -20,7 +22,6 @@ from .hidden import NAME
 from .trial import BedTrial
 from .windows import HALF, BedCase, BedPredictor, placed
 
-CONTACT_LAWS = ("contact_friction", "restitution", "cohesion", "pair_lubrication", "distance_force")
 MAP_MEMBERS = 6
 
 
@@ -71,8 +72,9 @@ def place_of(
 ) -> list[dict[str, Any]]:
     """Where a law does its work: one joint, the head, contacts; empty where it acts on all."""
     acting = _acting(trial.term, scene)
-    if trial.mechanism in CONTACT_LAWS:
-        bounded = trial.mechanism not in ("distance_force", "cohesion", "pair_lubrication")
+    declared = all_laws().get(trial.mechanism)
+    if trial.mechanism == RESTITUTION or (declared is not None and declared.kind == "pair"):
+        bounded = declared is None or declared.reach is None  # nothing acts before bodies touch
         return [mismatch_entry([], z, p, region="contacts", before_contact=False if bounded else None,
                                frequency=frequency)]  # fmt: skip
     if not set(acting) <= set(scene.swimmer_ids):

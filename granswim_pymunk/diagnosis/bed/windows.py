@@ -112,7 +112,7 @@ class BedCase:
 
     def frequency(self) -> float | None:
         """Of the drive [Hz]."""
-        for item in self.scene.laws_named("bending"):
+        for item in self.scene.laws_as("stroke"):
             if item.values["frequency"]:
                 return float(item.values["frequency"])
         return None
@@ -122,7 +122,7 @@ class BedCase:
         f = self.frequency()
         if f is None:
             return None
-        shift = float(self.scene.laws_named("bending")[0].values["phase"]) / (2 * np.pi)
+        shift = float(self.scene.laws_as("stroke")[0].values["phase"]) / (2 * np.pi)
         return np.mod(f * (self.times + 0.5 * self.span) + shift, 1.0)
 
 

@@ -14,7 +14,7 @@ from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
 from ..candidates import applies
 from ..hypothesis import Free, Term
-from ..swimmer_terms import swimmer_terms
+from ..swimmer_terms import swimmer_terms, tried_below
 from .summaries import Condition, Shim
 
 KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; those of a chain: ``swimmer_terms``
@@ -74,8 +74,9 @@ def suspects_of(conditions: Sequence[Condition]) -> list[Suspect]:
     found += _fields(conditions, shims)
     for term in swimmer_terms(scenes):
         # the side on which there is room: a joint gets weaker, a limit comes nearer
-        amounts = [0.4 * f.scale if f.name.startswith("weak_joint") else f.scale for f in term.free]
-        signs = [-1.0 if f.neutral >= f.high or f.name.startswith("weak_joint") else 1.0 for f in term.free]
+        below = tried_below(term)
+        amounts = [0.4 * f.scale if below else f.scale for f in term.free]
+        signs = [-1.0 if below or f.neutral >= f.high else 1.0 for f in term.free]
         whole = term.bodies is None or len(term.bodies) == len(scenes[0].chains[0])
         bodies = ("swimmer",) if whole else tuple(term.bodies or ())
         found.append(Suspect(term, np.diag([a * s for a, s in zip(amounts, signs, strict=True)]), bodies))
@@ -109,12 +110,11 @@ def _camera(conditions: Sequence[Condition]) -> list[Suspect]:
 def _contacts(scene: Scene, adjustable: set[str]) -> list[Suspect]:
     """Contacts that lose more, or less, than believed."""
     found = []
-    for law in ("contact_linear", "contact_hertz"):
-        name = f"{law}.damping"
-        if not scene.laws_named(law) or name in adjustable:
+    for use_ in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        name = f"{use_.name}.{use_.law.loses}"
+        if use_.law.kind != "pair" or name in adjustable:
             continue
-        use_ = scene.laws_named(law)[0]
-        believed = float(use_.values["damping"])
+        believed = float(use_.values[use_.law.loses])
 
         def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray, name: str = name):
             return scene.with_parameter(name, float(values[0])), camera
@@ -138,7 +138,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
             continue  # it is known already; its strength is the adjustables' business
         if not applies(law, shims):  # type: ignore[arg-type]
             continue
-        if law.name == "ambient_flow":
+        if law.role == "medium":
             found.append(_flow_suspect(law, scale))
             continue
         free: list[Free] = []
@@ -196,7 +196,7 @@ def natural_scale(conditions: Sequence[Condition]) -> Scale:
         mass = float(np.mean([b.mass for b in scene.bodies if b.role == "grain"]))
     frequency = float(np.mean([c.frequency for c in conditions]))
     length = sum(2 * scene.bodies[k].radius for k in scene.chains[0])
-    amplitude = abs(float(scene.laws_named("bending")[0].values["amplitude"])) or 1.0
+    amplitude = abs(float(scene.laws_as("stroke")[0].values["amplitude"])) or 1.0
     speed = 0.15 * amplitude * 2 * math.pi * frequency * length
     time = 1 / (1.5 * frequency)
 

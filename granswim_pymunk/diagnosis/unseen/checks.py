@@ -12,6 +12,7 @@ from scipy import stats
 from ...inference.criteria import current
 from ...inference.model import Proposal
 from ...inference.significance import normal_score
+from ...laws import has_role
 from .conclude import Finding, Spot, extra_of
 from .response import Fit, Means, add, fit, spread_of
 from .runs import Job
@@ -354,7 +355,7 @@ def propose(s: Search, winner: Trial, rival: Trial) -> Proposal | None:
         "camera_scale": ("camera.scale", "film a ruler in the same picture"),
         "camera_tilt": ("camera.tilt", "film a plumb line in the same picture"),
     }
-    if pair & set(tools) and pair & {"actuator_delay", "actuator_lag", "camera_scale", "camera_tilt"}:
+    if pair & set(tools) and (pair & {"camera_scale", "camera_tilt"} or any(has_role(n, "late") for n in pair)):
         tool = next(t for t in (winner, rival) if t.suspect.name in tools)
         name = tool.suspect.name
         change = abs(float(tool.values()[0]) - tool.suspect.neutral[0])

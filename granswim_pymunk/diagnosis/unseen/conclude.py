@@ -29,8 +29,6 @@ from .search import (
     rounded,
 )
 
-# one and the same where only the drive depends on time (contract): what differs is the error of the runs
-EQUIVALENT = {frozenset(("actuator_delay", "time_offset"))}
 OF_A_CLASS = 0.95  # of what the best gains on speeds alone, from which a law is of its class
 RESAMPLES = 400
 
@@ -219,7 +217,7 @@ def _to_first_order(s: Search, t: Trial) -> Trial:
 
 
 def sensible(s: Search, t: Trial) -> bool:
-    """Whether a fitted law can be an explanation: not at a bound, no scale far off, no added mass above the mass."""
+    """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
     assert t.fit is not None
     for value, f in zip(t.values(), t.suspect.term.free, strict=True):
         for bound in (f.low, f.high):
@@ -227,9 +225,7 @@ def sensible(s: Search, t: Trial) -> bool:
                 s.notes.append(f"{t.suspect.label} is no explanation: it runs into its bound, {f.name} = {value:.3g}")
                 return False
     value = float(t.values()[0])
-    if (t.suspect.name == "camera_scale" and abs(value - 1) > current().verdict.scale_off) or (
-        t.suspect.name == "added_mass" and value > 1
-    ):
+    if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
         s.notes.append(f"{t.suspect.label} is no explanation: {t.suspect.term.free[0].name} would be {value:.3g}")
         return False
     return True
@@ -255,9 +251,15 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
     return 2.0 * math.sqrt(max(left * (own(a) + own(b)), 0.0))
 
 
+def _one_and_the_same(a: str, b: str) -> bool:
+    """Whether two mechanisms are one where only the drive depends on time: what differs is the error of the runs."""
+    laws = all_laws()
+    return any(one in laws and other in laws[one].same_as for one, other in ((a, b), (b, a)))
+
+
 def _alike(s: Search, best: Trial, other: Trial) -> bool:
     """Whether these data, and the runs that were done, cannot tell the other law from the best."""
-    if frozenset((best.suspect.name, other.suspect.name)) in EQUIVALENT:
+    if _one_and_the_same(best.mechanism, other.mechanism):
         return True
     return best.worth - other.worth < current().verdict.same + _noise(s, best, other)
 
@@ -319,7 +321,7 @@ def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> t
     cost = price(max(len(alive), 2))
     tried: list[tuple[float, list[Suspect], Fit | None]] = []
     for x in alive:
-        if x.name == first.suspect.name or frozenset((x.name, first.suspect.name)) in EQUIVALENT:
+        if x.name == first.suspect.name or _one_and_the_same(x.name, first.mechanism):
             continue
         both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
         tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.suspect, x], both))

@@ -197,7 +197,7 @@ def softness(scene: Scene) -> float:
     duration = contact_duration(scene)
     if duration is None:
         return 1.0
-    frequency = float(scene.laws_named("bending")[0].values["frequency"])
+    frequency = float(scene.laws_as("stroke")[0].values["frequency"])
     return float(min(max((1 / (STROKE * frequency) / duration) ** 2, 1.0), SOFTER))
 
 
@@ -212,7 +212,7 @@ def time_step(scene: Scene, soft: bool) -> float:
     if not soft:
         return 1.5 * advise_dt(scene)  # 10 steps a contact
     contact = contact_duration(_soft(scene))
-    others = replace(scene, laws=tuple(u for u in scene.laws if u.name not in ("contact_linear", "contact_hertz")))
+    others = replace(scene, laws=tuple(u for u in scene.laws if u.law.role != "contact" or u.law.kind != "pair"))
     return min(COARSER * advise_dt(others), contact / PER_CONTACT if contact is not None else 1e-3)
 
 

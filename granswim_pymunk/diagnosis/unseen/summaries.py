@@ -254,7 +254,7 @@ class Condition:
 
     @property
     def frequency(self) -> float:
-        return float(self.scene.laws_named("bending")[0].values["frequency"])
+        return float(self.scene.laws_as("stroke")[0].values["frequency"])
 
     @property
     def any_view(self) -> View:
@@ -302,7 +302,7 @@ def check(recording: Recording) -> None:
         raise error("has neither tracks nor a curve", recording.name)
     if len(scene.chains) != 1 or len(scene.chains[0]) < 2:
         raise error(f"needs one swimmer (a head and its tail), has {len(scene.chains)}", "body")
-    if not scene.laws_named("bending"):
+    if not scene.laws_as("stroke"):
         raise error("needs the law that drives the swimmer", "law bending")
     grains = [b for b in scene.bodies if b.role == "grain"]
     if scene.bed is None and not grains:
@@ -374,7 +374,7 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
             xy[:, k, 0] -= scene.periodic_x * np.round(apart / scene.periodic_x)
     placed, rests = _start(recording, xy)
     t = recording.t
-    bending = scene.laws_named("bending")[0].values
+    bending = scene.laws_as("stroke")[0].values
     f, phase = float(bending["frequency"]), float(bending["phase"])
     if not f > 0:
         raise InputError("frequency should be above zero [Hz]", file=recording.folder, where="law bending")
@@ -459,7 +459,7 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
         if own.laws_named("confinement"):
             own = own.with_parameter("confinement.layers", layers)
         own = replace(own, adjustable=(), time=replace(own.time, start=0.0))
-        phase = float(scene.laws_named("bending")[0].values["phase"])
+        phase = float(scene.laws_as("stroke")[0].values["phase"])
         view = View(frames, frames >= CURVE_START - 1e-9, f, phase, masses, curve=True)
         sem = float(row["speed_sem"])
         speed = np.array([float(row["speed"])])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...inference.result import HELD_OUT, PARTLY, TRAINING, Table, Used, mismatch_entry, with_camera
+from ...laws import has_role
 from ...scene import Scene, Time
 from ..swimmer_terms import reported_parameters
 from .conclude import Finding, Spot
@@ -55,7 +56,7 @@ def parameters_of(f: Finding, trial: Trial) -> dict[str, tuple[Any, Any, Any, st
     """Name to (value, low, high, unit) of a found law."""
     values, covariance = f.own(trial)
     x = trial.suspect
-    if x.name == "ambient_flow":
+    if has_role(x.name, "medium"):
         c, push = float(values[0]), values[1:]
         root = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         found: dict[str, tuple[Any, Any, Any, str]] = {
