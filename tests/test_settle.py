@@ -116,6 +116,19 @@ def test_starts_of_hinged_bodies_are_told_from_the_frames_of_the_case():
     assert np.array_equal(first[0].first, whole[0].first) and abs(first[0].first[0] - 1.2) < 1e-2
 
 
+def test_arms_that_hang_from_one_another_rub_on_no_substrate():
+    """What rubs by its weight needs a substrate; for one pendulum it is the friction of the joint in other numbers."""
+    one = prepare(swing("hinge", np.arange(0.0, 1.0, 0.02)), held_out=False, split=False)
+    arm = one.recording.scene.bodies[0]
+    second = use("hinge", bodies=["arm", "arm2"], anchor_a=(0.0, -0.05), anchor_b=(0.0, 0.1))
+    laws = (*one.recording.scene.laws, second)
+    scene = replace(one.recording.scene, bodies=(arm, replace(arm, id="arm2")), laws=laws)
+    two = replace(one, recording=replace(one.recording, scene=scene))
+    named = {n: {t.mechanism for t in named_terms([c])} for n, c in ((1, one), (2, two))}
+    assert {"coulomb_substrate", "joint_friction", "linear_drag"} <= named[1]
+    assert {"joint_friction", "joint_drag", "linear_drag"} <= named[2] and "coulomb_substrate" not in named[2]
+
+
 def test_a_joint_that_does_not_drag_gets_no_entry():
     """Two arms hung from one another; only the first axle drags, and both are fitted."""
     arms = (

@@ -356,13 +356,16 @@ def suited(law: Law, cases: Sequence[Case]) -> bool:
 def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a law makes no sense for the apparatus: a richer form of one that another law stands for there.
 
-    Where every body hangs from a pin or hinge, what a stream in still air would be is the drag of the joint.
+    Where every body hangs from a pin or hinge, what a stream in still air would be is the drag of the joint. And what
+    rubs by its weight on a substrate has none there: with one joint, where it is the friction of the joint in other
+    numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one.
     """
     held: set[str] = set()
     for other in all_laws().values():
         if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):
             held |= set(other.stands_for)
-    return bool(held & set(law.nests))
+    by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
+    return bool(held & set(law.nests)) or (by_weight and law.name in held)
 
 
 def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
