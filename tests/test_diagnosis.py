@@ -173,6 +173,9 @@ def test_lossy_collision_is_restitution():
     found = diagnose_tracks([filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))])
     assert found.verdict["verdict"] == "missing_physics"
     close(found, "restitution", "restitution", 0.75)
+    # they have met before: what comes later starts anew, and says so
+    assert found.verdict["heldout"] == "undecided"
+    assert "the held-out part holds no impact, where alone restitution shows" in found.verdict["notes"]
 
 
 def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():

@@ -368,6 +368,14 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     return bool(held & set(law.nests)) or (by_weight and law.name in held)
 
 
+def in_contact_alone(term: Term) -> bool:
+    """Whether all that a term changes acts only while bodies touch."""
+    laws = [all_laws().get(f.name.partition(".")[0]) for f in term.free]
+    return bool(laws) and all(
+        law is not None and (law.kind == "impulse" or (law.kind == "pair" and not law.reach)) for law in laws
+    )
+
+
 def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
     """Whether every mobile body is in one of the laws of these names."""
     bodies = {b for name in names for item in scene.laws_named(name) for b in item.bodies or scene.ids}

@@ -16,7 +16,7 @@ from .blocks import cut
 from .data import START_SHARE, Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Hypothesis, Predictor, Term
-from .segments import make_segments
+from .segments import find_impacts, make_segments
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,11 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
                     blocks[0].append(first[part, c] ** 2)
                     blocks[1].append(second[part, c] ** 2)
     return paired(*blocks, rng)
+
+
+def meets_when_scored(case: Case) -> bool:
+    """Whether bodies meet in the held-out frames of a recording."""
+    return any(case.scored[impact.row] for impact in find_impacts(case))
 
 
 class _Bound:

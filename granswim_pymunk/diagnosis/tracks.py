@@ -34,7 +34,7 @@ from ..inference.significance import Null, after_looks, price
 from ..recording import Recording
 from ..scene import Scene
 from .blocks import make_blocks, score
-from .candidates import flexible_terms, named_terms, scaled_like
+from .candidates import flexible_terms, in_contact_alone, named_terms, scaled_like
 from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import propose
@@ -43,6 +43,7 @@ from .held_out import (
     Errors,
     held_out_errors,
     learn_memory,
+    meets_when_scored,
     noise_floor,
     paired_verdict,
     right_law_errors,
@@ -393,6 +394,10 @@ class Tracks(ObservationModel):
         if len(failures) > 0.05 * self.runs:
             notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
         notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
+        laws = course.judged.claim.laws
+        if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
+            if not any(meets_when_scored(c) for c in self.study.cases):
+                notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > FAR_BEYOND * floor:
             times = revised / floor
