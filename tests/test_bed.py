@@ -60,6 +60,8 @@ from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
 from granswim_pymunk.report import pictures
+from granswim_pymunk.report.bed_films import film_of
+from granswim_pymunk.report.player import player
 from granswim_pymunk.report.sentences import answers, headline
 from granswim_pymunk.result import standing
 from granswim_pymunk.scene import Scene, read_scene
@@ -633,6 +635,15 @@ def test_whole_recordings_are_held_out():
     held = verdict["fit"]["heldout"]
     assert 0 < held["noise_floor"] < held["recalibrated"] and held["revised"] < held["recalibrated"]
     assert set(found.revised) == {recording.name, "other"}
+    # what plays: starts are what was seen, ends are off by what the verdict says
+    played, bed = film_of(found.evidence), found.evidence.beds[0]
+    shape = (len(bed.starts), len(bed.looks), len(bed.rows), 2)
+    off = {name: (played.panels["seen"] - places).reshape(shape) for name, places in played.panels.items()}
+    assert list(off) == ["seen", "recalibrated", "revised"] and not np.any(off["revised"][:, 0])
+    rms = np.sqrt(np.nanmean(off["revised"][:, 1:] ** 2))
+    assert rms == pytest.approx(verdict["fit"]["train"]["revised"], rel=1e-6)
+    assert played.around.shape == (len(played.t), len(played.around_radius), 2) and len(played.around_radius) > 20
+    assert "recalibrated" in player(played) and "begins with what was seen" in player(played)
     # the held-out recording is simulated with the stiffness that was learnt from the other
     scenes = found.revised.values()
     first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)

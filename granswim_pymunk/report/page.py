@@ -33,7 +33,8 @@ from .words import bodies, counted, equation, escaped, interval, length, listed,
 
 # where the figures of each kind are drawn: a function of its evidence, see ``Drawing``
 PICTURES = {"bodies": "figures", "bed": "bed_figures", "unseen": "unseen_figures", "together": "together_figures"}
-FILMS = {"bodies": "films"}  # where what plays in the page is made of the evidence, for kinds that have a film
+# where what plays in the page is made of the evidence, for kinds that have a film
+FILMS = {"bodies": "films", "bed": "bed_films"}
 SECTIONS = (
     "Seen and simulated", "Is what remains noise?", "Where the mismatch is", "The force without a name", "Candidates",
     "Held-out errors", "Could it be chance?",

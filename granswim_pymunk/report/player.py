@@ -17,6 +17,7 @@ from .words import escaped
 
 MOST_FRAMES = 360
 MOST_NUMBERS = 120_000  # coordinates in the page, about 0.5 MB
+BESIDE = 6.0  # radii of what lies around, by which the picture is wider
 STEPS = 8000  # places are told to this part of the width of the picture
 SHOWN = {"seen": "recording", "naive": "naive", "recalibrated": "recalibrated", "revised": "revised"}
 
@@ -31,6 +32,9 @@ class Moving:
         x, y, and their radius [m]
     lines : pairs of points joined by a line; a pair of a point and a place (x, y) hangs from that place
     held : (F,) whether a frame was held out
+    around : (F, g, 2) places [m] of what was recorded beside the points and is drawn behind them in every panel, NaN
+        where it was not seen;  around_radius : (g,) [m]
+    note : a sentence for the caption
     """
 
     t: np.ndarray
@@ -41,16 +45,20 @@ class Moving:
     fixed: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     walls: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
     lines: Sequence[tuple[int, int | tuple[float, float]]] = ()
+    around: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    around_radius: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    note: str = ""
 
     def thinned(self) -> Moving:
         """With no more frames than a page should carry, the first and last kept."""
-        numbers = 2 * len(self.names) * len(self.panels)
+        numbers = 2 * (len(self.names) * len(self.panels) + len(self.around_radius))
         most = max(2, min(MOST_FRAMES, MOST_NUMBERS // max(numbers, 1)))
         if len(self.t) <= most:
             return self
         keep = np.unique(np.round(np.linspace(0, len(self.t) - 1, most)).astype(int))
         panels = {name: places[keep] for name, places in self.panels.items()}
-        return replace(self, t=self.t[keep], panels=panels, held=self.held[keep])
+        around = self.around[keep] if len(self.around_radius) else self.around
+        return replace(self, t=self.t[keep], panels=panels, held=self.held[keep], around=around)
 
 
 def box(moving: Moving) -> tuple[float, float, float, float] | None:
@@ -72,6 +80,7 @@ def box(moving: Moving) -> tuple[float, float, float, float] | None:
     low = np.maximum(np.minimum(low, every.min(axis=0)), low - size)
     high = np.minimum(np.maximum(high, every.max(axis=0)), high + size)
     edge = 1.2 * float(np.max(moving.radius, initial=0.0)) + 0.04 * size
+    edge += BESIDE * float(np.max(moving.around_radius, initial=0.0))
     low, high = low - edge, high + edge
     # neither a line nor a ribbon
     least = 0.3 * float((high - low).max())
@@ -104,6 +113,8 @@ def player(moving: Moving | None) -> str:
         "fixed": [[float(f"{v:.6g}") for v in row] for row in moving.fixed],
         "walls": [[float(f"{v:.6g}") for v in row] for row in moving.walls],
         "lines": [[i, j if isinstance(j, int) else list(j)] for i, j in moving.lines],
+        "around": _coded(moving.around, left, bottom, size) if len(moving.around_radius) else [],
+        "aroundR": [float(f"{r:.4g}") for r in moving.around_radius],
         "panels": [[name, SHOWN[name], _coded(places, left, bottom, size)] for name, places in moving.panels.items()],
     }  # fmt: skip
     # a name of the user's must not end the script
@@ -115,7 +126,7 @@ def player(moving: Moving | None) -> str:
         f'<input type="range" min="0" max="{len(moving.t) - 1}" value="0" step="1" aria-label="frame">'
         "<output></output></div><figcaption>Filled: what was recorded, in every panel. Rings: the simulation. Lines: "
         "the whole way. Move the slider, or point at a disk for its name and place. A grey band marks frames that were "
-        "held out.</figcaption>"
+        f"held out. {escaped(moving.note)}</figcaption>"
         f'<script type="application/json">{text}</script><script>{SCRIPT}</script></figure>'
     )
 
@@ -187,6 +198,12 @@ function draw() {
     pen.fillStyle = css.getPropertyValue("--tint"); pen.fillRect(px, py, w, h);
     pen.fillStyle = pen.strokeStyle = soft; pen.lineWidth = 2; pen.globalAlpha = 0.5;
     for (const [x, y, r] of film.fixed) { disk(k, x, y, r, 1); pen.fill(); }
+    pen.globalAlpha = 0.25;
+    film.aroundR.forEach((r, i) => {
+      const p = at(film.around[frame], i);
+      if (p) { disk(k, ...p, r, 1); pen.fill(); }
+    });
+    pen.globalAlpha = 0.5;
     for (const [x, y, u, v, r] of film.walls) {
       pen.lineWidth = Math.max(2 * r * layout.scale, 2); pen.lineCap = "round";
       pen.beginPath(); pen.moveTo(...spot(k, x, y)); pen.lineTo(...spot(k, u, v)); pen.stroke();
