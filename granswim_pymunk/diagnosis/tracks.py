@@ -327,8 +327,8 @@ class Tracks(ObservationModel):
         study, tried = self.study, self.tried
         if study.late(0.95) or _below_tolerance(fit, study.training):
             return False
-        terms = [*tried.terms, *(t.term for t in tried.arms)]
-        return chance_of_more(self.fitter, fit, terms, study.rng) < current().noise.alarm
+        # not of the forms without a name: theirs were shaped by these very residuals, and gain more than in noise
+        return chance_of_more(self.fitter, fit, tried.terms, study.rng) < current().noise.alarm
 
     def _remains(self, claim: Claim) -> Remains | None:
         """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
