@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import math
 import os
+import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import Context, copy_context
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -23,7 +25,12 @@ from .solve import Blocks, descend
 from .start import StartBody, first_numbers, number_scales
 
 _POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
+# whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
+_FITS = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
+ROUGH = 1e-3  # of chi2: a fall at which a fit ends that only leads to another one
+FINE = 0.01  # of the mean square of the residuals, the same for one that counts
 
+Found = TypeVar("Found")
 COUPLED = ("hinge", "rod", "pin", "spring")  # two of them and more in one scene may swing chaotically
 HOPELESS = 1e6  # innovation of a run that failed, in standard deviations: the step is taken back
 
@@ -152,6 +159,24 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
 SAME = 0.2  # standard errors that two searches may end apart in one valley
 
 
+def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> list[Found]:
+    """What each job makes of a fitter of its own, in their order; no bit of it hangs on how many run at a time."""
+    gone = threading.Event()
+
+    def stop() -> bool:
+        return gone.is_set() or fitter.stop()
+
+    def done(job: Callable[[Fitter], Found], context: Context) -> Found:
+        own = fitter.apart()
+        own.stop = stop
+        return context.run(job, own)
+
+    try:
+        return list(_FITS.map(done, jobs, [copy_context() for _ in jobs]))
+    finally:
+        gone.set()  # whoever waits no longer, as at Ctrl-C, does not wait for the fits that are under way
+
+
 class TimeUp(Exception):
     """The budget is spent: a fit ends where it stands."""
 
@@ -162,6 +187,7 @@ class Fitter:
     stop : whether the time is up: a fit then ends with the best that it has seen
     whole : follow every recording from one start, also through impacts
     spin : (n,) [rad/s] of the scene's bodies at the start of a recording, none where not given
+    rough : its fits end early: they tell what is worth fitting
     """
 
     def __init__(
@@ -173,7 +199,9 @@ class Fitter:
         weights: Mapping[str, np.ndarray] | None = None,
         whole: bool = False,
         spin: Mapping[str, np.ndarray | None] | None = None,
+        rough: bool = False,
     ) -> None:
+        self.rough = rough
         self.spin = spin or {}
         # (T,) of each recording: how much a frame counts in the fit; 1 where not given
         self.weights = weights or {}
@@ -212,6 +240,12 @@ class Fitter:
         """Recordings followed from one start, beginning where a fit to their segments ended, over growing parts."""
         first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}
         return self.fit(segments.hypothesis, segments.values, first, stages=(0.35, 0.65, 1.0), evaluations=30)
+
+    def apart(self) -> Fitter:
+        """The same for fits of their own: what these leave behind is not seen here."""
+        other = copy.copy(self)
+        other._by_start = dict(self._by_start)
+        return other
 
     def tightened(self, share: float) -> Fitter:
         """The same with the spread of steps at impacts multiplied by a share."""
@@ -564,6 +598,7 @@ class Fitter:
                     result[span, target] = -column[use[c.name]] * scale[target]
             return result
 
+        rough = self.rough or share < 1.0
         z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
@@ -572,7 +607,7 @@ class Fitter:
             with np.errstate(all="ignore"):
                 solution = least_squares(
                     residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
-                    max_nfev=evaluations, xtol=1e-6, ftol=1e-7, gtol=1e-9,
+                    max_nfev=evaluations, xtol=1e-6, ftol=ROUGH if rough else max(FINE / rows[-1], 1e-7), gtol=1e-9,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")

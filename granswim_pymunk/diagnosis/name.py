@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -11,7 +13,7 @@ from scipy.linalg import block_diag
 from ..inference.mechanisms import APPARATUS
 from ..laws import all_laws, has_role
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fit, Fitter, side_by_side
 from .hypothesis import Predictor, Term
 from .innovations import inflation
 from .segments import find_impacts
@@ -261,14 +263,17 @@ def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Call
     parts = {c.name: np.zeros(len(c.t), dtype=bool) for c in fitter.cases}
     for name, rows in frames.items():
         parts[name][rows[: max(int(HEAT * len(rows)), 1)]] = True
-    first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop)
+    first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop, rough=True)
     short = first.fit(base.hypothesis, base.values, base.starts, stages=(0.3, 1.0))
     if short.chi2 < FAR**2 * short.count:
         return None
-    fits: dict[int, Fit] = {}
-    for k, signature in enumerate(signatures):
-        if signature.surviving > 1e-3 and not is_limit(signature.term) and not late():
-            fits[k] = refit(first, short, signature, (0.3, 1.0))
+    open_ = [k for k, s in enumerate(signatures) if s.surviving > 1e-3 and not is_limit(s.term)]
+
+    def fitted(k: int, own: Fitter) -> Fit | None:
+        return None if late() else refit(own, short, signatures[k], (0.3, 1.0))
+
+    found = side_by_side(first, [partial(fitted, k) for k in open_])
+    fits = {k: fit for k, fit in zip(open_, found, strict=True) if fit is not None}
     best = min((f.chi2 for f in fits.values()), default=short.chi2)
     if short.chi2 - best < WON * short.chi2:
         return Heats(fits, frozenset())
@@ -285,37 +290,51 @@ def try_candidates(
     late: Callable[[], bool] = lambda: False,
 ) -> list[Trial]:
     """Refit the candidates that are not imitated by starts and recalibration, best first."""
-    trials = []
     order = sorted(bank.signatures, key=lambda s: -s.gain)
     run = heats(fitter, base, order, late)
     forms: dict[tuple[str, int], int] = {}
-    for k, signature in enumerate(order):
-        progress(signature.term.label, k, len(order))
+    reasons: list[str] = []
+    begun = count()
+    for signature in order:
         form = (signature.term.mechanism, len(signature.term.free))
         forms[form] = forms.get(form, 0) + 1
-        if fitter.segmented and (signature.gain < NEAR * order[0].gain or forms[form] > VARIANTS):
-            trials.append(Trial(signature, None, 0.0, float("inf"), "others explain far more to first order"))
-            continue
-        if signature.surviving <= 1e-3 and not (is_limit(signature.term) and not signature.directions.shape[1]):
-            trials.append(Trial(signature, None, 0.0, float("inf"), "recalibration or the starts imitate it"))
-        elif run is not None and k in run.over:
-            trials.append(Trial(signature, None, 0.0, float("inf"), "others explain far more of the first part"))
-        elif run is not None and k in run.fits:
+        reasons.append(_hopeless(fitter, signature, order[0].gain, forms[form], run, len(reasons)))
+
+    def tried(k: int, own: Fitter) -> Trial:
+        signature, reason = order[k], reasons[k]
+        progress(signature.term.label, next(begun), len(order))
+        if not reason and k > 0 and (run is None or k not in run.fits) and late():
+            # candidates come in the order of their first-order gain
+            reason = "not refitted: the time was up"
+        if reason:
+            return Trial(signature, None, 0.0, float("inf"), reason)
+        if run is not None and k in run.fits:
             begin = run.fits[k]
             evaluations = _beginnings(base, signature.term)[1]
-            found = fitter.fit(begin.hypothesis, begin.values, begin.starts, evaluations=evaluations)
-            trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
-        elif k > 0 and late():
-            # candidates come in the order of their first-order gain
-            trials.append(Trial(signature, None, 0.0, float("inf"), "not refitted: the time was up"))
+            found = own.fit(begin.hypothesis, begin.values, begin.starts, evaluations=evaluations)
         else:
-            found = refit(fitter, base, signature, stages)
-            trials.append(Trial(signature, found, base.chi2 - found.chi2, float("inf")))
+            found = refit(own, base, signature, stages)
+        return Trial(signature, found, base.chi2 - found.chi2, float("inf"))
+
+    trials = side_by_side(fitter, [partial(tried, k) for k in range(len(order))])
     if not late():
-        trials = [_from_special_case(fitter, base, t, trials) for t in trials]
+        alone = tuple(trials)
+        trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         best = max((t.gain for t in trials), default=0.0)
-        trials = [_down_its_valley(fitter, base, t) if t.gain > LED * best else t for t in trials]
+        jobs = [partial(_down_its_valley, base=base, trial=t, least=LED * best) for t in trials]
+        trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _hopeless(fitter: Fitter, signature: Signature, most: float, variant: int, run: Heats | None, k: int) -> str:
+    """Why a candidate needs no refit, empty where it does. ``variant``: which one of its form it is;  k : its place."""
+    if fitter.segmented and (signature.gain < NEAR * most or variant > VARIANTS):
+        return "others explain far more to first order"
+    if signature.surviving <= 1e-3 and not (is_limit(signature.term) and not signature.directions.shape[1]):
+        return "recalibration or the starts imitate it"
+    if run is not None and k in run.over:
+        return "others explain far more of the first part"
+    return ""
 
 
 def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, list[Trial]]:
@@ -356,10 +375,15 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
     return Trial(trial.signature, found, base.chi2 - found.chi2, float("inf"))
 
 
-def _down_its_valley(fitter: Fitter, base: Fit, trial: Trial) -> Trial:
-    """Strength and shape of a law lie along a bent valley, which a short search does not walk to its end."""
+def _down_its_valley(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
+    """Strength and shape of a law lie along a bent valley, which a short search does not walk to its end.
+
+    Laws that gain no more than ``least`` stay as they are.
+    """
     fit = trial.fit
-    if fit is None or not any(f.inner for f in trial.term.free) or fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count):
+    if fit is None or trial.gain <= least or not any(f.inner for f in trial.term.free):
+        return trial
+    if fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count):
         return trial
     found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=150)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
