@@ -1,15 +1,21 @@
 """Predictions: a simulation that is begun again is the same as a new one; bodies heavier than believed are named."""
 
 import math
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import diagnose_tracks
+from granswim_pymunk.diagnosis import diagnose_tracks, fit
 from granswim_pymunk.diagnosis.data import prepare_all
+from granswim_pymunk.diagnosis.fit import Fitter, side_by_side
 from granswim_pymunk.diagnosis.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
 from granswim_pymunk.diagnosis.steps import time_steps
+from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 from granswim_pymunk.validation.reference import Reference
@@ -65,3 +71,54 @@ def test_a_body_that_escapes_is_a_run_that_failed():
     with pytest.raises(Failed, match="within 1e\\+09 m"):
         predictor(Hypothesis(), case, [], starts, numbers * 1e200, t[0], t)
     assert len(predictor.failures) == 1
+
+
+def test_no_run_is_made_twice():
+    belief = pendulum(adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02),))
+    cases = prepare_all([filmed(belief, belief, 1)])
+    case = cases[0]
+    used, hypothesis = Predictor(time_steps(cases)), Hypothesis(adjustable_terms(cases))
+    starts = describe_starts(case, case.training)
+    numbers, t = first_numbers(starts), case.t[case.training]
+    first = used(hypothesis, case, [0.004], starts, numbers, t[0], t)
+    kept = first.copy()
+    first[:] = 0.0  # what is kept is not what was handed out
+    np.testing.assert_array_equal(used(hypothesis, case, [0.004], starts, numbers, t[0], t), kept)
+    assert used.runs == 1
+    used(hypothesis, case, [0.005], starts, numbers, t[0], t)
+    used(hypothesis, case, [0.004], starts, 1.01 * numbers, t[0], t)
+    used(hypothesis, case, [0.004], starts, numbers, t[0], t[:-1])
+    used.dt = {name: dt / 2 for name, dt in used.dt.items()}
+    assert (used(hypothesis, case, [0.004], starts, numbers, t[0], t) != kept).any() and used.runs == 5
+
+
+def test_fits_side_by_side_are_the_same_fits(monkeypatch):
+    """However many run at a time; and where one fails, the others end at their next evaluation."""
+    belief = pendulum(adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02),))
+    fitter = Fitter(cases := prepare_all([filmed(belief, belief, 1)]), Predictor(time_steps(cases)))
+    hypothesis = Hypothesis(adjustable_terms(cases))
+    jobs = [partial(lambda own, c: own.fit(hypothesis, [c]), c=c) for c in (0.004, 0.006, 0.015)]
+    alone = [job(fitter.apart()) for job in jobs]
+    for workers in (1, 3):
+        with ThreadPoolExecutor(workers) as pool:
+            monkeypatch.setattr(fit, "_FITS", pool)
+            found = side_by_side(fitter, jobs)
+        assert [f.chi2 for f in found] == [f.chi2 for f in alone]
+        assert [f.values.tobytes() for f in found] == [f.values.tobytes() for f in alone]
+    seen, began = [], threading.Event()
+
+    def waiting(own):
+        began.set()
+        while not own.stop():
+            time.sleep(0.01)
+        seen.append("stopped")
+
+    def failing(own):
+        began.wait()
+        raise InputError("of the test")
+
+    with ThreadPoolExecutor(2) as pool:  # which waits for its threads in the end
+        monkeypatch.setattr(fit, "_FITS", pool)
+        with pytest.raises(InputError, match="of the test"):
+            side_by_side(fitter, [failing, waiting])
+    assert seen == ["stopped"]
