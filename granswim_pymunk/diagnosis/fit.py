@@ -21,7 +21,7 @@ from ..inference.criteria import SegmentCriteria, current
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
 from .segments import Segment, cut_by_growth, limits_of, make_segments
-from .solve import Blocks, descend
+from .solve import Blocks, Secant, descend
 from .start import StartBody, first_numbers, number_scales
 
 _POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
@@ -580,6 +580,7 @@ class Fitter:
 
         best: list[Any] = [np.inf, None]  # chi2 and numbers of the best so far, where time runs out
         last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
+        secant = Secant()
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
         def jacobian(z):
@@ -587,6 +588,9 @@ class Fitter:
             result = np.zeros((rows[-1], len(z)))
             if not last or not np.array_equal(last["z"], z):
                 residuals(z)
+            seen = np.concatenate([last["seen"][name][use[name]] for name in parts])
+            if (updated := secant.at(z, seen)) is not None:
+                return updated
             for k, c in enumerate(cases):
                 here = last["seen"][c.name]
                 columns, block = self.derivatives(
@@ -596,6 +600,7 @@ class Fitter:
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
                     result[span, target] = -column[use[c.name]] * scale[target]
+            secant.anew(z, seen, result)
             return result
 
         rough = self.rough or share < 1.0

@@ -13,6 +13,40 @@ ENOUGH = 0.02  # of chi2: a fall that no decision hangs on
 GOOD = 0.25  # of the promised fall in chi2, below which derivatives that were taken over are renewed
 
 
+STRAIGHT = 0.1  # of a change of the residuals: how far a linear prediction of it may be off for derivatives to be kept
+UPDATES = 3  # of derivatives, after which they are taken anew
+
+
+class Secant:
+    """Derivatives that are updated by what a step showed, as long as they foresaw it: a run for each number is saved.
+
+    J + (r - r_0 - J s) (D^2 s)'/(s' D^2 s), s the step in the numbers, D the lengths of the columns of J.
+    Source: Broyden 1965, Math. Comput. 19, 577.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._updates = 0
+
+    def anew(self, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
+        """Derivatives (n, k) of the residuals (n,) at z (k,), taken by runs."""
+        self._last, self._updates = (np.array(z), residuals, jacobian), 0
+
+    def at(self, z: np.ndarray, residuals: np.ndarray) -> np.ndarray | None:
+        """Derivatives (n, k) at z (k,), None where they should be taken by runs."""
+        if self._last is None or self._updates == UPDATES:
+            return None
+        before, there, jacobian = self._last
+        step = z - before
+        missed = residuals - there - jacobian @ step
+        weight = np.sum(jacobian**2, axis=0) * step
+        if not weight @ step > 0 or not np.linalg.norm(missed) < STRAIGHT * np.linalg.norm(residuals - there):
+            return None
+        self._last = np.array(z), residuals, jacobian + np.outer(missed, weight / (weight @ step))
+        self._updates += 1
+        return self._last[2]
+
+
 @dataclass
 class Blocks:
     """Residuals of one recording and their derivatives: r (n,), by shared numbers (n, p), by its own (n, q).
