@@ -542,8 +542,7 @@ class Fitter:
         return free.cases is None or any(c.name in free.cases for c in self.cases)
 
     def _solve(self, hypothesis, x, numbers, fixed, share, evaluations, held):
-        free = hypothesis.free
-        cases = self.cases
+        free, cases = hypothesis.free, self.cases
         parts = {c.name: self._part(c, share) for c in cases}
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
         # a number that bears on none of these recordings would only run into its bounds and shorten every step
