@@ -49,6 +49,7 @@ def found(monkeypatch) -> Diagnosis:
     drawings = {"map": Drawing(lambda: figure, SECTIONS[2], "Where it is. Red is much.")}
     module = SimpleNamespace(pictures=lambda evidence: drawings if evidence else {}, NAMES=("map", "null"))
     monkeypatch.setattr("granswim_pymunk.report.page._module", lambda kind: module)
+    monkeypatch.setattr("granswim_pymunk.report.page.FILMS", {})
     scene = Scene((Body("a", "free", 1e-3, 1e-4, True, (0.0, 0.0, 0.1, 0.0)),))
     return Diagnosis(
         "bed", verdict, {"one": scene, "two": with_camera(scene, {"scale": 1.01})}, evidence="numbers",

@@ -1,7 +1,7 @@
 """Blocks of pairs, dampings taken twice: the part of the core that no law and no layout of memory changes.
 
 This is text. The core of generated code (see ``callbacks``) is made of what stands below the line, behind the numbers
-that are imported here for editors and linters; the file itself is never imported.
+that are imported here for editors and linters; nothing calls the functions of this module itself.
 """
 
 import math
