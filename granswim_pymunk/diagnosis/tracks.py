@@ -31,6 +31,7 @@ from ..inference.noise import Noise
 from ..inference.pipeline import diagnose_by
 from ..inference.result import Diagnosis, Progress, Used
 from ..inference.significance import Null, after_looks, price
+from ..laws import all_laws
 from ..recording import Recording
 from ..scene import Scene
 from .blocks import make_blocks, score
@@ -243,7 +244,7 @@ class Tracks(ObservationModel):
             real = False
         laws = list(claim.laws)
         if real and laws:
-            _, alike = within_belief(laws, claim.fit, tried.recalibrated, study.fitter, self.spread)
+            _, alike = within_belief(laws, claim.fit, tried.recalibrated, self._fitter_of(claim.fit), self.spread)
             if len(alike) == len(laws):
                 self.notes.append(f"{claim.label}: {AS_BELIEVED}")
                 real = False
@@ -322,13 +323,19 @@ class Tracks(ObservationModel):
             return Left(complete, None)
         return Left(False, self._remains(judged.claim))
 
+    def _fitter_of(self, fit: Fit) -> Fitter:
+        """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
+        counts = {name: len(segments) for name, segments in fit.segments.items()}
+        same = all(len(self.fitter.segments[name]) == count for name, count in counts.items())
+        return self.fitter if same else self.study.fitter
+
     def _more_to_see(self, fit: Fit) -> bool:
         """Whether what is left, and matters, holds more along the signature of a candidate than noise would."""
         study, tried = self.study, self.tried
         if study.late(0.95) or _below_tolerance(fit, study.training):
             return False
         # not of the forms without a name: theirs were shaped by these very residuals, and gain more than in noise
-        return chance_of_more(self.fitter, fit, tried.terms, study.rng) < current().noise.alarm
+        return chance_of_more(self._fitter_of(fit), fit, tried.terms, study.rng) < current().noise.alarm
 
     def _remains(self, claim: Claim) -> Remains | None:
         """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
@@ -337,9 +344,11 @@ class Tracks(ObservationModel):
         if scores is None:
             scores = score(fit, self.blocks, study.predictor, self.completeness(fit).noise, study.rng)
         taken = {t.mechanism for t in fit.hypothesis.terms}
+        # nor what a named law stands for in such an apparatus: it is the same
+        taken |= {other for t in fit.hypothesis.terms if t.law in all_laws() for other in all_laws()[t.law].stands_for}
         leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
         beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
-        signatures = make_bank(study.fitter, fit, beside).signatures
+        signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
         best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
         looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
