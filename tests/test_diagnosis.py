@@ -620,7 +620,7 @@ def test_friction_of_a_joint_and_of_the_substrate_are_one_law_for_a_pendulum():
     starts = fit.first_numbers(case.name)
     seen = [
         fit.vector(case, Hypothesis((terms[name],)), np.array([amount]), starts)
-        for name, amount in (("coulomb_substrate", mu), ("pin_friction", mu * 0.1 * 9.81 * 0.2))
+        for name, amount in (("coulomb_substrate", mu), ("joint_friction", mu * 0.1 * 9.81 * 0.2))
     ]  # fmt: skip
     change = np.abs(seen[0] - fit.vector(case, Hypothesis(), np.zeros(0), starts)).max()
     assert np.abs(seen[0] - seen[1]).max() < 1e-4 * change and change > 10

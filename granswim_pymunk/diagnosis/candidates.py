@@ -94,7 +94,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     free.append(Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner))
                 groups.append((p.name, tuple(range(start, len(free)))))
-        label = law.name + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
+        label = law.mechanism + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
                 mechanism=law.mechanism,
@@ -404,7 +404,7 @@ def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
     for together in law_terms(law, cases, each=True):
         names = owners(together)
         alone = [(name, for_bodies(together, [name])) for name in names if 1 < len(names) <= FEW]
-        terms += [replace(found[0], label=f"{law.name} on {name}") for name, found in alone if found is not None]
+        terms += [replace(found[0], label=f"{law.mechanism} on {name}") for name, found in alone if found is not None]
     return terms
 
 
