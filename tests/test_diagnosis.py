@@ -15,7 +15,7 @@ from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
-from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
+from granswim_pymunk.diagnosis.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
 from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
@@ -704,6 +704,7 @@ def test_a_proposal_of_a_long_film_of_bodies_on_rods():
     scene = Scene((car, load), laws, gravity=(0.0, -9.81))
     recording = Recording("r", scene, t, ("car", "load"), xy, sampling=500.0, position_noise=NOISE)
     case = _shortened(prepare(recording, held_out=False, split=True))
+    assert not {t.law for t in named_terms([case])} & {"joint_drag", "pin_friction"}  # rods turn freely
     assert len(case.t) == len(case.recording.t) == 400
     assert {s.form for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {"rail", "rod"}
 
@@ -786,3 +787,16 @@ def test_friction_of_an_impact_without_slip_has_a_lower_limit_alone():
     fit = with_limits(*joined(fitter, fitter.fit(Hypothesis().with_term(law), [0.6], evaluations=30)), 0, 1.0)
     _, low, high = fit.interval(0)
     assert 0.02 < low < 0.5 and high == law.free[0].high
+
+
+def test_a_law_that_no_run_survives_has_no_signature():
+    """Its residuals are those of a failed run, whatever the amount: along them noise would look like that law."""
+    case = prepare(filmed(table(), table(), SHORT, np.random.default_rng(1)), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 1e-3}))
+
+    def breaks(scene, camera, values):
+        raise Failed("it flies apart")
+
+    term = Term("broken", "broken", (Free("broken.c", "1", 0.0, math.inf, 0.0, 1.0),), breaks)
+    (signature,) = make_bank(fitter, fitter.fit(Hypothesis(), []), [term]).signatures
+    assert signature.gain == 0.0 and signature.surviving == 0.0 and not signature.directions.shape[1]

@@ -353,6 +353,11 @@ def suited(law: Law, cases: Sequence[Case]) -> bool:
     return any(c.recording.scene.laws_named(name) for c in cases for name in law.preferred_where)
 
 
+def has_its_joints(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law of joints has pins or hinges to act in: a rod turns freely at both ends. True of other laws."""
+    return law.kind != "joint" or any(c.recording.scene.joints_of for c in cases)
+
+
 def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a law makes no sense for the apparatus: a richer form of one that another law stands for there.
 
@@ -386,15 +391,17 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     several = len(distinct_bodies(cases)) > 1
+    kinds = ("body", "pair", "joint", "constraint")
     for law in all_laws().values():
-        if law.candidate == "named" and law.kind in ("body", "pair", "joint", "constraint") and applies(law, cases):
-            if out_of_place(law, cases):
-                continue
-            terms += law_terms(law, cases, each=False)
-            if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
-                terms += law_terms(law, cases, each=True)
-            elif several and each and _is_push(law):
-                terms += _on_one_body(law, cases)
+        if law.candidate != "named" or law.kind not in kinds or not has_its_joints(law, cases):
+            continue
+        if not applies(law, cases) or out_of_place(law, cases):
+            continue
+        terms += law_terms(law, cases, each=False)
+        if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
+            terms += law_terms(law, cases, each=True)
+        elif several and each and _is_push(law):
+            terms += _on_one_body(law, cases)
     return terms
 
 

@@ -90,6 +90,8 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
                 step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
             else:
                 break
+        if worst > 10.0:
+            column[:] = 0.0  # however little of it: no run that could be compared
         columns.append(column)
         rms = float(np.sqrt(np.mean(column**2)))
         scales.append(1.0 / rms if rms > 0 else abs(step))
