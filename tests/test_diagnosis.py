@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from two_arms import two_arms
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verdict
@@ -24,8 +25,7 @@ from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.inference.significance import normal_score
-from granswim_pymunk.joints import place
-from granswim_pymunk.recording import Recording, film, see, write_recording
+from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
 from granswim_pymunk.validation.reference import Reference
 from granswim_pymunk.walls import Wall
@@ -657,21 +657,7 @@ def test_numbers_that_hang_on_the_step_are_seen():
 
 def test_the_joint_that_drags_is_told():
     """Two arms hung from one another, filmed by their angles; only the first axle is not free."""
-    arms = (
-        Body("arm1", "free", 0.02, 0.09, inertia=4.4e-4), Body("arm2", "free", 0.02, 0.14, inertia=1.3e-3)
-    )  # fmt: skip
-    hinges = (
-        use("hinge", bodies=["arm1"], anchor_a=(0.0, 0.11), anchor=(0.0, 0.0)),
-        use("hinge", bodies=["arm1", "arm2"], anchor_a=(0.0, -0.06), anchor_b=(0.0, 0.12)),
-    )
-    believed = Scene(arms, hinges, gravity=(0.0, -9.81))
-    start = place(believed, {"arm1": 0.9, "arm2": 0.5}, {"arm1": 0.0, "arm2": 0.0})
-    truth = replace(believed, bodies=tuple(replace(b, initial=start[b.id]) for b in arms))
-    seen = film(
-        truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 3.0, 0.01),
-        rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
-    )  # fmt: skip
-    verdict = diagnose_tracks([replace(seen, scene=believed)]).verdict
+    verdict = diagnose_tracks([two_arms(np.arange(0.0, 3.0, 0.01))]).verdict
     first = verdict["mechanisms"][0]
     assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
     assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]

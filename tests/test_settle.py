@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from two_arms import two_arms
 
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import prepare
@@ -18,8 +19,7 @@ from granswim_pymunk.diagnosis.name import Trial
 from granswim_pymunk.diagnosis.settle import in_names_of_apparatus, that_earn_their_place
 from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.diagnosis.start import describe_starts
-from granswim_pymunk.joints import place
-from granswim_pymunk.recording import Recording, film
+from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 
 G, MASS, LENGTH, ARM = 9.81, 0.15, 0.15, 2e-4  # m/s^2, kg, m, kg m^2: of an arm about its centre
@@ -131,21 +131,8 @@ def test_arms_that_hang_from_one_another_rub_on_no_substrate():
 
 def test_a_joint_that_does_not_drag_gets_no_entry():
     """Two arms hung from one another; only the first axle drags, and both are fitted."""
-    arms = (
-        Body("arm1", "free", 0.02, 0.09, inertia=4.4e-4), Body("arm2", "free", 0.02, 0.14, inertia=1.3e-3)
-    )  # fmt: skip
-    hinges = (
-        use("hinge", bodies=["arm1"], anchor_a=(0.0, 0.11), anchor=(0.0, 0.0)),
-        use("hinge", bodies=["arm1", "arm2"], anchor_a=(0.0, -0.06), anchor_b=(0.0, 0.12)),
-    )
-    believed = Scene(arms, hinges, gravity=(0.0, -G))
-    start = place(believed, {"arm1": 0.9, "arm2": 0.5}, {"arm1": 0.0, "arm2": 0.0})
-    truth = replace(believed, bodies=tuple(replace(b, initial=start[b.id]) for b in arms))
-    seen = film(
-        truth.with_laws(use("joint_drag", bodies=["arm1"], c=6e-4)), np.arange(0.0, 2.0, 0.02),
-        rng=np.random.default_rng(3), angle_noise=2e-4, positions=False,
-    )  # fmt: skip
-    fitter, case, base, _, found, fit = fitted(replace(seen, scene=believed), "joint_drag (each body)")
+    seen = two_arms(np.arange(0.0, 2.0, 0.02))
+    fitter, case, base, _, found, fit = fitted(seen, "joint_drag (each body)")
     assert len(fit.values) == 2
     now, revised, dropped = that_earn_their_place(found, fit, base, fitter, [case])
     assert list(dropped) == ["arm2"] and [f.name for f in revised.hypothesis.free] == ["joint_drag.c[arm1]"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,6 @@ from ..laws import all_laws
 from .candidates import camera_terms, for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
-from .hypothesis import Predictor
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
 SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
@@ -121,9 +120,6 @@ def prune(
     base: Fit,
     fitter: Fitter,
     inner: InnerSplit,
-    spread: float,
-    predictor: Predictor,
-    stop: Callable[[], bool],
     notes: list[str],
 ) -> tuple[Trial | None, dict[str, str]]:
     """Keep a law only for the bodies whose own recordings ask for it, and where no camera scale does as well."""
@@ -139,7 +135,7 @@ def prune(
         base_fit, with_law = _without_and_with(owner, chosen, base, fitter, mine)
         own_spread = spread_of(with_law, mine)
         gain = (base_fit.chi2 - with_law.chi2) / own_spread
-        split = InnerSplit.make(mine, predictor, stop)
+        split = InnerSplit.make(mine, fitter.predictor, fitter.stop)
         without, _ = split.score(base_fit)
         with_, _ = split.score(with_law)
         if gain < 10:

@@ -19,6 +19,7 @@ from .fit import Fit, Fitter, information_of, project
 
 ALONE = 1e-3  # share of its information that a number keeps beside the others, below which it is not known alone
 LEVEL = 3.84  # rise of chi2 at the ends of 95 %
+AT_FIRST = 0.1  # of a number's distance from neutral: the longest first step along it
 GROWTH = 2.0  # of steps along a valley that were good
 MOST = 20  # steps to either side, after which there is no end but the bound
 UNLIKE = 3.0  # times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them
@@ -51,7 +52,7 @@ def with_limits(
         if k < first or late():
             continue
         free = fit.hypothesis.free[k]
-        least = PART * (abs(float(fit.values[k]) - free.neutral) or free.scale)
+        least = AT_FIRST * (abs(float(fit.values[k]) - free.neutral) or free.scale)
         step = min(1.96 / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
         limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
     return replace(fit, limits=limits) if limits else fit

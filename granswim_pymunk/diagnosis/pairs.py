@@ -19,6 +19,7 @@ from .fit import Fit, Fitter
 from .hypothesis import Predictor, Term
 from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls
+from .settle import rows_of
 from .signatures import Signature, make_bank
 
 NEAR_PARTNER = 0.7  # of what one of two laws explains: how much another one must, to first order, to be its rival
@@ -73,13 +74,12 @@ def third_law(
 
 def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
     """Laws all of whose strengths are compatible with none; their numbers follow the ``first`` ones of the fit."""
-    idle, at = [], first
-    for t in found:
-        ends = [fit.interval(at + k, spread)[1:] for k in range(t.numbers)]
-        inside = [low <= f.neutral <= high for f, (low, high) in zip(t.term.free, ends, strict=True) if not f.inner]
-        if inside and all(inside):
+    idle = []
+    for t, rows in zip(found, rows_of(found, first), strict=True):
+        pairs = zip(range(rows.start, rows.stop), t.term.free, strict=True)
+        ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in pairs if not f.inner]
+        if ends and all(low <= neutral <= high for neutral, low, high in ends):
             idle.append(t)
-        at += t.numbers
     return idle
 
 
@@ -90,11 +90,11 @@ def _in_place(
     """The third law in place of an idle one of the two, where the data then are followed more closely."""
     assert third.fit is not None
     best, fit = two, revised
-    first, cut = len(recalibrated.values), len(recalibrated.values) + two[0].numbers
-    values = third.fit.values
+    first, values = len(recalibrated.values), third.fit.values
+    *own, last = rows_of([*two, third], first)
     for gone in idle:
-        keep, rows = (two[1], slice(cut, cut + two[1].numbers)) if gone is two[0] else (two[0], slice(first, cut))
-        begin = [*values[:first], *values[rows], *values[cut + two[1].numbers :]]
+        keep, rows = (two[1], own[1]) if gone is two[0] else (two[0], own[0])
+        begin = [*values[:first], *values[rows], *values[last]]
         hypothesis = recalibrated.hypothesis.with_term(keep.term, third.term)
         found = fitter.fit(hypothesis, begin, third.fit.starts, evaluations=60)
         if found.chi2 < fit.chi2:

@@ -655,7 +655,7 @@ def _explained(
     if len(found) == 1:
         # of two, whom each acts on is asked when both have their last form
         kept, dropped = prune(
-            found[0], recalibrated, fitter, inner, tried.spread, predictor, study.stop, study.notes
+            found[0], recalibrated, fitter, inner, study.notes
         )
         found = [] if kept is None else [kept]
         revised = recalibrated if kept is None or kept.fit is None else kept.fit

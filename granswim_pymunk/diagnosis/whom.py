@@ -17,6 +17,7 @@ from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Term
 from .name import InnerSplit, Trial, spread_of
+from .settle import rows_of
 
 
 def whom(
@@ -39,7 +40,7 @@ def whom(
             continue
         base = _without_last(law, others, revised, recalibrated, fitter)
         spread = spread_of(revised, training)
-        kept, why = prune(law, base, fitter, inner, spread, fitter.predictor, fitter.stop, notes)
+        kept, why = prune(law, base, fitter, inner, notes)
         dropped |= why
         if kept is None or kept.fit is None:
             found, revised = others, base
@@ -53,18 +54,12 @@ def whom(
     return [replace(t, fit=revised, gain=gain) for t in found], revised, dropped
 
 
-def _slices(found: Sequence[Trial], first: int) -> list[slice]:
-    """Where the numbers of each law stand among those of their common fit."""
-    ends = first + np.cumsum([t.numbers for t in found])
-    return [slice(int(e) - t.numbers, int(e)) for e, t in zip(ends, found, strict=True)]
-
-
 def _behind(
     law: Trial, others: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter
 ) -> tuple[Trial, Fit]:
     """The same fit with the first law's numbers behind those of the others."""
     first = len(recalibrated.values)
-    mine, *theirs = _slices([law, *others], first)
+    mine, *theirs = rows_of([law, *others], first)
     values = np.concatenate([revised.values[:first], *(revised.values[s] for s in theirs), revised.values[mine]])
     hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), law.term)
     fit = fitter.fit(hypothesis, values, revised.starts, evaluations=3)
