@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from ..laws import has_role
 from .candidates import rescaled, with_numbers
-from .fit import Fit, Fitter, basis
+from .fit import HOPELESS, Fit, Fitter, basis
 from .hypothesis import Term
 
 SAME_COLUMN = 1e-4  # of its length: a column that others imitate to this says nothing of its own
@@ -90,7 +90,7 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
                 step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
             else:
                 break
-        if worst > 10.0:
+        if worst > 0.5 * HOPELESS:
             column[:] = 0.0  # however little of it: no run that could be compared
         columns.append(column)
         rms = float(np.sqrt(np.mean(column**2)))
