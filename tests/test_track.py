@@ -1,10 +1,14 @@
 """From a film that the test draws to tracks, a recording and a verdict."""
 
+import base64
+import io
 import json
+import re
 import warnings
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
@@ -65,18 +69,52 @@ def test_a_film_of_pucks_to_a_verdict(tmp_path, capsys):
     assert np.sqrt(np.mean(error**2)) < 0.25 * SCALE
     assert (tmp_path / "pucks/film.mp4").read_bytes() == movie.read_bytes()
     assert (tmp_path / "pucks/found.png").read_bytes()[:4] == b"\x89PNG"
+    # where the film lies, so that the report draws the simulation over it
+    assert r.film is not None and (r.film.scale, r.film.rate, r.film.left) == (SCALE, RATE, 0.0)
+    assert r.film.top == pytest.approx((HEIGHT - 1) * SCALE)
     assert main(["diagnose", str(tmp_path / "pucks"), "--out", str(tmp_path / "out")]) == 0
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
     assert verdict["verdict"] == "missing_physics"
     (found,) = verdict["mechanisms"]
     assert found["name"] == "linear_drag"
     assert found["parameters"]["c"]["value"] == pytest.approx(DRAG, rel=0.05)
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    played = json.loads(re.search(r'id="film".*?<script type="application/json">(.*?)</script>', page, re.S)[1])
+    texts, shown, box = played["pictures"]
+    assert len(texts) == len(shown) == len(played["t"]) == 120 and max(shown) == 119
+    np.testing.assert_allclose(box, [-SCALE / 2, -SCALE / 2, WIDTH * SCALE, HEIGHT * SCALE])
+    assert 50_000 < sum(map(len, texts)) < 2_000_000
+    # in the picture of the last frame the pucks are dark where the tracks say
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(texts[shown[-1]]))).convert("L"), dtype=float)
+    across = picture.shape[1]
+    assert across == 480
+    for x, y in xy[-1]:
+        column, row = (x - box[0]) / box[2] * across, (box[1] + box[3] - y) / box[3] * picture.shape[0]
+        assert picture[int(row), int(column)] < 0.6 * np.median(picture)
     capsys.readouterr()
 
 
-def test_bright_bodies_a_known_length_and_a_folder_of_pictures(tmp_path):
-    from PIL import Image
+def test_a_film_without_its_place_and_one_that_is_none(tmp_path):
+    """The film is only shown: what is wrong with it is said, and stops nothing."""
+    from granswim_pymunk.recording.backdrop import Backdrop, pictures_at, read_backdrop
 
+    (tmp_path / "film.mp4").write_bytes(b"#EXTM3U\nfile:///etc/hostname\n")
+    assert read_backdrop(tmp_path) is None
+    film = Backdrop(tmp_path / "film.mp4", 1e-4, 0.0, 0.1, 60.0, 0.5)
+    film.write(tmp_path)
+    assert read_backdrop(tmp_path) == film
+    assert film.frames_at(np.array([0.0, 0.5, 1.0])).tolist() == [-1, 0, 30]
+    assert pictures_at(film, np.array([0.5, 1.0]), 100) is None
+    for text, said in (("scale = 0.0", "above zero"), ("scale = 'a'", "a number"), ("size = 1", "unknown key")):
+        (tmp_path / "film.toml").write_text(f"left = 0.0\ntop = 0.1\nrate = 60.0\n{text}\n")
+        with pytest.raises(InputError, match=said):
+            read_backdrop(tmp_path)
+    (tmp_path / "film.toml").write_text("left = 0.0\n")
+    with pytest.raises(InputError, match="no scale"):
+        read_backdrop(tmp_path)
+
+
+def test_bright_bodies_a_known_length_and_a_folder_of_pictures(tmp_path):
     from granswim_pymunk.recording.track_film import track
 
     _, xy = ways(24)
@@ -156,3 +194,23 @@ def test_what_is_no_film_is_said(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="no pictures"):
         open_film(tmp_path / "empty")
+
+
+def test_a_film_beside_imported_tracks(tmp_path, capsys):
+    """Positions in pixels, as trackers write them, and the film they were read from."""
+    t, xy = ways(30)
+    movie = film(tmp_path / "pucks.mp4", xy)
+    lines = ["frame,particle,x,y"]
+    lines += [f"{k},{b},{x / SCALE},{HEIGHT - 1 - y / SCALE}" for k in range(30) for b, (x, y) in enumerate(xy[k])]
+    (tmp_path / "tracks.csv").write_text("\n".join(lines) + "\n")
+    words = ["import", str(tmp_path / "tracks.csv"), "--unit", "0.25mm/px", "--fps", "60", "--body", "*:4mm:5g",
+             "--scene", "puck", "--film", str(movie)]  # fmt: skip
+    assert main([*words, "--flip-y", str(HEIGHT - 1), "--out", str(tmp_path / "out")]) == 0
+    r = read_recording(tmp_path / "out")
+    assert r.film is not None and (r.film.scale, r.film.rate, r.film.left) == (SCALE, RATE, 0.0)
+    assert r.film.top == pytest.approx((HEIGHT - 1) * SCALE)
+    np.testing.assert_allclose(r.xy, xy, atol=1e-12)
+    np.testing.assert_allclose(r.t, t, atol=1e-12)
+    capsys.readouterr()
+    assert main([*words, "--flip-y", "no", "--out", str(tmp_path / "no")]) == 2
+    assert "--flip-y HEIGHT" in capsys.readouterr().err and not (tmp_path / "no").exists()

@@ -19,7 +19,7 @@ EXAMPLES = (
 OPTIONS = (
     "bodies", "scene", "laws", "gravity", "columns", "unit", "time_unit", "fps", "angle_unit", "flip_y", "missing",
     "delimiter", "decimal", "skip_rows", "encoding", "table", "likelihood", "min_frames", "title", "sampling",
-    "position_noise", "angle_noise", "bowling_ball",
+    "position_noise", "angle_noise", "bowling_ball", "film",
 )  # fmt: skip
 
 
@@ -59,6 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scene.add_argument("--sampling", type=float, metavar="HZ", help="nominal frame rate [Hz] (default: from the times)")
     scene.add_argument("--position-noise", type=float, metavar="M", help="one standard deviation [m]")
     scene.add_argument("--angle-noise", type=float, metavar="RAD", help="one standard deviation [rad]")
+    scene.add_argument(
+        "--film", metavar="MOVIE", help="what positions in pixels were read from: reports draw the simulation over it"
+    )
     units = parser.add_argument_group("units and axes of the file")
     units.add_argument("--unit", help="of positions: mm, '0.5 mm', 0.1mm/px, or metres per unit")
     units.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, min or seconds per unit (a time step)")

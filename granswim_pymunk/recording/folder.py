@@ -23,6 +23,7 @@ import tomli_w
 from ..errors import InputError
 from ..limits import LARGEST_TABLE, MOST_CELLS, ordinary_file, read_arrays
 from ..scene import Scene, SceneWarning, read_inputs, read_toml, scene_from_dict
+from .backdrop import Backdrop, read_backdrop
 from .plausible import check_plausible
 from .recording import CURVE, CURVE_FIELDS, NUMBERS, Recording, checked_number, half_seen, rail_axes
 
@@ -49,9 +50,9 @@ def read_recording(folder: str | Path) -> Recording:
     """Read a recording. Everything in SI; see the contract, versions 1 and 2.
 
     Rows may stand in any order. Unknown keys of recording.toml warn (SceneWarning); what was said stands in
-    ``notes`` too. A film beside the tables is not looked at. Raises InputError, naming file and row or key,
-    where something is missing, not a number, given twice, not plausible (mixed units, stray time stamps) or
-    where bodies overlap by more than half.
+    ``notes`` too. A film beside the tables is kept for the report and not looked at. Raises InputError,
+    naming file and row or key, where something is missing, not a number, given twice, not plausible (mixed units,
+    stray time stamps) or where bodies overlap by more than half.
     """
     try:
         with warnings.catch_warnings(record=True) as said:
@@ -63,6 +64,15 @@ def read_recording(folder: str | Path) -> Recording:
         warnings.warn(warning.message, warning.category, stacklevel=2)
     notes = [" ".join(str(w.message).split()) for w in said if issubclass(w.category, SceneWarning)]
     return replace(recording, notes=tuple(dict.fromkeys(notes)))
+
+
+def _film(folder: Path) -> Backdrop | None:
+    """The film beside the tables; it is only shown, so what is wrong with it is said and stops nothing."""
+    try:
+        return read_backdrop(folder)
+    except InputError as error:
+        warnings.warn(f"{one_line(error)}; the film is not shown", SceneWarning, stacklevel=2)
+        return None
 
 
 def one_line(error: InputError) -> InputError:
@@ -115,6 +125,7 @@ def _read(folder: Path) -> Recording:
         angle=tracks.angle,
         curve=curve,
         folder=folder,
+        film=_film(folder),
         **numbers,
     )
     check_plausible(recording, tracks.rows)

@@ -80,6 +80,7 @@ FILES = {
     "input.csv": "`t,name,value`: commands that were given to the apparatus",
     "curve.csv": "`frequency,layers,speed[,speed_sem,n]`, instead of tracks or beside them",
     "film.mp4": "what the tracks were read from; it is shown, never analysed",
+    "film.toml": "where the film lies: `scale` m/px, `left` and `top` m of its first pixel, `rate` Hz, `start` s",
 }
 
 _BY_PLACE = {(key.table, key.name): key for key in KEYS}

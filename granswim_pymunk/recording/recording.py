@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..limits import one_title
 from ..scene import Scene
+from .backdrop import Backdrop
 
 CURVE_FIELDS = ("frequency", "layers", "speed", "speed_sem", "n")
 CURVE = np.dtype([(name, float) for name in CURVE_FIELDS])
@@ -80,6 +81,7 @@ class Recording:
     time_noise : error of the stamps [s];  radius_error, mass_error : relative, one standard deviation
     curve : None or structured (k,) with frequency [Hz], layers, speed, speed_sem [m/s], n (NaN: not given)
     folder : where it was read from, or None;  notes : what was said when it was read
+    film : what the tracks were read from and where it lies, only to be shown; None where there is none
 
     All numbers are None where unknown.
     Raises InputError where shapes, order or NaN do not fit.
@@ -103,6 +105,7 @@ class Recording:
     curve: np.ndarray | None = None
     folder: Path | None = None
     notes: tuple[str, ...] = ()
+    film: Backdrop | None = None
 
     def __post_init__(self) -> None:
         frozen = {"t": self.t, "xy": self.xy, "angle": self.angle}

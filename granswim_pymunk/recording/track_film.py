@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-import shutil
-import subprocess
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,113 +17,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from .backdrop import Shown
 from .importers import Imported, finish
 from .importers.base import Found, Options
 from .importers.build import build
 from .importers.units import LENGTHS, MASSES, PIXELS, measure, quantity
+from .movie import Film, open_film
 from .plausible import check_plausible
 
 WATER = 1000.0  # kg/m^3
 MEMORY = 5  # frames for which a body may be missed
 SAMPLED = 12  # frames that decide about bright or dark, and how strong a body is
-FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv")
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-
-
-# ---- films --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Film:
-    """Grey frames (h, w) float, 0 to 255, read anew each time; ``rate`` [Hz] or None; ``count`` or None."""
-
-    path: Path
-    rate: float | None
-    width: int
-    height: int
-    frames: Callable[[], Iterator[np.ndarray]]
-
-
-def open_film(path: str | Path) -> Film:
-    """A film, a GIF or a folder of pictures. Raises InputError."""
-    path = Path(path)
-    if not path.exists():
-        raise InputError("no such file", file=path)
-    if path.is_dir():
-        files = sorted(f for f in path.iterdir() if f.suffix.lower() in PICTURES)
-        if not files:
-            raise InputError("holds no pictures", file=path)
-        first = _grey(files[0])
-        return Film(path, None, first.shape[1], first.shape[0], lambda: map(_grey, files))
-    if path.suffix.lower() in (".gif", ".tif", ".tiff"):
-        return _animation(path)
-    try:
-        first = next(_decoded(path))
-    except StopIteration:
-        raise InputError("is not a film that can be read", file=path) from None
-    return Film(path, _rate(path), first.shape[1], first.shape[0], lambda: _decoded(path))
-
-
-def _decoded(path: Path) -> Iterator[np.ndarray]:
-    """Frames by ffmpeg, as a stream of PGM pictures: each says its own size, turned as a player turns it."""
-    import imageio_ffmpeg
-
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path), "-an", "-f", "image2pipe",
-               "-vcodec", "pgm", "-pix_fmt", "gray", "-"]  # fmt: skip
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as process:
-        stream = process.stdout
-        assert stream is not None
-        try:
-            while stream.readline().startswith(b"P5"):
-                width, height = (int(part) for part in stream.readline().split())
-                stream.readline()
-                raw = stream.read(width * height)
-                if len(raw) < width * height:
-                    break
-                yield np.frombuffer(raw, np.uint8).reshape(height, width).astype(float)
-        finally:
-            process.kill()
-
-
-def _rate(path: Path) -> float | None:
-    """Frames per second, as ffmpeg says it of a film."""
-    import imageio_ffmpeg
-
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
-    said = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).stderr.decode(
-        "utf-8", "replace"
-    )
-    match = re.search(r"Video:.*?([\d.]+) fps", said)
-    return float(match[1]) if match and float(match[1]) > 0 else None
-
-
-def _grey(path: Path) -> np.ndarray:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as picture:
-            return np.asarray(picture.convert("L"), dtype=float)
-    except (OSError, UnidentifiedImageError) as error:
-        raise InputError(f"is not a picture that can be read: {error}", file=path) from None
-
-
-def _animation(path: Path) -> Film:
-    from PIL import Image, ImageSequence, UnidentifiedImageError
-
-    def frames() -> Iterator[np.ndarray]:
-        with Image.open(path) as picture:
-            for frame in ImageSequence.Iterator(picture):
-                yield np.asarray(frame.convert("L"), dtype=float)
-
-    try:
-        with Image.open(path) as picture:
-            width, height = picture.size
-            lasts = float(picture.info.get("duration", 0.0))
-    except (OSError, UnidentifiedImageError) as error:
-        raise InputError(f"is not a film that can be read: {error}", file=path) from None
-    return Film(path, 1000 / lasts if lasts else None, width, height, frames)
 
 
 # ---- the scale ----------------------------------------------------------------------------------
@@ -353,27 +255,9 @@ def track(
     except InputError as error:
         raise InputError(error.message, file=movie, where=error.where) from None
     done = finish(built.recording, out, "film, tracked with trackpy", built.notes)
-    keep_film(film, done.folder / "film.mp4", rate)
+    Shown(film, metres, 0.0, (film.height - 1) * metres, rate).keep(done.folder)
     drawn = draw_found(film, tracked, pixels, done.folder / "found.png")
     return replace(done, picture=drawn)
-
-
-def keep_film(film: Film, path: Path, rate: float) -> None:
-    """The film beside the recording: as it is where it is an MP4, else encoded anew."""
-    if film.path.suffix.lower() in (".mp4", ".m4v"):
-        if film.path.resolve() != path.resolve():
-            shutil.copyfile(film.path, path)
-        return
-    import imageio_ffmpeg
-
-    width, height = film.width - film.width % 2, film.height - film.height % 2
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=rate, pix_fmt_in="gray", macro_block_size=2, output_params=["-crf", "23"]
-    )
-    writer.send(None)
-    for frame in film.frames():
-        writer.send(np.ascontiguousarray(frame[:height, :width].clip(0, 255).astype(np.uint8)))
-    writer.close()
 
 
 def draw_found(film: Film, tracked: Tracked, radius: float, path: Path) -> Path:

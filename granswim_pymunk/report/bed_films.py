@@ -44,7 +44,8 @@ def film_of(d: BedFinding) -> Moving | None:
     around, sizes = _around(d, seen, disks)
     note = f"Each window of {1e3 * bed.span:.0f} ms begins with what was seen; rings are what is predicted from there."
     return Moving(
-        bed.film.t[frames], panels, ids, radius, held, lines=lines, around=around, around_radius=sizes, note=note
+        bed.film.t[frames], panels, ids, radius, held, lines=lines, around=around, around_radius=sizes, note=note,
+        backdrop=bed.case.recording.film,
     )  # fmt: skip
 
 

@@ -73,4 +73,7 @@ def film_of(diagnosis: TrackFinding) -> Moving | None:
     fixed = np.array([(*b.initial[:2], b.radius) for b in still if b.initial is not None]).reshape(-1, 3)
     walls = np.array([(*wall.begin, *wall.end, wall.radius) for wall in scene.walls]).reshape(-1, 5)
     radius = np.array([scene.body(body).radius for body in case.bodies])
-    return Moving(case.t[keep], panels, case.bodies, radius, case.scored[keep], fixed, walls, _lines(case))
+    return Moving(
+        case.t[keep], panels, case.bodies, radius, case.scored[keep], fixed, walls, _lines(case),
+        backdrop=case.recording.film,
+    )  # fmt: skip

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ..recording.backdrop import Backdrop, pictures_at
 from .words import escaped
 
 MOST_FRAMES = 360
 MOST_NUMBERS = 120_000  # coordinates in the page, about 0.5 MB
+MOST_PICTURES, ACROSS = 150, 480  # of a real film, and their width [px]: about 1.5 MB
 BESIDE = 6.0  # radii of what lies around, by which the picture is wider
 STEPS = 8000  # places are told to this part of the width of the picture
 SHOWN = {"seen": "recording", "naive": "naive", "recalibrated": "recalibrated", "revised": "revised"}
@@ -35,6 +37,7 @@ class Moving:
     around : (F, g, 2) places [m] of what was recorded beside the points and is drawn behind them in every panel, NaN
         where it was not seen;  around_radius : (g,) [m]
     note : a sentence for the caption
+    backdrop : the film that the recording was read from, drawn under every panel; None without one
     """
 
     t: np.ndarray
@@ -48,11 +51,13 @@ class Moving:
     around: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 2)))
     around_radius: np.ndarray = field(default_factory=lambda: np.zeros(0))
     note: str = ""
+    backdrop: Backdrop | None = None
 
     def thinned(self) -> Moving:
         """With no more frames than a page should carry, the first and last kept."""
         numbers = 2 * (len(self.names) * len(self.panels) + len(self.around_radius))
-        most = max(2, min(MOST_FRAMES, MOST_NUMBERS // max(numbers, 1)))
+        most = MOST_FRAMES if self.backdrop is None else MOST_PICTURES
+        most = max(2, min(most, MOST_NUMBERS // max(numbers, 1)))
         if len(self.t) <= most:
             return self
         keep = np.unique(np.round(np.linspace(0, len(self.t) - 1, most)).astype(int))
@@ -105,6 +110,7 @@ def player(moving: Moving | None) -> str:
         return ""
     left, bottom, width, height = found
     size = max(width, height)
+    pictures = None if moving.backdrop is None else pictures_at(moving.backdrop, moving.t, ACROSS)
     data: dict[str, Any] = {
         "t": [float(f"{t:.6g}") for t in moving.t],
         "held": [int(h) for h in moving.held],
@@ -115,16 +121,18 @@ def player(moving: Moving | None) -> str:
         "lines": [[i, j if isinstance(j, int) else list(j)] for i, j in moving.lines],
         "around": _coded(moving.around, left, bottom, size) if len(moving.around_radius) else [],
         "aroundR": [float(f"{r:.4g}") for r in moving.around_radius],
+        "pictures": None if pictures is None else [pictures.data, pictures.shown, pictures.box],
         "panels": [[name, SHOWN[name], _coded(places, left, bottom, size)] for name, places in moving.panels.items()],
     }  # fmt: skip
     # a name of the user's must not end the script
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     told = ", ".join(SHOWN[name] for name in moving.panels)
+    recorded = "Filled: what was recorded" if pictures is None else "The film, with dots at what was recorded"
     return (
         f'<figure id="film" class="film" hidden><canvas role="img" aria-label="{escaped(told)}, playing"></canvas>'
         '<div class="play"><button type="button" aria-label="play or stop">&#9654;</button>'
         f'<input type="range" min="0" max="{len(moving.t) - 1}" value="0" step="1" aria-label="frame">'
-        "<output></output></div><figcaption>Filled: what was recorded, in every panel. Rings: the simulation. Lines: "
+        f"<output></output></div><figcaption>{recorded}, in every panel. Rings: the simulation. Lines: "
         "the whole way. Move the slider, or point at a disk for its name and place. A grey band marks frames that were "
         f"held out. {escaped(moving.note)}</figcaption>"
         f'<script type="application/json">{text}</script><script>{SCRIPT}</script></figure>'
@@ -138,6 +146,10 @@ const slider = figure.querySelector("input"), button = figure.querySelector("but
 const said = figure.querySelector("output"), pen = canvas.getContext("2d");
 const [left, bottom, width, height] = film.box, count = film.t.length, panels = film.panels;
 const seconds = film.t[count - 1] - film.t[0], lasts = Math.min(Math.max(seconds, 5), 15);
+const pictures = (film.pictures ? film.pictures[0] : []).map(text => {
+  const picture = new Image(); picture.onload = () => { if (!playing) draw(); };
+  picture.src = "data:image/jpeg;base64," + text; return picture;
+});
 let now = 0, playing = false, before = null, pointed = null, layout = null;
 figure.hidden = false;
 const style = () => getComputedStyle(document.documentElement);
@@ -168,6 +180,13 @@ function disk(k, x, y, r, least) {
   const [px, py] = spot(k, x, y);
   pen.beginPath(); pen.arc(px, py, Math.max(r * layout.scale, least), 0, 2 * Math.PI);
 }
+function behind(k, frame) {
+  const picture = film.pictures && pictures[film.pictures[1][frame]];
+  if (!picture || !picture.complete || !picture.naturalWidth) return false;
+  const [x, y, w, h] = film.pictures[2], [px, py] = spot(k, x, y + h);
+  pen.globalAlpha = 1; pen.drawImage(picture, px, py, w * layout.scale, h * layout.scale);
+  return true;
+}
 function joined(k, coded) {
   for (const [i, j] of film.lines) {
     const a = at(coded, i), b = Array.isArray(j) ? j : at(coded, j);
@@ -196,6 +215,7 @@ function draw() {
     pen.fillStyle = own; pen.globalAlpha = 1; pen.fillText(title, px + 2, py - 6);
     pen.save(); pen.beginPath(); pen.rect(px, py, w, h); pen.clip();
     pen.fillStyle = css.getPropertyValue("--tint"); pen.fillRect(px, py, w, h);
+    const real = behind(k, frame);
     pen.fillStyle = pen.strokeStyle = soft; pen.lineWidth = 2; pen.globalAlpha = 0.5;
     for (const [x, y, r] of film.fixed) { disk(k, x, y, r, 1); pen.fill(); }
     pen.globalAlpha = 0.25;
@@ -214,7 +234,7 @@ function draw() {
     joined(k, seen);
     film.r.forEach((r, i) => {
       const p = at(seen, i);
-      if (p && film.names[i] !== "") { disk(k, ...p, r, 2.5); pen.fill(); }
+      if (p && film.names[i] !== "") { disk(k, ...p, real ? 0 : r, 2.5); pen.fill(); }
     });
     if (key !== "seen") {
       pen.globalAlpha = 1; pen.strokeStyle = own; pen.lineWidth = 1.8;

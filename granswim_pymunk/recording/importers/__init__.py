@@ -9,16 +9,20 @@ from __future__ import annotations
 import csv
 import inspect
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...errors import InputError
 from ...files import written_whole
+from ..backdrop import Shown
 from ..folder import FORMATS as VERSIONS
 from ..folder import one_line, write_recording
 from ..keys import commented
+from ..movie import open_film
 from ..plausible import check_plausible
 from ..recording import Recording
 from . import (
@@ -37,7 +41,7 @@ from . import (
     wide,
 )
 from .base import Found, Importer, Options
-from .build import build
+from .build import Built, build
 from .double_pendulum import import_double_pendulum
 from .falling_balls import import_falling_balls
 from .look import Look, draw, look, told
@@ -114,11 +118,11 @@ def find_format(source: Source) -> str:
     raise InputError(source.described(), file=source.path)
 
 
-def _import(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Recording], str, tuple[str, ...]]:
+def _import(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Built], str]:
     chosen = FORMATS[format]
     if chosen.importer is None and format != "auto":
         found = chosen.function(source, **options)
-        return ([found] if isinstance(found, Recording) else found), format, ()
+        return [Built(one, ()) for one in ([found] if isinstance(found, Recording) else found)], format
     said = Options(**options)
     opened = Source(source, said)
     name = format
@@ -135,11 +139,10 @@ def _import(source: str | Path, format: str, options: dict[str, Any]) -> tuple[l
         # what HDF5 and other libraries raise for a damaged file
         told = FORMATS[name].help if name != "auto" else "file that is known"
         raise InputError(f"is damaged, or no {told}: {' '.join(str(error).split())[:200]}", file=source) from None
-    built = build(shown, said, Path(source))
-    return [built.recording], name, built.notes
+    return [build(shown, said, Path(source))], name
 
 
-def _checked(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Recording], str, tuple[str, ...]]:
+def _checked(source: str | Path, format: str, options: dict[str, Any]) -> tuple[list[Built], str]:
     if format not in FORMATS:
         raise InputError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
     known = FORMATS[format].options
@@ -149,39 +152,61 @@ def _checked(source: str | Path, format: str, options: dict[str, Any]) -> tuple[
     if not Path(source).exists():
         raise InputError("no such file", file=source)
     try:
-        recordings, name, notes = _import(source, format, options)
+        found, name = _import(source, format, options)
     except InputError as error:
         raise one_line(error) from None
-    for recording in recordings:
+    for built in found:
         try:
-            check_plausible(recording)
+            check_plausible(built.recording)
         except InputError as error:
             raise InputError(error.message, file=source, where=error.where) from None
-    return recordings, name, notes
+    return found, name
 
 
 def import_recording(source: str | Path, format: str = "auto", **options: Any) -> list[Recording]:
     """The recordings in a foreign file. Raises InputError; an option the format does not have is one."""
-    return _checked(source, format, options)[0]
+    return [built.recording for built in _checked(source, format, options)[0]]
 
 
 def import_all(
-    source: str | Path, out: str | Path, format: str = "auto", *, picture: bool = True, **options: Any
-) -> list[Imported]:
+    source: str | Path, out: str | Path, format: str = "auto", *, picture: bool = True,
+    film: str | Path | None = None, **options: Any,
+) -> list[Imported]:  # fmt: skip
     """Import, write and look: one recording becomes the folder ``out``, several become folders in it.
 
-    ``recording.toml`` has a remark at each key, ``tracks.png`` shows the tracks. Raises InputError.
+    ``recording.toml`` has a remark at each key, ``tracks.png`` shows the tracks. ``film``: what positions in pixels
+    were read from; it is kept beside them, and reports draw the simulation over it. Raises InputError.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        recordings, name, notes = _checked(source, format, options)
-    notes = (*notes, *dict.fromkeys(str(item.message) for item in caught if item.category.__name__ == "SceneWarning"))
-    single = len(recordings) == 1
+        found, name = _checked(source, format, options)
+    said = dict.fromkeys(str(item.message) for item in caught if item.category.__name__ == "SceneWarning")
+    single = len(found) == 1
+    shown = None if film is None else _film(film, found, options)
     own = FORMATS[name].importer is None  # a shipped recording stays as it is
-    return [
-        finish(recording, out if single else Path(out) / recording.name, name, notes, picture=picture, remarks=not own)
-        for recording in recordings
-    ]
+    done = []
+    for built in found:
+        folder = out if single else Path(out) / built.recording.name
+        notes = (*built.notes, *said)
+        done.append(finish(built.recording, folder, name, notes, picture=picture, remarks=not own))
+        if shown is not None:
+            shown.keep(done[-1].folder)
+    return done
+
+
+def _film(film: str | Path, found: Sequence[Built], options: Mapping[str, Any]) -> Shown:
+    """A film and where it lies. Raises InputError where it cannot be read, or the file does not count its pixels."""
+    place = found[0].place if len(found) == 1 else None
+    if place is None:
+        raise InputError(
+            "where it lies is known where positions are counted in its pixels, from its upper left corner: "
+            "--unit 0.1mm/px --flip-y HEIGHT",
+            where="film",
+        )
+    opened = open_film(film)
+    recording = found[0].recording
+    rate = options.get("fps") or opened.rate or recording.sampling or 1 / float(np.median(np.diff(recording.t)))
+    return Shown(opened, *place, float(rate))
 
 
 def finish(
@@ -211,7 +236,7 @@ def import_to(source: str | Path, out: str | Path, format: str = "auto", **optio
 
 def _through(name: str) -> Callable[..., list[Recording]]:
     def function(source: str | Path, **options: Any) -> list[Recording]:
-        return _import(source, name, options)[0]
+        return [built.recording for built in _import(source, name, options)[0]]
 
     return function
 

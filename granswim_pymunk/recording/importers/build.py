@@ -21,10 +21,14 @@ from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
 
 @dataclass(frozen=True)
 class Built:
-    """A recording, and what was decided on the way: one line each, for the user."""
+    """A recording, and what was decided on the way: one line each, for the user.
+
+    place : scale [m/px], left, top [m] of the picture that positions were read from; None where it is not known
+    """
 
     recording: Recording
     notes: tuple[str, ...]
+    place: tuple[float, float, float] | None = None
 
 
 def build(found: Found, options: Options, source: Path) -> Built:
@@ -35,6 +39,7 @@ def build(found: Found, options: Options, source: Path) -> Built:
     t = _times(found, options, source, notes)
     x, y, angle = _flip(found, options, notes)
     x, y = x * length, y * length
+    place = _place(found, options, length)
     if angle is not None:
         turn = options.angle_unit if options.angle_unit is not None else (found.turn or "rad")
         angle = angle * factor(turn, ANGLES, "angle unit")
@@ -52,7 +57,7 @@ def build(found: Found, options: Options, source: Path) -> Built:
     numbers |= {key: value for key, value in given.items() if value is not None}
     numbers.setdefault("title", found.title or source.stem)
     recording = _assemble(source, scene, t, body, x, y, angle, found.rows, numbers)
-    return Built(recording, tuple(notes))
+    return Built(recording, tuple(notes), place)
 
 
 # ---- bodies that are not told apart, short tracks -----------------------------------------------
@@ -145,6 +150,15 @@ def _flip(found: Found, options: Options, notes: list[str]) -> tuple[np.ndarray,
     flat = not np.any(found.y[np.isfinite(found.y)])
     y = found.y if flat else float(flip) - found.y
     return found.x, y, None if found.angle is None else -found.angle
+
+
+def _place(found: Found, options: Options, length: float) -> tuple[float, float, float] | None:
+    """Where the picture lies whose pixels the file counts from its upper left corner; None for other files."""
+    flip = options.flip_y if options.flip_y is not None else (0.0 if found.y_down else False)
+    pixels = found.length == "px" or (isinstance(options.unit, str) and "px" in options.unit)
+    if not pixels or isinstance(flip, bool):
+        return None
+    return length, 0.0, float(flip) * length
 
 
 # ---- the scene ----------------------------------------------------------------------------------
