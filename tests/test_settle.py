@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from two_arms import two_arms
 
+from granswim_pymunk.diagnosis.blocks import _step
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
@@ -140,3 +141,19 @@ def test_a_joint_that_does_not_drag_gets_no_entry():
     # what is needed stays
     again = that_earn_their_place(now, revised, base, fitter, [case])
     assert again[1] is revised and not again[2]
+
+
+def test_numbers_without_a_block_stop_at_their_bounds_together():
+    """Where one of two numbers that make up for each other cannot go on, the other does not make up for its way."""
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(200, 2))
+    columns[:, 1] += 3 * columns[:, 0]
+    wanted = columns @ [-1.0, 2.0]
+    free = _step(columns.T @ columns, columns.T @ wanted, np.full(2, -9.0), np.full(2, 9.0))
+    np.testing.assert_allclose(free, [-1.0, 2.0], rtol=1e-9)
+    stopped = _step(columns.T @ columns, columns.T @ wanted, np.array([0.0, -9.0]), np.full(2, 9.0))
+    best = columns[:, 1] @ wanted / (columns[:, 1] @ columns[:, 1])
+    assert 1.0 < best < 1.9  # and not the 2 of the step that is cut off
+    np.testing.assert_allclose(stopped, [0.0, best], atol=1e-6)
+    fixed = _step(columns.T @ columns, columns.T @ wanted, np.zeros(2), np.array([0.0, 9.0]))
+    np.testing.assert_allclose(fixed, [0.0, best], atol=1e-6)

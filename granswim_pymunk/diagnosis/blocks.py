@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ..inference.criteria import BlockCriteria, current
 from ..inference.explained import Scores
@@ -117,14 +118,33 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
     if not told.any():
         return np.where(_of_time(fit), absent, fit.values)
+    low, high = fit.hypothesis.bounds
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
-    step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-8)[0] / size[told]
-    moved = fit.values.copy()
-    moved[told] += step
+    here = np.clip(fit.values, low, high)
+    room = (low - here)[told] * size[told], (high - here)[told] * size[told]
+    moved = here.copy()
+    moved[told] += _step(scaled, gradient[told] / size[told], *room) / size[told]
     unknown = ~told & _of_time(fit)
     moved[unknown] = absent[unknown]
-    low, high = fit.hypothesis.bounds
     return np.clip(moved, low, high)
+
+
+def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step d (p,) with the least d'Id/2 - g'd within its bounds.
+
+    Where one number stops at its bound the others go where they do best with it there: cut off afterwards, they would
+    still make up for a step that it did not take.
+    """
+    size, axes = np.linalg.eigh(information)
+    kept = size > 1e-8 * size.max()
+    root = np.sqrt(size[kept])
+    matrix, wanted = root[:, None] * axes[:, kept].T, (axes[:, kept].T @ gradient) / root
+    step = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    if ((step >= low) & (step <= high)).all():
+        return np.asarray(step)
+    # an interval of no width is none to the solver
+    wide = np.maximum(high, low + 1e-12)
+    return np.asarray(lsq_linear(matrix, wanted, (low, wide)).x)
 
 
 def _of_time(fit: Fit) -> np.ndarray:
