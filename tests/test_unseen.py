@@ -50,6 +50,7 @@ from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
 from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.report import pictures, write_diagnosis
+from granswim_pymunk.report.unseen_films import film_of
 from granswim_pymunk.scene import Scene, read_scene, use
 from granswim_pymunk.validation.unseen_cases import toy_scene
 
@@ -628,6 +629,16 @@ def test_dry_friction_is_named_and_the_files_are_there(few_suspects, tmp_path):
     write_diagnosis(found, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "dry friction with the substrate" in page and page.count("<img") == len(pictures(found)) > 3
+    # one cycle of the mean motion plays in it, seen and predicted
+    played = film_of(found.evidence)
+    assert played is not None and list(played.panels) == ["seen", "naive", "revised"] and 'id="film"' in page
+    condition = found.evidence.search.training[0]
+    assert played.t[-1] == pytest.approx(1 / condition.frequency)
+    turned = np.diff(played.panels["seen"][18], axis=0)
+    angle = condition.any_view.shape(condition.seen, np.array([np.pi / 2]))[0]
+    np.testing.assert_allclose(np.arctan2(turned[:, 1], turned[:, 0]), angle, atol=1e-9)
+    off = {name: np.hypot(*(places - played.panels["seen"]).T).mean() for name, places in played.panels.items()}
+    assert off["revised"] < off["naive"]
     # the revised scene is one that runs: its bed is packed, the law is in it
     revised = read_scene(tmp_path / "revised.toml")
     assert revised.laws_named("coulomb_substrate") and revised.bed is not None

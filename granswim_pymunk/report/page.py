@@ -34,7 +34,7 @@ from .words import bodies, counted, equation, escaped, interval, length, listed,
 # where the figures of each kind are drawn: a function of its evidence, see ``Drawing``
 PICTURES = {"bodies": "figures", "bed": "bed_figures", "unseen": "unseen_figures", "together": "together_figures"}
 # where what plays in the page is made of the evidence, for kinds that have a film
-FILMS = {"bodies": "films", "bed": "bed_films"}
+FILMS = {"bodies": "films", "bed": "bed_films", "unseen": "unseen_films"}
 SECTIONS = (
     "Seen and simulated", "Is what remains noise?", "Where the mismatch is", "The force without a name", "Candidates",
     "Held-out errors", "Could it be chance?",
