@@ -155,3 +155,18 @@ def test_joined_bodies_keep_their_energy_in_impacts(joined):
 
 def test_friction_of_impulses_asks_for_no_shorter_step():
     assert advise_dt(glancing(0.25)) == advise_dt(glancing(0.0))
+
+
+@pytest.mark.parametrize("end", [0.2, 0.2999996, 0.3000004, 0.30042, 0.61])
+def test_velocities_are_those_of_the_time_between_two_steps(end):
+    """Steps beside impulses are of any length, and half of the last one is what velocities are ahead by."""
+    e, g, height = 0.8, 9.81, 0.3
+    ball = Body("ball", "free", 0.02, 0.01, initial=(0.0, 0.02 + height, 0.2, 0.0))
+    floor = Wall((-2.0, 0.0), (2.0, 0.0))
+    laws = (use("contact_elastic", restitution=e),)
+    scene = Scene((ball,), laws, gravity=(0.0, -g), walls=(floor,), time=Time(dt=1e-3))
+    simulation = Simulation(scene, averaged=True, stretch=5.0)
+    simulation.sample(np.array([0.0, 0.1, end]))
+    met = math.sqrt(2 * height / g)
+    v = -g * end if end < met else e * g * met - g * (end - met)
+    assert simulation.state().v[0, 1] == pytest.approx(v, abs=2e-5)

@@ -164,7 +164,8 @@ def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:
     ties = [
         np.full(len(s.tie), not (inside[k] or inside[k - 1])) for k, s in enumerate(fit.segments[name]) if k
     ]  # fmt: skip
-    return np.concatenate([~block.frames[frame_of], *ties])
+    outside = np.concatenate([~block.frames[frame_of], *ties])
+    return np.concatenate([outside, np.ones(len(fit.used(name)) - len(outside), dtype=bool)])  # priors
 
 
 def score(

@@ -23,6 +23,7 @@ from ..scene import Scene, use
 from .data import Case
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term
+from .swimmer_terms import swimmer_terms
 
 TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
 FEWEST_PLACES = 20  # from which the middle of a picture is told
@@ -390,6 +391,8 @@ def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
+    scenes = [c.recording.scene for c in cases]
+    terms += swimmer_terms(scenes) if any(s.chains for s in scenes) else []
     several = len(distinct_bodies(cases)) > 1
     kinds = ("body", "pair", "joint", "constraint")
     for law in all_laws().values():
@@ -441,7 +444,7 @@ def flexible_terms(cases: Sequence[Case]) -> list[Term]:
     """The arms that name nothing: smooth force fields in speed and in place."""
     terms: list[Term] = []
     for law in all_laws().values():
-        if law.candidate == "flexible":
+        if law.candidate == "flexible" and not out_of_place(law, cases):
             terms += law_terms(law, cases, each=False)
     return terms
 

@@ -44,7 +44,8 @@ class Fit:
     innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
     believed : (p,) variance of the values by errors of the believed masses and radii, None where they are exact
     whitened : the same with the memory of the noise taken out (``Case.white``); left out where it has none
-    steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording
+    steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording; after them
+        how far numbers with a prior are off it
     covariance : (p, p) of the values, noise taken as known and white
     chi2, count : sum of squared innovations and steps, and how many innovations there are
     jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers, then on the steps
@@ -108,21 +109,27 @@ class Fit:
         return np.concatenate([np.ones(int(np.isfinite(self.innovations[case]).sum())), self._step_roots(case)])
 
     def step_loss(self, case: str, most: int | None = None) -> float:
-        """What the first ``most`` steps of a recording add to chi2."""
-        steps = self.steps.get(case, np.zeros(0))[:most]
-        return huber(steps, limits_of(self.segments[case])) if len(steps) else 0.0
+        """What the first ``most`` steps between segments, and priors, of a recording add to chi2."""
+        steps, limit = self.steps.get(case, np.zeros(0)), limits_of(self.segments[case])
+        between, priors = steps[: len(limit)][:most], steps[len(limit) :]
+        return huber(between, limit) + float(priors @ priors)
+
+
+def _limits(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Limits of so many steps; what follows them has none."""
+    return np.concatenate([limit[: len(steps)], np.full(max(len(steps) - len(limit), 0), np.inf)])
 
 
 def huber(steps: np.ndarray, limit: np.ndarray) -> float:
     """Sum of Huber's loss: r^2 within the limit d, 2 d |r| - d^2 beyond it."""
-    size, limit = np.abs(steps), limit[: len(steps)]
+    size, limit = np.abs(steps), _limits(steps, limit)
     return float(np.sum(np.minimum(size, limit) * (2 * size - np.minimum(size, limit))))
 
 
 def weight_roots(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """Roots of the weights with which squares have the gradient of Huber's loss: d/|r| beyond the limit."""
     size = np.maximum(np.abs(steps), 1e-300)
-    return np.asarray(np.sqrt(np.minimum(1.0, limit[: len(steps)] / size)))
+    return np.asarray(np.sqrt(np.minimum(1.0, _limits(steps, limit) / size)))
 
 
 TIGHTER = (0.2, 0.04, 0.008)  # of the spread of steps at impacts, tried in turn once a law is found
@@ -153,7 +160,13 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     whole = min(ends, key=lambda f: f.chi2)
     spread = np.sqrt(np.diag(whole.covariance) * level)
     same = all((np.abs(f.values - whole.values) <= SAME * spread).all() for f in ends)
-    return (one, whole) if same and whole.chi2 - fit.chi2 <= allowed else (fitter, fit)
+    if not same or whole.chi2 - fit.chi2 > allowed:
+        return fitter, fit
+    if not ties:
+        return one, whole
+    # how late each impact was stays open: what one start through rigid impacts would say is too sharp
+    again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=30)
+    return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
 
 
 SAME = 0.2  # standard errors that two searches may end apart in one valley
@@ -211,8 +224,8 @@ class Fitter:
         self.stop = stop
         criteria = replace(current().segments, frames=10**9) if whole else current().segments
         self.segments = {c.name: self._segments(c, criteria, whole) for c in self.cases}
-        # (n, q) of each recording, derivatives by its starts at the fit that came last
-        self._by_start: dict[str, np.ndarray] = {}
+        # of each recording, derivatives by its starts (n, q) and by numbers with a prior (n, k) at the last fit
+        self._kept: dict[str, Slow] = {}
 
     def _segments(self, case: Case, criteria: SegmentCriteria, whole: bool) -> tuple[Segment, ...]:
         """Cut at impacts, or where chaos has made too much of a small error of the start."""
@@ -241,20 +254,36 @@ class Fitter:
         first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}
         return self.fit(segments.hypothesis, segments.values, first, stages=(0.35, 0.65, 1.0), evaluations=30)
 
+    def continued(self, whole: Fit) -> dict[str, np.ndarray]:
+        """Numbers of all segments' starts where a fit from one start to each recording passes them."""
+        starts = {}
+        for case in self.cases:
+            numbers = self._begin(case.name, whole.starts)
+            at, spin = 0, self.spin.get(case.name)
+            for k, segment in enumerate(self.segments[case.name][:-1]):
+                part = self._parts(case, numbers, self.frames[case.name])[k]
+                run = self._follow(case, whole.hypothesis, whole.values, replace(part, spin=spin))
+                at, spin = at + segment.size, run.spin
+                following = self.segments[case.name][k + 1]
+                numbers[at : at + following.size] -= run.steps * following.tie
+            starts[case.name] = numbers
+        return starts
+
     def apart(self) -> Fitter:
         """The same for fits of their own: what these leave behind is not seen here."""
         other = copy.copy(self)
-        other._by_start = dict(self._by_start)
+        other._kept = dict(self._kept)
         return other
 
     def tightened(self, share: float) -> Fitter:
-        """The same with the spread of steps at impacts multiplied by a share."""
+        """The same with the spread of steps at impacts multiplied by a share, as far as ``Segment.least``."""
+
+        def closer(s: Segment) -> Segment:
+            return replace(s, tie=np.where(np.isfinite(s.limit), np.maximum(share * s.tie, s.least), s.tie))
+
         other = copy.copy(self)
-        other._by_start = {}  # its rows of steps are others
-        other.segments = {
-            name: tuple(replace(s, tie=np.where(np.isfinite(s.limit), share * s.tie, s.tie)) for s in segments)
-            for name, segments in self.segments.items()
-        }
+        other._kept = {}  # its rows of steps are others
+        other.segments = {name: tuple(map(closer, segments)) for name, segments in self.segments.items()}
         return other
 
     # ---- residuals ------------------------------------------------------------------------------
@@ -262,12 +291,13 @@ class Fitter:
     def innovations(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Seen minus predicted over sigma (T_frames, c), and the steps between segments (m,) over their spread.
+        """Seen minus predicted over sigma (T_frames, c), and the steps between segments and off priors (m,).
 
         A segment is followed to the start of the next one, the last as far as ``frames`` (T,) ask for.
         """
         runs = self._through(case, hypothesis, values, self._parts(case, numbers, frames))
-        return self._joined(case, runs, frames)
+        full, steps = self._joined(case, runs, frames)
+        return full, np.concatenate([steps, hypothesis.priors(case, values)])
 
     def _parts(self, case: Case, numbers: np.ndarray, frames: np.ndarray) -> list[_Part]:
         segments = self.segments[case.name]
@@ -370,24 +400,27 @@ class Fitter:
             x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return self._finish(hypothesis, x, numbers, fixed, known)
         for share in stages:
-            if share == 1.0 and near is not None and not fixed and self._of_many_numbers:
+            if share == 1.0 and near is not None and not fixed and self.of_many_numbers:
                 active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
                 x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
             else:
                 x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
 
-    def _known(self, near: Fit | None) -> dict[str, np.ndarray]:
-        """Derivatives by the starts from a fit nearby, of each recording (n, q), where there are any.
+    def _known(self, near: Fit | None) -> dict[str, Slow]:
+        """Derivatives by the starts, and by numbers with a prior, from a fit nearby, where there are any.
 
         Over a segment they hardly hang on the law that is fitted: those of the last fit will do for the next one, which
         takes them anew where it gets on badly.
         """
-        given = {} if near is None else {name: by_start for name, (_, by_start) in near.jacobian.items()}
-        return self._by_start | given
+        if near is None:
+            return dict(self._kept)
+        believed = near.hypothesis.believed
+        given = {name: Slow(by_start, by_value[:, believed]) for name, (by_value, by_start) in near.jacobian.items()}
+        return self._kept | given
 
     @property
-    def _of_many_numbers(self) -> bool:
+    def of_many_numbers(self) -> bool:
         """Whether most derivatives are by starts, so that those of a fit nearby save most of the runs."""
         return max(len(self.first_numbers(c.name)) for c in self.cases) >= MANY_OWN
 
@@ -415,7 +448,7 @@ class Fitter:
 
     def _descend(
         self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
-        evaluations: int, known: dict[str, np.ndarray],
+        evaluations: int, known: dict[str, Slow],
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
         """The numbers that are ``active`` and all starts, by ``solve.descend``."""
         low, high = hypothesis.bounds
@@ -431,8 +464,9 @@ class Fitter:
             return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
 
         held = [k for k in range(len(x)) if k not in set(active)]
+        believed = [k for k in hypothesis.believed if k not in held]
         kept = known
-        normal = {name: by_start.T @ by_start for name, by_start in kept.items()}
+        normal = {name: slow.by_start.T @ slow.by_start for name, slow in kept.items()}
 
         def differentiate(
             part: np.ndarray, starts: list[np.ndarray], here: list[np.ndarray], starts_too: bool
@@ -440,13 +474,16 @@ class Fitter:
             values = whole(part)
             blocks = []
             for c, s, r in zip(self.cases, starts, here, strict=True):
-                anew = starts_too or c.name not in kept or kept[c.name].shape != (len(r), len(s))
-                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, held, anew)
+                anew = starts_too or c.name not in kept or not kept[c.name].fits(r, s, believed)
+                quick = held if anew else [*held, *believed]
+                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, quick, anew)
                 roots = self._roots(c, r)[:, None]
+                by_value *= roots
                 if anew:
-                    kept[c.name] = by_start * roots
-                    normal[c.name] = kept[c.name].T @ kept[c.name]
-                blocks.append(Blocks(r * roots[:, 0], by_value[:, at] * roots, kept[c.name], normal[c.name]))
+                    kept[c.name] = Slow(by_start * roots, by_value[:, believed])
+                    normal[c.name] = kept[c.name].by_start.T @ kept[c.name].by_start
+                by_value[:, believed] = kept[c.name].by_believed
+                blocks.append(Blocks(r * roots[:, 0], by_value[:, at], kept[c.name].by_start, normal[c.name]))
             return blocks
 
         def loss(vectors: list[np.ndarray]) -> float:
@@ -480,7 +517,7 @@ class Fitter:
         shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
         grid = [values]
         for k, f in enumerate(hypothesis.free):
-            for share in np.linspace(0.05, 0.95, 13) if self._bears(f) else ():
+            for share in np.linspace(0.05, 0.95, 13) if self._bears(f) and not f.prior else ():
                 other = values.copy()
                 other[k] = f.low + share * (f.high - f.low)
                 if np.isfinite(other[k]):
@@ -499,7 +536,8 @@ class Fitter:
         """The best of a fit and of those that begin where single numbers lie elsewhere between their bounds."""
         found = [first]
         for k, f in enumerate(hypothesis.free):
-            for share in (0.15, 0.5, 0.85) if self._bears(f) and np.isfinite(f.high - f.low) else ():
+            sought = self._bears(f) and np.isfinite(f.high - f.low) and not f.prior
+            for share in (0.15, 0.5, 0.85) if sought else ():
                 values = first.values.copy()
                 values[k] = f.low + share * (f.high - f.low)
                 found.append(self.fit(hypothesis, values, base.starts, near=first))
@@ -512,7 +550,7 @@ class Fitter:
         frames = self.frames[case.name]
         runs = self._through(case, hypothesis, values, self._parts(case, numbers, frames), together=True)
         innovations, steps = self._joined(case, runs, frames)
-        return np.concatenate([innovations[np.isfinite(case.values[frames])], steps])
+        return np.concatenate([innovations[np.isfinite(case.values[frames])], steps, hypothesis.priors(case, values)])
 
     def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
         return sum(self._loss(c, self.vector(c, hypothesis, values, starts[c.name])) for c in self.cases)
@@ -572,7 +610,9 @@ class Fitter:
             values, starts = unpack(z)
             seen = _POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
-            found = np.concatenate([last["seen"][name][use[name]] for name in parts])
+            found = np.concatenate(
+                [last["seen"][name][use[name]] for name in parts] + [hypothesis.priors(c, values) for c in cases]
+            )
             if float(found @ found) < best[0]:
                 best[:] = [float(found @ found), np.array(z)]
             return found
@@ -584,10 +624,11 @@ class Fitter:
 
         def jacobian(z):
             values, starts = unpack(z)
-            result = np.zeros((rows[-1], len(z)))
+            beliefs = np.concatenate([hypothesis.priors(c, values) for c in cases])
+            result = np.zeros((rows[-1] + len(beliefs), len(z)))
             if not last or not np.array_equal(last["z"], z):
                 residuals(z)
-            seen = np.concatenate([last["seen"][name][use[name]] for name in parts])
+            seen = np.concatenate([*(last["seen"][name][use[name]] for name in parts), beliefs])
             if (updated := secant.at(z, seen)) is not None:
                 return updated
             for k, c in enumerate(cases):
@@ -599,6 +640,11 @@ class Fitter:
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
                     result[span, target] = -column[use[c.name]] * scale[target]
+            for k in place if len(beliefs) else ():
+                moved = values.copy()
+                moved[k] += 1.0
+                there = np.concatenate([hypothesis.priors(c, moved) for c in cases])
+                result[rows[-1] :, place[k]] = (there - beliefs) * scale[place[k]]
             secant.anew(z, seen, result)
             return result
 
@@ -769,7 +815,7 @@ class Fitter:
         result *= roots[:, None]
         return result[:, :p], result[:, p:]
 
-    def _finish(self, hypothesis, x, numbers, fixed, known: dict[str, np.ndarray] | None = None) -> Fit:
+    def _finish(self, hypothesis, x, numbers, fixed, known: dict[str, Slow] | None = None) -> Fit:
         innovations, white, jacobian, steps = {}, {}, {}, {}
         p = len(hypothesis.free)
         chi2, count = 0.0, 0
@@ -781,12 +827,19 @@ class Fitter:
             innovations[c.name] = self._raw(c, full, numbers[c.name])
             seen = full[np.isfinite(full)]
             here = np.concatenate([seen, steps[c.name]])
-            kept = (known or {}).get(c.name)
-            anew = kept is None or kept.shape != (len(here), len(numbers[c.name]))
-            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, (), anew)
+            kept, believed = (known or {}).get(c.name), hypothesis.believed
+            if kept is not None and not kept.fits(here, numbers[c.name], believed):
+                kept = None
+            quick = believed if kept is not None else ()
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, quick, kept is None)
             roots = self._roots(c, here)[:, None]
-            jacobian[c.name] = (by_value * roots, by_start * roots if anew or kept is None else kept)
-            self._by_start[c.name] = jacobian[c.name][1]
+            by_value, by_start = by_value * roots, by_start * roots
+            if kept is not None:
+                by_start = kept.by_start
+                by_value[:, believed] = 0.0 if fixed else kept.by_believed
+            jacobian[c.name] = by_value, by_start
+            if not fixed or not believed:
+                self._kept[c.name] = Slow(by_start, by_value[:, believed])
             chi2 += self._loss(c, here)
             count += len(seen)
         covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
@@ -868,6 +921,19 @@ class _Run:
     innovations: np.ndarray
     steps: np.ndarray
     spin: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Slow:
+    """Derivatives that hardly hang on the law that is fitted: by starts (n, q), by numbers with a prior (n, k)."""
+
+    by_start: np.ndarray
+    by_believed: np.ndarray
+
+    def fits(self, vector: np.ndarray, numbers: np.ndarray, believed: Sequence[int]) -> bool:
+        """Whether they are of such a vector (n,), by so many numbers."""
+        n = len(vector)
+        return self.by_start.shape == (n, len(numbers)) and self.by_believed.shape == (n, len(believed))
 
 
 MANY_OWN = 8  # numbers of the starts of a recording: two free bodies

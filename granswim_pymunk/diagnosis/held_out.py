@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -164,12 +164,13 @@ def held_out_errors(
     *,
     whole: bool = True,
     memory: float = np.inf,
+    followed: Collection[str] = (),
 ) -> Errors:
     """Score the held-out frames with the parameters of the training fit.
 
     A split recording runs on from its training part. A held-out recording gets its start, and the adjustables
     that belong to it alone, from its first 20 % and the rest is scored; ``whole`` also fits the start to all of it.
-    ``memory``: see ``fading``.
+    ``memory``: see ``fading``;  ``followed``: recordings that are run on although they are cut into segments.
     """
     errors: dict[str, np.ndarray] = {}
     sizes: dict[str, np.ndarray] = {}
@@ -180,7 +181,7 @@ def held_out_errors(
     for case in cases:
         if not case.scored.any():
             continue
-        windows = _windows(case)
+        windows = [] if case.name in followed else _windows(case)
         if windows:
             seen, length = _by_windows(hypothesis, training, case, windows, predictor, stop)
             if seen is None:
@@ -219,6 +220,38 @@ def held_out_errors(
         pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
         scored=sizes, window=window,
     )  # fmt: skip
+
+
+DRAWS = 6  # of numbers and starts, whose spread is followed
+
+
+def can_be_followed(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> bool:
+    """Whether a run goes on into the held-out frames of a recording of several segments with less than the noise.
+
+    What the numbers and starts of a fit leave open, drawn from their covariance (J'J)^-1, is run on: rms over the
+    noise it stays below one where a ball bounces, and grows far beyond it where disks scatter one another.
+    """
+    if case.held_out or not case.scored.any() or case.name not in fit.jacobian:
+        return False
+    fitter = Fitter([case], predictor, {case.name: case.training})
+    fitter.segments = {case.name: fit.segments[case.name]}
+    p = len(fit.values)
+    both = np.hstack(fit.jacobian[case.name])
+    size = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
+    told, turned = np.linalg.eigh((both / size).T @ (both / size))
+    told = np.where(told > 1e-12 * told.max(initial=0.0), told, np.inf)  # what shows in nothing changes nothing
+    low, high = fit.hypothesis.bounds
+    try:
+        runs = [fitter.predict(fit, case, case.scored)[case.scored]]
+        for _ in range(DRAWS):
+            off = turned @ (rng.normal(size=len(told)) / np.sqrt(told)) / size
+            values = np.clip(fit.values + off[:p], low, high)
+            drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})
+            runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
+    except Failed:
+        return False
+    away = (np.array(runs[1:]) - runs[0]) / case.sigma
+    return bool(np.nanmean(away**2) < 1.0)
 
 
 def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -325,6 +358,7 @@ def right_law_errors(
     stop: Callable[[], bool],
     rng: np.random.Generator,
     repeats: int = 10,
+    followed: Collection[str] = (),
 ) -> np.ndarray:
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
@@ -345,7 +379,7 @@ def right_law_errors(
             fit = again.fit(hypothesis, training.values, training.starts, evaluations=20)
         except Failed:
             continue
-        rms = held_out_errors(hypothesis, fit, twins, predictor, stop, whole=False).rms
+        rms = held_out_errors(hypothesis, fit, twins, predictor, stop, whole=False, followed=followed).rms
         if rms is not None:
             result.append(rms)
     return np.array(result)

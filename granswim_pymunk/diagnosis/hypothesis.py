@@ -5,6 +5,7 @@ A term is a law missing from the list (or a changed parameter, or a part of the 
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,6 +41,7 @@ class Free:
     neutral: float = 0.0  # where the term is absent
     natural: bool = False  # its bounds are those of nature (a restitution of one), and may be the answer
     inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
+    prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,22 @@ class Hypothesis:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest of all free numbers, (p,) each."""
         return np.array([f.low for f in self.free]), np.array([f.high for f in self.free])
+
+    @property
+    def believed(self) -> list[int]:
+        """Which numbers have a prior: those of the apparatus that are known, but not exactly."""
+        return [k for k, f in enumerate(self.free) if f.prior]
+
+    def priors(self, case: Case, values: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(k,) of the numbers with a prior that bear on a recording, how far they are off it in standard deviations.
+
+        Their squares belong to chi2. What several recordings share counts in each for its part.
+        """
+        found = [
+            (f.neutral - float(v)) / (f.prior * math.sqrt(len(f.cases or (case.name,))))
+            for v, f in zip(values, self.free, strict=True) if f.prior and (f.cases is None or case.name in f.cases)
+        ]  # fmt: skip
+        return np.array(found)
 
     def with_term(self, *terms: Term) -> Hypothesis:
         return Hypothesis(self.terms + terms)

@@ -9,7 +9,7 @@ Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -101,7 +101,8 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
     numbers alone J'J/spread would be left, the difference is added.
     """
     p = len(fit.values)
-    nuisances = dict.fromkeys(key for case in fitter.cases for key, _, _ in _believed(case))
+    fitted = {free.name for free in fit.hypothesis.free if free.prior}
+    nuisances = dict.fromkeys(key for case in fitter.cases for key, _, _ in _believed(case, fitted))
     if not p or not nuisances:
         return fit
     place = {key: p + k for k, key in enumerate(nuisances)}
@@ -109,7 +110,7 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
     for case in fitter.cases:
         by_value, by_start = fit.jacobian[case.name]
         both = np.hstack([by_value, np.zeros((len(by_value), len(place)))])
-        for key, low, high in _believed(case):
+        for key, low, high in _believed(case, fitted):
             below, above = (fitter.vector(c, fit.hypothesis, fit.values, fit.starts[case.name]) for c in (low, high))
             # of two runs, one standard deviation times PART to either side
             both[:, place[key]] = (below - above) / (2 * PART) * fit.roots(case.name)
@@ -123,16 +124,18 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
 PART = 0.1  # of the standard deviation of a mass or radius, by which derivatives step
 
 
-def _believed(case: Case) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
+def _believed(
+    case: Case, fitted: Collection[str]
+) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
     """For each mass and radius that is not known well: whose, and the case with it smaller and larger by ``PART``.
 
     A body with the same id, radius and mass in two recordings is the same body, and off by the same. What never moves
-    has no mass that matters.
+    has no mass that matters. Left out are those that are ``fitted`` (``believed.py``).
     """
     recording = case.recording
     for kind, error in (("mass", recording.mass_error), ("radius", recording.radius_error)):
         for body in recording.scene.bodies if error else ():
-            if kind == "mass" and not body.mobile:
+            if (kind == "mass" and not body.mobile) or f"{kind}_error[{body.id}]" in fitted:
                 continue
             changed = []
             for side in (-1.0, 1.0):

@@ -23,6 +23,7 @@ LED = 0.5  # of the best gain: laws of a bent valley that come as near are searc
 SHORT = 10  # evaluations of a refit where recordings are followed in segments
 NEAR = 0.1  # of the best first-order gain: where segments are short, laws below it are not refitted,
 VARIANTS = 2  # nor more than so many forms of one law
+FORESEEN = 0.5  # of the fall of chi2 that first order promises, which a good search finds
 INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
 
 
@@ -127,7 +128,8 @@ class InnerSplit:
             n = int(np.isfinite(both[self.rest[case.name]]).sum())
             left = float(np.nansum(both**2)) + whole.step_loss(case.name)
             # of the first part: no worse than the fit to all is there
-            least = float(np.nansum(before**2)) + whole.step_loss(case.name, len(first.steps[case.name]))
+            ties = len(first.steps[case.name]) - len(whole.hypothesis.priors(case, whole.values))
+            least = float(np.nansum(before**2)) + whole.step_loss(case.name, ties)
             alone = float(np.nansum(first.white[case.name] ** 2)) + first.step_loss(case.name)
             left -= min(alone, least)
             if n:
@@ -196,6 +198,8 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found
+        if fitter.of_many_numbers and base.chi2 - found.chi2 > FORESEEN * signature.gain:
+            break  # as first order foresaw: gradually, from parts, nothing else is found, and many starts each time
         if first_will_do and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
             break
     assert best is not None

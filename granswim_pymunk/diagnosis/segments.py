@@ -32,7 +32,8 @@ class Segment:
     frames : (T,) mask of the frames that are compared;  starts : how its start is described, at the first of them
     until : when the next one begins [s], None for the last;  tie : (m,) one standard deviation of the step from the
     end of the segment before to the free numbers of this start, empty for the first;  limit : (m,) of such a step over
-    its spread, beyond which it counts in proportion: bounded for bodies that met
+    its spread, beyond which it counts in proportion: bounded for bodies that met;  least : (m,) spread that is left
+    where masses and radii are right: an impact lasts, and nobody knows for how long
     """
 
     frames: np.ndarray
@@ -40,6 +41,7 @@ class Segment:
     until: float | None
     tie: np.ndarray
     limit: np.ndarray
+    least: np.ndarray
 
     @property
     def size(self) -> int:
@@ -52,6 +54,7 @@ class Impact:
     """Bodies that met: ``row`` of the closest frame, ``apart`` the first after it in which they are clear.
 
     kick : |change of velocity| of each [m/s]
+    met : who touched, also what never moves; a straight wall has no name
     place, speed : spread of the place [m] and of the velocity [m/s] of each right after it, where a rigid impact that
         was not quite where it is believed to be is followed
     """
@@ -62,6 +65,7 @@ class Impact:
     kick: dict[str, float]
     place: dict[str, float]
     speed: dict[str, float]
+    met: tuple[str, ...] = ()
 
 
 def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | None = None) -> tuple[Segment, ...]:
@@ -85,8 +89,7 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
         mask[rows[begin:end]] = True
         starts = describe_starts(_until_met(case, rows[begin], impacts), mask)
         until = float(case.t[rows[end]]) if end < len(rows) else None
-        tie, limit = _tie(starts, cuts[k - 1][1] if k else None, criteria)
-        segments.append(Segment(mask, starts, until, tie, limit))
+        segments.append(Segment(mask, starts, until, *_tie(starts, cuts[k - 1][1] if k else None, criteria)))
     return tuple(segments)
 
 
@@ -118,7 +121,8 @@ def cut_by_growth(
         scale = np.concatenate([np.where(s.scale > 0, s.scale, 1.0)[s.free] for s in starts])
         tie = scale if begin else np.zeros(0)
         until = float(case.t[rows[end]]) if end < len(rows) else None
-        segments.append(Segment(mask, starts, until, tie, np.full(len(tie), criteria.robust)))
+        limit = np.full(len(tie), criteria.robust)
+        segments.append(Segment(mask, starts, until, tie, limit, np.zeros(len(tie))))
         begin = end
     return tuple(segments)
 
@@ -156,20 +160,26 @@ def _until_met(case: Case, begin: int, impacts: Sequence[Impact]) -> Case:
 
 def _tie(
     starts: Sequence[StartBody], impacts: Sequence[Impact] | None, criteria: SegmentCriteria
-) -> tuple[np.ndarray, np.ndarray]:
-    """Spread and limit of the step between the end of one segment and the start of the next, over its free numbers."""
-    spreads, limits = [np.zeros(0)], [np.zeros(0)]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spread, limit and least spread of the step between the end of one segment and the start of the next.
+
+    Of each over the free numbers of the start.
+    """
+    spreads, limits, least = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
     for start in starts if impacts is not None else ():
         spread = criteria.narrow * np.where(start.scale > 0, start.scale, 1.0)
         mine = [i for i in impacts or () if i.kick.get(start.body, 0.0) > 0]
         met = bool(mine) and start.form in ("free", "rail")
+        late = np.zeros(len(spread))
         if met:
+            late[:2] = criteria.lateness * float(np.hypot.reduce([i.kick[start.body] for i in mine]))
             place = float(np.hypot.reduce([i.place[start.body] for i in mine]))
             speed = float(np.hypot.reduce([i.speed[start.body] for i in mine]))
             spread = np.maximum(spread, np.where(np.arange(len(spread)) >= 2, speed, place))
         spreads.append(spread[start.free])
         limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
-    return np.concatenate(spreads), np.concatenate(limits)
+        least.append(late[start.free])
+    return np.concatenate(spreads), np.concatenate(limits), np.concatenate(least)
 
 
 def limits_of(segments: Sequence[Segment]) -> np.ndarray:
@@ -210,7 +220,8 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
         if any(size > 0 for size in kick.values()):
             speed = float(np.linalg.norm(told[bodies[0]][1] - (told[bodies[1]][1] if len(bodies) > 1 else 0.0)))
             noise = float(np.hypot.reduce([paths[b][1] for b in bodies]))
-            found.append(Impact(row, apart, bodies, kick, *_followed(scene, size, kick, speed, noise, criteria)))
+            spreads = _followed(scene, size, kick, speed, noise, criteria)
+            found.append(Impact(row, apart, bodies, kick, *spreads, tuple(name for name in pair if name)))
     return found
 
 

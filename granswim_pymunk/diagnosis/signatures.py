@@ -160,13 +160,19 @@ def _flow_signature(
 
 
 def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
-    """Signatures of all candidates around a fit; their numbers get scales and first-order first values."""
+    """Signatures of all candidates around a fit; their numbers get scales and first-order first values.
+
+    When the time is up the others have none, and are not fitted.
+    """
     starts, nuisance = _stack_nuisance(fitter, fit)
     r = np.concatenate([fit.used(c.name) for c in fitter.cases])
     left = r - nuisance @ (nuisance.T @ r)
     misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []
     for term in terms:
+        if fitter.stop():
+            signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
+            continue
         if has_role(term.mechanism, "medium") and len(term.free) == 3:
             signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
             continue

@@ -90,6 +90,8 @@ def descend(
     residuals = evaluate(values, starts)
     chi2 = loss(residuals)
     damping, used, fresh = DAMPING, 1, not stale
+    if stop():
+        return values, starts
     blocks = differentiate(values, starts, residuals, fresh)
     while used < evaluations and not stop():
         step, steps, promised = _step(blocks, values, bounds, damping)

@@ -34,6 +34,7 @@ from ..inference.significance import Null, after_looks, price
 from ..laws import all_laws
 from ..recording import Recording
 from ..scene import Scene
+from .believed import believed_terms
 from .blocks import make_blocks, score
 from .candidates import flexible_terms, in_contact_alone, named_terms, scaled_like
 from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
@@ -42,6 +43,7 @@ from .experiment import propose
 from .fit import Fit, Fitter, joined
 from .held_out import (
     Errors,
+    can_be_followed,
     held_out_errors,
     learn_memory,
     meets_when_scored,
@@ -109,6 +111,7 @@ class Study:
     inner: InnerSplit
     stages: tuple[float, ...]  # shares of the frames that long fits take in one after the other
     adjustables: tuple[Term, ...]
+    believed: tuple[Term, ...]  # radii and masses that are known, but not exactly
     rng: np.random.Generator
     progress: Progress
     late: Callable[[float], bool]  # whether that share of the budget is spent
@@ -167,6 +170,7 @@ class Tracks(ObservationModel):
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
         self.right = np.zeros(0)
+        self.followed: set[str] = set()  # recordings with impacts that a run goes on through
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
 
@@ -248,9 +252,17 @@ class Tracks(ObservationModel):
             if len(alike) == len(laws):
                 self.notes.append(f"{claim.label}: {AS_BELIEVED}")
                 real = False
-        improved = tried.naive.chi2 - tried.recalibrated.chi2
-        moved = improved / self.spread > 12 + 2 * len(tried.recalibrated.values)
-        return Mismatch(real, bool(study.adjustables) and moved)
+        return Mismatch(real, bool(study.adjustables) and self._moved())
+
+    def _moved(self) -> bool:
+        """Whether the adjustables explain more than they would by chance."""
+        naive, best = self.tried.naive, self.tried.recalibrated
+        improved = naive.chi2 - best.chi2
+        if self.study.believed:  # what radii and masses explain is not theirs
+            own = [k for k, f in enumerate(best.hypothesis.free) if not f.prior]
+            off = best.values[own] - [best.hypothesis.free[k].first for k in own]
+            improved = float(off @ np.linalg.pinv(best.covariance[np.ix_(own, own)]) @ off)
+        return improved / self.spread > 12 + 2 * len(best.values)
 
     def settle(self, judged: Judgement) -> Judgement:
         """With profiles of chi2 where numbers are known only together, or unevenly.
@@ -279,14 +291,16 @@ class Tracks(ObservationModel):
         study.progress("held-out data", 0.8)
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
-        self.held = {name: _held_out(study, fit) for name, fit in fits.items()}
+        cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
+        self.followed = {c.name for c in cut if can_be_followed(revised, c, study.predictor, study.rng)}
+        self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
         self.floor = noise_floor(*how)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
         if rms is not None and floor and rms > BEYOND_FLOOR * floor and len(revised.values) and not study.late(0.9):
-            self.right = right_law_errors(*how)
+            self.right = right_law_errors(*how, followed=self.followed)
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
@@ -297,6 +311,16 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+        )  # fmt: skip
+
+    def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
+        study, memory = self.study, math.inf
+        # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
+        if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
+            memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
+        return held_out_errors(
+            fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory,
+            followed=self.followed,
         )  # fmt: skip
 
     def _gain(self, errors: Errors) -> float | None:
@@ -364,7 +388,7 @@ class Tracks(ObservationModel):
         gains: dict[str, float | None] = {}
         for t in (*(t for t, _ in judged.closest), *(t for t, _ in beside)):
             if t.fit is not None and t.mechanism not in gains:
-                gains[t.mechanism] = self._gain(_held_out(self.study, t.fit, whole=False))
+                gains[t.mechanism] = self._gain(self._held_out(t.fit, whole=False))
         closest = [(Rival(t, gains.get(t.mechanism), False), share) for t, share in judged.closest]
         return [Rival(t, gains.get(t.mechanism), same) for t, same in beside], closest
 
@@ -392,10 +416,12 @@ class Tracks(ObservationModel):
 
     def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
         fit = course.judged.claim.fit
-        return {f.name: fit.interval(k, self.spread) for k, f in enumerate(self.tried.recalibrated.hypothesis.free)}
+        free = self.tried.recalibrated.hypothesis.free
+        return {f.name: fit.interval(k, self.spread) for k, f in enumerate(free) if not f.prior}
 
     def believed(self) -> dict[str, tuple[float, float, float]]:
-        return {f.name: (f.first, f.low, f.high) for f in self.tried.recalibrated.hypothesis.free}
+        free = self.tried.recalibrated.hypothesis.free
+        return {f.name: (f.first, f.low, f.high) for f in free if not f.prior}
 
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
@@ -479,7 +505,8 @@ def _study(
     stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
     fitter = Fitter(cases, predictor, stop=lambda: late(FITS_END))
     inner = InnerSplit.make(training, predictor, lambda: late(FITS_END))
-    study = Study(cases, training, predictor, fitter, inner, stages, adjustable_terms(cases), rng, progress, late)
+    terms = adjustable_terms(cases), believed_terms(cases)
+    study = Study(cases, training, predictor, fitter, inner, stages, *terms, rng, progress, late)
     study.notes += dict.fromkeys(note for case in cases for note in case.notes)
     if len({c.unit for c in cases}) > 1:
         study.notes.append("some recordings are angles only: errors are pooled in the unit of the first")
@@ -491,9 +518,8 @@ def _calibrated(study: Study) -> tuple[Fit, Fit]:
     study.progress("fitting the starts of the naive scene", 0.02)
     naive = study.fitter.fit_widely(Hypothesis(), None, stages=study.stages)
     study.progress("recalibrating", 0.06)
-    if not study.adjustables:
-        return naive, naive
-    return naive, study.fitter.fit_widely(Hypothesis(study.adjustables), naive, stages=study.stages)
+    terms = study.adjustables + study.believed
+    return naive, study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages) if terms else naive
 
 
 def _tried(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
@@ -762,14 +788,6 @@ def _located(
     if verdict == "recalibrate" and not places:
         windows, places = seen(naive, pieces=2)
     return windows, places
-
-
-def _held_out(study: Study, fit: Fit, whole: bool = True) -> Errors:
-    memory = np.inf
-    # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
-    if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
-        memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
-    return held_out_errors(fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory)
 
 
 def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:

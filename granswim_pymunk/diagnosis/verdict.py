@@ -18,6 +18,7 @@ from .fit import Fit
 from .hypothesis import NO_CAMERA, Term, equation_with
 from .name import Trial
 from .start import describe_starts, first_numbers, states
+from .swimmer_terms import is_components, reported_parameters
 
 Written = tuple[Any, Any, Any, str]  # value, low, high, unit
 
@@ -51,7 +52,11 @@ class Told:
         entries = []
         for owner in list[str | None](bodies) or [None]:
             parameters: dict[str, Written] = {}
-            for name, rows in term.groups:
+            if is_components(term):
+                rows = slice(offset, offset + len(term.free))
+                covariance = self.fit.covariance[rows, rows] * self.spread
+                parameters |= reported_parameters(term, self.fit.values[rows], covariance)
+            for name, rows in () if is_components(term) else term.groups:
                 mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
                 if any(r >= 0 for r in mine):
                     parameters[name] = self._parameter(offset, term, mine)

@@ -1162,7 +1162,10 @@ def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -
     kinds = {c.kind for case in training for c in case.channels}
     if len(xy) == 0:
         raise ValueError("no place was measured: a field over place cannot be drawn")
-    mass = next(b.mass for b in training[0].recording.scene.bodies if b.mobile)
+    given = {"mass": next(b.mass for b in training[0].recording.scene.bodies if b.mobile)}
+    if "vx" in law.arguments:  # a drag: on a body that goes along x as fast as was usual
+        given["vx"] = float(np.median(_seen_speeds(diagnosis)))
+    mass = given["mass"]
     figure = Figure(figsize=(WIDTH, 2.9 if kinds in ({"x"}, {"y"}) else 4.6), layout="constrained")
     axis = figure.add_subplot()
     if kinds in ({"x"}, {"y"}):
@@ -1170,7 +1173,7 @@ def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -
         s = np.linspace(xy[:, axis_index].min(), xy[:, axis_index].max(), 161)
         other = float(np.median(xy[:, 1 - axis_index]))
         along = [(p, other) if axis_index == 0 else (other, p) for p in s]
-        force = np.array([_call(law, values, mass=mass, x=x, y=y)[axis_index] / mass for x, y in along])
+        force = np.array([_call(law, values, x=x, y=y, **given)[axis_index] / mass for x, y in along])
         factor, unit = prefixed("m", float(np.abs(s).max()))
         axis.plot(s * factor, force, color=REVISED, linewidth=2)
         axis.axhline(0, color="#bbbbbb", linewidth=0.7, zorder=0)
@@ -1182,7 +1185,7 @@ def _force_field(diagnosis: TrackFinding, law: Law, values: Mapping[str, Any]) -
     size = max(float(np.ptp(xy, axis=0).max()), 1e-12)
     _, keep = np.unique(np.round(xy / (size / 26)).astype(int), axis=0, return_index=True)
     places = xy[np.sort(keep)]
-    force = np.array([_call(law, values, x=p[0], y=p[1], mass=mass) for p in places]) / mass
+    force = np.array([_call(law, values, x=p[0], y=p[1], **given) for p in places]) / mass
     strength = np.hypot(force[:, 0], force[:, 1])
     axis.plot(xy[:, 0] * factor, xy[:, 1] * factor, ".", color="#d0d0d0", markersize=2, zorder=1)
     arrows = axis.quiver(

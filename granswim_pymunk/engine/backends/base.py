@@ -225,6 +225,11 @@ class Backend(ABC):
         )  # fmt: skip
         self.state.forget_lists()
 
+    @property
+    def last_step(self) -> float:
+        """Length of the last step [s], half of which velocities are ahead."""
+        return self.dt
+
     def synchronised(self) -> dict[str, np.ndarray]:
         """As ``raw``, with velocities and spins taken back by the half kick."""
         raw = self.raw()
@@ -232,7 +237,7 @@ class Backend(ABC):
             return raw
         b = self.state.bodies
         if self.step > 0:
-            half = 0.5 * self.dt
+            half = 0.5 * self.last_step
             m = slice(0, self.order.n_mobile)
             raw["vx"][m] -= half * b.fx[m] * b.inverse_mass[m] * b.ease[m]
             raw["vy"][m] -= half * b.fy[m] * b.inverse_mass[m] * b.ease[m]

@@ -205,6 +205,10 @@ class Native(Compiled):
         self._interrupted(None)
         return out
 
+    @property
+    def last_step(self) -> float:
+        return self.dt if self._event_time is None else self._last_step
+
     def forget_events(self) -> None:
         """Time is counted in steps again, from none on."""
         self._event_time, self._last_step = None, self.dt
