@@ -585,18 +585,12 @@ class Fitter:
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
         # a number that bears on none of these recordings would only run into its bounds and shorten every step
         active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
-        p = len(active)
-        place = {k: n for n, k in enumerate(active)}
+        p, place = len(active), {k: n for n, k in enumerate(active)}
         sizes = [len(numbers[c.name]) for c in cases]
         offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-        scale = np.concatenate(
-            [np.array([free[k].scale for k in active], dtype=float)]
-            + [self.number_scales(c.name) for c in cases]
-        )
+        scale, low, high = self._box([free[k] for k in active])
         if not len(scale):
             return x, numbers
-        low = np.concatenate([[free[k].low for k in active], np.full(sum(sizes), -np.inf)])
-        high = np.concatenate([[free[k].high for k in active], np.full(sum(sizes), np.inf)])
 
         def unpack(z):
             z = np.clip(z * scale, low, high)
@@ -610,41 +604,39 @@ class Fitter:
             values, starts = unpack(z)
             seen = _POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
-            found = np.concatenate(
-                [last["seen"][name][use[name]] for name in parts] + [hypothesis.priors(c, values) for c in cases]
-            )
+            found = seen_of(values)
             if float(found @ found) < best[0]:
                 best[:] = [float(found @ found), np.array(z)]
             return found
 
         best: list[Any] = [np.inf, None]  # chi2 and numbers of the best so far, where time runs out
         last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
+
+        def seen_of(values):
+            seen = [last["seen"][name][use[name]] for name in parts]
+            return np.concatenate([*seen, *(hypothesis.priors(c, values) for c in cases)])
+
         secant = Secant()
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
         def jacobian(z):
             values, starts = unpack(z)
-            beliefs = np.concatenate([hypothesis.priors(c, values) for c in cases])
-            result = np.zeros((rows[-1] + len(beliefs), len(z)))
             if not last or not np.array_equal(last["z"], z):
                 residuals(z)
-            seen = np.concatenate([*(last["seen"][name][use[name]] for name in parts), beliefs])
+            seen = seen_of(values)
+            result = np.zeros((len(seen), len(z)))
             if (updated := secant.at(z, seen)) is not None:
                 return updated
             for k, c in enumerate(cases):
                 here = last["seen"][c.name]
-                columns, block = self.derivatives(
-                    c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
-                )
+                given = c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
+                columns, block = self.derivatives(*given)
                 span = slice(rows[k], rows[k + 1])
                 for index, column in zip(columns, block, strict=True):
                     target = place[index] if index >= 0 else offsets[k] - index - 1
                     result[span, target] = -column[use[c.name]] * scale[target]
-            for k in place if len(beliefs) else ():
-                moved = values.copy()
-                moved[k] += 1.0
-                there = np.concatenate([hypothesis.priors(c, moved) for c in cases])
-                result[rows[-1] :, place[k]] = (there - beliefs) * scale[place[k]]
+            for k in set(hypothesis.believed) & set(place):
+                result[rows[-1] :, place[k]] = self._by_prior(hypothesis, values, k) * scale[place[k]]
             secant.anew(z, seen, result)
             return result
 
@@ -655,18 +647,31 @@ class Fitter:
         try:
             # a first-order amount can be far off: what overflows is a step that is taken back
             with np.errstate(all="ignore"):
-                solution = least_squares(
+                end = least_squares(
                     residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
                     max_nfev=evaluations, xtol=1e-6, ftol=ROUGH if rough else max(FINE / rows[-1], 1e-7), gtol=1e-9,
-                )  # fmt: skip
+                ).x  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
             return x, numbers
         except TimeUp:
-            values, starts = unpack(best[1])
-            return np.array(values), {name: np.array(v) for name, v in starts.items()}
-        values, starts = unpack(solution.x)
+            end = best[1]
+        values, starts = unpack(end)
         return np.array(values), {name: np.array(v) for name, v in starts.items()}
+
+    def _box(self, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Scale, low and high of numbers and, after them, of all starts."""
+        starts = np.concatenate([self.number_scales(c.name) for c in self.cases])
+        ends = np.full(len(starts), np.inf)
+        scale, low, high = ([getattr(f, name) for f in free] for name in ("scale", "low", "high"))
+        return tuple(np.concatenate(both) for both in ((scale, starts), (low, -ends), (high, ends)))  # type: ignore
+
+    def _by_prior(self, hypothesis: Hypothesis, values: np.ndarray, k: int) -> np.ndarray:
+        """How what numbers are off their priors, of all recordings in turn, changes with number ``k``, by its unit."""
+        ends = np.array(values), np.array(values)
+        ends[1][k] += 1.0
+        before, after = (np.concatenate([hypothesis.priors(c, v) for c in self.cases]) for v in ends)
+        return np.asarray(after - before)
 
     def derivatives(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray,

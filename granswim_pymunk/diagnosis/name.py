@@ -324,10 +324,36 @@ def try_candidates(
     if not late():
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
+        trials = _from_the_tracks(fitter, base, trials, stages)
         best = max((t.gain for t in trials), default=0.0)
         jobs = [partial(_down_its_valley, base=base, trial=t, least=LED * best) for t in trials]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)
+
+
+LEADERS = 4  # laws that are fitted again from the tracks themselves
+
+
+def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages: Sequence[float]) -> list[Trial]:
+    """The leading laws again with starts from the first frames, where those of the fit without them are far off.
+
+    A scene that cannot follow has had its many starts bent to do what the law does (a swimmer is thrown so that it
+    first drifts as it later swims), and no step leads back from there.
+    """
+    trials = list(trials)
+    if not fitter.of_many_numbers or fitter.segmented or base.chi2 < FAR**2 * base.count:
+        return trials
+    order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][:LEADERS]
+
+    def again(k: int, own: Fitter) -> Trial:
+        trial = trials[k]
+        assert trial.fit is not None
+        found = own.fit(trial.fit.hypothesis, trial.fit.values, None, stages=stages)
+        return trial if found.chi2 > trial.fit.chi2 else replace(trial, fit=found, gain=base.chi2 - found.chi2)
+
+    for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
+        trials[k] = trial
+    return trials
 
 
 def _hopeless(fitter: Fitter, signature: Signature, most: float, variant: int, run: Heats | None, k: int) -> str:

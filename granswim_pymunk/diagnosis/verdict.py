@@ -53,9 +53,9 @@ class Told:
         for owner in list[str | None](bodies) or [None]:
             parameters: dict[str, Written] = {}
             if is_components(term):
-                rows = slice(offset, offset + len(term.free))
-                covariance = self.fit.covariance[rows, rows] * self.spread
-                parameters |= reported_parameters(term, self.fit.values[rows], covariance)
+                both = slice(offset, offset + len(term.free))
+                covariance = self.fit.covariance[both, both] * self.spread
+                parameters |= reported_parameters(term, self.fit.values[both], covariance)
             for name, rows in () if is_components(term) else term.groups:
                 mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
                 if any(r >= 0 for r in mine):
