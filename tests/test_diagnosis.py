@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +20,12 @@ from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.intervals import with_limits
-from granswim_pymunk.diagnosis.name import InnerSplit, Trial, unstuck
+from granswim_pymunk.diagnosis.name import InnerSplit, Trial, try_candidates, unstuck
 from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
 from granswim_pymunk.diagnosis.signatures import Signature, make_bank
 from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
+from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.recording import Recording, see, write_recording
@@ -400,6 +402,49 @@ def test_an_attraction_of_disks_that_meet_is_not_a_loss_in_the_impact():
     assert found.verdict["verdict"] == "missing_physics"
     wide = found.verdict["mechanisms"][0]["parameters"]["range"]  # strength and range lie along a valley
     assert wide["low"] < 2.5e-3 < wide["high"]
+
+
+def swimmer(*more: Any) -> Scene:
+    """Four disks in a viscous fluid, driven at the head."""
+    bodies = tuple(Body(str(k), "tail" if k else "head", 1.5e-3, 3e-5, initial=(-3e-3 * k, 0, 0, 0)) for k in range(4))
+    bending = use("bending", stiffness=2e-4, damping=50.0, amplitude=0.5, frequency=3.0, form="leader")
+    return Scene(bodies, (use("union", stiffness=50.0, damping=300.0), bending, use("linear_drag", c=4e-4), *more))
+
+
+def test_a_swimmer_without_a_bed_has_its_own_suspects():
+    """A joint at half its stiffness is told from drags; what its start was bent to do without it is left behind."""
+    t, rng = np.arange(0.0, 0.5, 1 / 200), np.random.default_rng(3)
+    xy = Simulation(swimmer(use("weak_joint", joint=1, factor=0.5)), dt=2e-5).sample(t)
+    xy = xy + 2e-5 * rng.normal(size=xy.shape)
+    naive = replace(swimmer(), bodies=tuple(replace(b, initial=None) for b in swimmer().bodies))
+    record = Recording("r", naive, t, tuple(b.id for b in naive.bodies), xy, position_noise=2e-5)
+    case = prepare(record, held_out=False, split=False)
+    terms = {x.label: x for x in named_terms([case], each=False)}
+    wanted = {"weak_joint at joint 0", "resting_curvature at all joints", "actuator_lag", "head_force fixed"}
+    assert wanted <= set(terms)
+    fitter = Fitter([case], Predictor({"r": 5e-5}))
+    base = fitter.fit(Hypothesis(), stages=(0.1, 0.35, 1.0))
+    tried = [terms[label] for label in ("weak_joint at joint 1", "weak_joint at joint 2")]
+    best, other = try_candidates(fitter, base, make_bank(fitter, base, tried), (0.1, 0.35, 1.0), lambda *a: None)
+    assert best.label == "weak_joint at joint 1" and best.fit is not None and other.gain < 0.9 * best.gain
+    assert abs(best.fit.values[0] - 0.5) < 0.02 and best.fit.chi2 < 1.2 * best.fit.count
+    # components are told as size and angle
+    force = terms["head_force fixed"]
+    fit = replace(base, hypothesis=Hypothesis((force,)), values=np.array([3e-5, 4e-5]), covariance=1e-12 * np.eye(2))
+    trial = replace(best, signature=replace(best.signature, term=force), fit=fit)
+    (entry,) = Told(fit, 1.0, [case]).entries(trial, None)
+    assert entry["parameters"]["force"]["value"] == pytest.approx(5e-5)
+    assert entry["parameters"]["angle"]["value"] == pytest.approx(math.atan2(4, 3))
+
+
+def test_nothing_is_tried_when_the_time_is_up():
+    case = prepare(filmed(table(), table(), SHORT, np.random.default_rng(1)), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 1e-3}))
+    base = fitter.fit(Hypothesis(), [])
+    fitter.stop = lambda: True
+    runs = fitter.predictor.runs
+    bank = make_bank(fitter, base, named_terms([case]))
+    assert fitter.predictor.runs == runs and not any(s.gain for s in bank.signatures)
 
 
 def test_bodies_that_are_all_driven_have_no_push():

@@ -23,6 +23,7 @@ AT_FIRST = 0.1  # of a number's distance from neutral: the longest first step al
 GROWTH = 2.0  # of steps along a valley that were good
 MOST = 20  # steps to either side, after which there is no end but the bound
 UNLIKE = 3.0  # times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them
+OFF = 0.1  # of half an interval, by which its ends may be elsewhere and still be told by curvature
 FINE = 0.05  # of its distance, to which an end is found
 EVALUATIONS = 30
 AGAIN = 3  # fits that were not at their end are gone on with at most so often
@@ -37,9 +38,10 @@ def with_limits(
     """
     fit = fitter.sharpened(fit)
     uneven: list[int] = []
+    probes: dict[int, tuple[tuple[float, float] | None, Fit]] = {}
     for _ in range(AGAIN):
         probes = {k: _probe(fitter, fit, k, spread) for k in range(first, len(fit.values)) if not late()}
-        uneven = [k for k, (as_told, _) in probes.items() if not as_told]
+        uneven = [k for k, (ends, _) in probes.items() if ends is None]
         lowest = min((found for _, found in probes.values()), key=lambda f: f.chi2, default=fit)
         if lowest.chi2 > fit.chi2 - spread or late():
             break
@@ -47,7 +49,7 @@ def with_limits(
         better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=EVALUATIONS)
         fit = fitter.sharpened(min(lowest, better, key=lambda f: f.chi2))
     told = information_of(fit.jacobian, len(fit.values))
-    limits = {}
+    limits = {k: ends for k, (ends, _) in probes.items() if ends is not None and _lopsided(fit, k, ends, spread)}
     for k in sorted({*unknown_alone(told), *uneven}):
         if k < first or late():
             continue
@@ -58,26 +60,39 @@ def with_limits(
     return replace(fit, limits=limits) if limits else fit
 
 
-def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[bool, Fit]:
-    """Whether chi2 rises to either side of a number about as its curvature says: at the ends of 95 % by ``LEVEL``.
+def _lopsided(fit: Fit, k: int, ends: tuple[float, float], spread: float) -> bool:
+    """Whether the ends of an interval are not where its curvature puts them, by more than ``OFF`` of its half."""
+    half = 1.96 * math.sqrt(float(fit.covariance[k, k]) * spread)
+    away = (float(fit.values[k]) - ends[0]) / half, (ends[1] - float(fit.values[k])) / half
+    return any(abs(part - 1.0) > OFF for part in away)
 
-    The other numbers are fitted there. Also the best of these fits, or the one that was given.
+
+def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float, float] | None, Fit]:
+    """The ends of 95 % of a number where chi2 rises about as its curvature says, None where it does not.
+
+    It is looked at where curvature puts them, the other numbers fitted: there it should have risen by ``LEVEL``. As it
+    rises with the square of the distance, a rise by R puts the end at sqrt(LEVEL/R) of that. Also the best of these
+    fits, or the one that was given.
     """
     variance, best = float(fit.covariance[k, k]), fit
     if not variance > 0:
-        return False, best
+        return None, best
     free, as_told = fit.hypothesis.free[k], True
     away = 1.96 * math.sqrt(spread / variance) * fit.covariance[:, k]
     bounds = np.array([(f.low, f.high) for f in fit.hypothesis.free]).T
+    ends = []
     for side in (-1.0, 1.0):
         values = fit.values + side * away
+        ends.append(float(values[k]))
         if not free.low <= values[k] <= free.high:
             continue  # it is cut there
         found = fitter.fit(fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=5)
         best = min(best, found, key=lambda f: f.chi2)
         rise = (found.chi2 - fit.chi2) / (LEVEL * spread)
         as_told = as_told and 1 / UNLIKE < rise < UNLIKE
-    return as_told, best
+        if as_told:
+            ends[-1] = float(fit.values[k] + side * away[k] / math.sqrt(rise))
+    return (ends[0], ends[1]) if as_told else None, best
 
 
 def unknown_alone(information: np.ndarray) -> list[int]:

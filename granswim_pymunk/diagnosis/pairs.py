@@ -38,7 +38,8 @@ def second_law(
     """Add a second law where it is significant and predicts better."""
     if not found:
         return found, revised
-    found, revised, best = _one_more(found, revised, recalibrated, fitter, terms, inner, rng, training)
+    apart = [t for t in terms if not any_field(found[0].term, t, terms)]
+    found, revised, best = _one_more(found, revised, recalibrated, fitter, apart, inner, rng, training)
     if best is None or best.fit is None:
         return found, revised
     first = found[0]

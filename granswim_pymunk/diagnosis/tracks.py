@@ -282,7 +282,7 @@ class Tracks(ObservationModel):
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
-                f"{names}: known only together with others, or unevenly: their intervals are profiles of chi2"
+                f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
             )
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
