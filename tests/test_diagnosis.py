@@ -13,7 +13,7 @@ from two_arms import two_arms
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verdict
 from granswim_pymunk.diagnosis.believed import believed_terms
-from granswim_pymunk.diagnosis.candidates import camera_terms, named_terms
+from granswim_pymunk.diagnosis.candidates import camera_terms, flexible_terms, named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined
@@ -371,6 +371,32 @@ def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
         n = entry["parameters"]["n"]
         assert 2.2 < n["low"] < 3.0 < n["high"] < 3.8
         assert entry["parameters"]["top"]["unit"] == "m/s"
+
+
+def test_a_drag_on_one_side_of_an_edge_has_a_form_without_a_name():
+    """It slows where it begins to act, which drags on everything, frictions and lenses only nearly do."""
+    rng, edge = np.random.default_rng(5), 0.12
+
+    def rough(t, xy, v):
+        return np.where(xy[:, :1] > edge, -0.02 * v, 0.0)
+
+    bodies = tuple(
+        Body(f"p{k}", "free", 0.01, 0.05, initial=(0.0, 0.1 * k, 0.25 + 0.1 * k, 0.01 * k)) for k in range(3)
+    )
+    truth, t = Scene(bodies, ()), np.arange(0.0, 1.5, 0.01)
+    xy = Reference(truth, dt=1e-3, extra=rough).sample(t) + 2e-4 * rng.normal(size=(len(t), 3, 2))
+    naive = Scene(tuple(replace(b, initial=None) for b in bodies), ())
+    case = prepare(Recording("r", naive, t, tuple(naive.ids), xy, position_noise=2e-4), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({"r": 2e-3}))
+    base = fitter.fit(Hypothesis(), stages=(0.35, 1.0))
+    terms = [x for x in flexible_terms([case]) if x.mechanism == "flexible_edge"]
+    (trial,) = try_candidates(fitter, base, make_bank(fitter, base, terms), (1.0,), lambda *a: None)
+    assert trial.fit is not None and trial.fit.chi2 < 1.3 * trial.fit.count < 0.1 * base.chi2
+    (term,) = terms
+    (x, _), _ = term.fixed["centre"]
+    c0, c1, p, q, r = trial.fit.values
+    assert abs(c0) < 1e-3 and abs(c1 - 0.02) < 1e-3 and abs(q) < 0.1 * p
+    assert abs(x - term.fixed["size"][0] * r / p - edge) < 5e-3
 
 
 def test_a_push_on_one_body_gives_way_to_the_same_on_all_that_does_as_well():
@@ -823,6 +849,8 @@ def test_friction_of_an_impact_without_slip_has_a_lower_limit_alone():
     fit = with_limits(*joined(fitter, fitter.fit(Hypothesis().with_term(law), [0.6], evaluations=30)), 0, 1.0)
     _, low, high = fit.interval(0)
     assert 0.02 < low < 0.5 and high == law.free[0].high
+    # what no law takes is a run that fails, not the end of the diagnosis
+    assert fitter.fit(fit.hypothesis, [6e294], fit.starts, evaluations=2).chi2 > 1e6
 
 
 def collided(radius: float, lateness: float = 0.0) -> tuple[Recording, np.ndarray]:

@@ -107,6 +107,9 @@ def test_an_outlier_is_one_sighting_and_a_collision_is_none():
     assert not outliers(t, seen, 1e-4).any()
     seen[[20, 60]] += [5e-3, -3e-3]
     assert np.flatnonzero(outliers(t, seen, 1e-4)).tolist() == [20, 60]
+    # two that lie in each other's frames hide one another
+    seen[64] += 4e-3
+    assert np.flatnonzero(outliers(t, seen, 1e-4)).tolist() == [20, 60, 64]
 
 
 def test_a_stated_noise_is_held_against_neighbouring_frames():

@@ -17,7 +17,7 @@ from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import Trial
-from granswim_pymunk.diagnosis.settle import in_names_of_apparatus, that_earn_their_place
+from granswim_pymunk.diagnosis.settle import apparatus_beside, in_names_of_apparatus, that_earn_their_place
 from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.recording import Recording
@@ -128,6 +128,28 @@ def test_arms_that_hang_from_one_another_rub_on_no_substrate():
     named = {n: {t.mechanism for t in named_terms([c])} for n, c in ((1, one), (2, two))}
     assert {"coulomb_substrate", "joint_friction", "linear_drag"} <= named[1]
     assert {"joint_friction", "joint_drag", "linear_drag"} <= named[2] and "coulomb_substrate" not in named[2]
+
+
+def dropped(drag: float, third: float, scale: float) -> Recording:
+    """A ball of 10 g that is thrown: m v' = m g - (drag + third v^2) v, in a picture so many times too large."""
+
+    def rate(_, y):
+        pull = (drag + third * (y[2] ** 2 + y[3] ** 2)) / 0.01
+        return [y[2], y[3], -pull * y[2], -G - pull * y[3]]
+
+    t = np.arange(0, 0.8, 0.01)
+    path = solve_ivp(rate, (0, 1), [0, 1, 3, 2], t_eval=t, rtol=1e-10, atol=1e-12).y[:2].T
+    seen = scale * path + 2e-4 * np.random.default_rng(1).normal(size=path.shape)
+    scene = Scene((Body("ball", "free", 0.02, 0.01),), (), gravity=(0.0, -G))
+    return Recording("drop", scene, t, ("ball",), seen[:, None], position_noise=2e-4)
+
+
+def test_a_scale_beside_a_drag_that_leaves_more_than_noise_is_no_fault_that_was_found():
+    """Where the scale leads it stays: its drag is the smaller part."""
+    for case, expected in (((0.0, 1e-3, 1.0), ["camera_scale"]), ((2e-4, 1e-5, 1.06), [])):
+        fitter, _, base, _, found, revised = fitted(dropped(*case), "linear_drag", "camera_scale")
+        assert [t.mechanism for t in apparatus_beside(found, revised, base, fitter)] == expected
+        assert apparatus_beside(found[:1], revised, base, fitter) == []
 
 
 def test_a_joint_that_does_not_drag_gets_no_entry():

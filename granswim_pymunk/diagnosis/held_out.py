@@ -225,14 +225,14 @@ def held_out_errors(
 DRAWS = 6  # of numbers and starts, whose spread is followed
 
 
-def can_be_followed(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> bool:
-    """Whether a run goes on into the held-out frames of a recording of several segments with less than the noise.
+def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> float:
+    """Mean square, over the noise, of what a fit leaves open where a run goes on into the held-out frames.
 
-    What the numbers and starts of a fit leave open, drawn from their covariance (J'J)^-1, is run on: rms over the
-    noise it stays below one where a ball bounces, and grows far beyond it where disks scatter one another.
+    Numbers and starts drawn from their covariance (J'J)^-1 are run on. Below one the run can be followed, as where a
+    ball bounces; where disks scatter one another it grows far beyond. Infinite where nothing can be said.
     """
     if case.held_out or not case.scored.any() or case.name not in fit.jacobian:
-        return False
+        return math.inf
     fitter = Fitter([case], predictor, {case.name: case.training})
     fitter.segments = {case.name: fit.segments[case.name]}
     p = len(fit.values)
@@ -249,9 +249,8 @@ def can_be_followed(fit: Fit, case: Case, predictor: Predictor, rng: np.random.G
             drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})
             runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
     except Failed:
-        return False
-    away = (np.array(runs[1:]) - runs[0]) / case.sigma
-    return bool(np.nanmean(away**2) < 1.0)
+        return math.inf
+    return float(np.nanmean(((np.array(runs[1:]) - runs[0]) / case.sigma) ** 2))
 
 
 def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:

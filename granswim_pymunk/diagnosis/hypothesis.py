@@ -252,9 +252,13 @@ class Predictor:
         """As ``run``, by a simulation."""
         starts, numbers, t0 = begin.starts, begin.numbers, begin.t0
         following, spin = begin.following, begin.spin
-        scene, camera = hypothesis.scene(case, values)
-        offset = float(camera["time_offset"])
-        placed = states(starts, numbers, scene, t0 + offset)
+        try:
+            scene, camera = hypothesis.scene(case, values)
+            offset = float(camera["time_offset"])
+            placed = states(starts, numbers, scene, t0 + offset)
+        except InputError as error:  # numbers that a search tried and no law takes
+            self.failures.append(f"{case.name}: {error}")
+            raise Failed(str(error)) from None
         self.runs += 1
         # angles of hinged bodies follow from the places of those that they hang from
         rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]

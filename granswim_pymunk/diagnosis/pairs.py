@@ -28,6 +28,7 @@ PAIRS = 6  # that are refitted, of each way to look for them
 FIRSTS = 8  # laws beside which a second one is looked for,
 VARIANTS = 2  # so many of one name
 PUSHES = ("push", "medium")  # roles
+FEW_NUMBERS = 2  # a strength and a shape: laws of so many stay open where something else is wrong, too
 ROUNDS = 2  # in which one of two laws may be exchanged
 
 
@@ -172,7 +173,7 @@ def _one_more(
     # where something else is wrong too, a law with many numbers fits whatever that is
     spread = spread_of(revised, training)
     most = max(t.numbers for t in found)
-    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= most]
+    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= max(most, FEW_NUMBERS)]
     order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     trials = []
@@ -276,7 +277,7 @@ def _from_the_first_third(
         names = (a.term.mechanism, b.term.mechanism)
         if extra <= 20 or len(tried) == PAIRS:
             return
-        if names not in tried:  # the best of their variants comes first
+        if names not in tried and not any_field(a.term, b.term, terms):  # the best of their variants comes first
             tried.add(names)
             hypothesis = base.hypothesis.with_term(a.term, b.term)
             yield a, b, fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)

@@ -16,7 +16,7 @@ from .data import Case
 from .fit import Fit, Fitter, project
 from .hypothesis import Term
 from .intervals import with_believed_errors
-from .name import Trial, spread_of
+from .name import Trial, is_apparatus, spread_of
 from .signatures import columns_of, make_bank
 
 REFIT = 30  # evaluations of a fit that begins where another ended
@@ -148,6 +148,26 @@ def that_earn_their_place(
         gain = recalibrated.chi2 - fit.chi2
         found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
     return found, revised, dropped
+
+
+def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> list[Trial]:
+    """Faults of the apparatus beside laws that explain as much as a name has to without them.
+
+    A scale, a tilt or a lens maps the picture smoothly, and so takes a part of any smooth remainder of a few tracks:
+    where it leaves more than noise it is a term of a series, not a fault that was found. None where it leads itself.
+    """
+    faults = [t for t in found if is_apparatus(t)]
+    laws = [t for t in found if not is_apparatus(t)]
+    if not faults or not laws:
+        return []
+    first = len(recalibrated.values)
+    rows = rows_of(found, first)
+    kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not is_apparatus(t)]
+    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in laws))
+    begin = np.concatenate([revised.values[:first], *kept])
+    alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=REFIT)
+    share = (recalibrated.chi2 - alone.chi2) / max(recalibrated.chi2 - revised.chi2, 1e-300)
+    return faults if share >= current().verdict.share else []
 
 
 def within_belief(

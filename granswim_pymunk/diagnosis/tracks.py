@@ -43,7 +43,7 @@ from .experiment import propose
 from .fit import Fit, Fitter, joined
 from .held_out import (
     Errors,
-    can_be_followed,
+    carried_on,
     held_out_errors,
     learn_memory,
     meets_when_scored,
@@ -59,14 +59,16 @@ from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_c
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
 from .score_test import chance_of_more
-from .settle import in_names_of_apparatus, that_earn_their_place, within_belief
+from .settle import apparatus_beside, in_names_of_apparatus, that_earn_their_place, within_belief
 from .signatures import Bank, make_bank
 from .steps import HALVINGS, SHIFT, shifts, time_steps
 from .verdict import Told, revised_scene, used
 from .whom import whom
 
 FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
+BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
+WITHIN = 3.84  # of its expected square, what one number may show by chance in one of twenty
 BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
 FAR_BEYOND = 1.5  # times the noise floor that a held-out error is said to remain
 
@@ -170,7 +172,8 @@ class Tracks(ObservationModel):
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
         self.right = np.zeros(0)
-        self.followed: set[str] = set()  # recordings with impacts that a run goes on through
+        # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
+        self.followed: dict[str, float] = {}
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
 
@@ -279,6 +282,12 @@ class Tracks(ObservationModel):
             named = Claim(tuple(alike), fit).label
             self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
             laws = tuple(t for t in laws if not any(t is a for a in alike))
+        plain = self.tried.recalibrated
+        idle = [] if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, self.fitter)
+        if idle:
+            named = Claim(tuple(idle), fit).label
+            self.notes.append(f"{named}, in the revised scene, is not named: {BENDS_AS_WELL}")
+            laws = tuple(t for t in laws if not any(t is a for a in idle))
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
@@ -292,7 +301,8 @@ class Tracks(ObservationModel):
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
         cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
-        self.followed = {c.name for c in cut if can_be_followed(revised, c, study.predictor, study.rng)}
+        spreads = {c.name: carried_on(revised, c, study.predictor, study.rng) for c in cut}
+        self.followed = {name: spread for name, spread in spreads.items() if spread < 1.0}
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
@@ -304,6 +314,8 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
+            if outcome == "fails" and self._by_its_start():
+                outcome = "undecided"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
             for part, floor in zip((self.train, self.held), self.floor, strict=True)
@@ -311,6 +323,18 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+        )  # fmt: skip
+
+    def _by_its_start(self) -> bool:
+        """Whether runs that go on through impacts are worse by no more than the start of one such run is unsure.
+
+        All frames of it are off together: there is one number of evidence, however many blocks of them are compared.
+        """
+        before, after = (self.held[name].scored or {} for name in ("recalibrated", "revised"))
+        worse = {n: float(np.nansum(after[n] ** 2 - before[n] ** 2)) for n in after if n in before}
+        count = {n: int(np.isfinite(after[n]).sum()) for n in worse}
+        return all(
+            worse[n] <= (WITHIN * self.followed[n] * count[n] if n in self.followed else 0.0) for n in worse
         )  # fmt: skip
 
     def _held_out(self, fit: Fit, whole: bool = True) -> Errors:

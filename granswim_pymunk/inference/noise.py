@@ -368,7 +368,9 @@ def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCri
 def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np.ndarray:
     """|value - line through the k frames before it| over its standard deviation, NaN for the first k.
 
-    The line's own curvature is allowed for by what lines leave among these frames.
+    The line's own curvature is allowed for by what lines leave among these frames. A frame among them that is itself
+    far off the line through the others is left out, or it would hide one that is no position: not the nearest, which
+    may have been struck with the one that is looked at.
     """
     result = np.full(len(t), np.nan)
     if len(t) <= k:
@@ -376,6 +378,27 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
     window = np.lib.stride_tricks.sliding_window_view
     s, v = window(t, k)[:-1], window(values, k)[:-1]
     at, value = t[k:], values[k:]
+    off, own = _off_line(s, v, at, value, sigma)
+    for j in range(k - 1):
+        others = [m for m in range(k) if m != j]
+        alone, less = _off_line(s[:, others], v[:, others], at, value, sigma)
+        hidden = own > HIDES**2 * less
+        off, own = np.where(hidden, alone, off), np.where(hidden, less, own)
+    result[k:] = off
+    return result
+
+
+HIDES = 6.0  # times what the other frames leave of a line, from which a frame among them is no position itself
+
+
+def _off_line(
+    s: np.ndarray, v: np.ndarray, at: np.ndarray, value: np.ndarray, sigma: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """|value (n,) - line through v (n, k) at s (n, k), followed to ``at`` (n,)| over its standard deviation.
+
+    Also the variance that lines leave among the frames themselves, at least that of the noise.
+    """
+    k = s.shape[1]
     mean_s, mean_v = s.mean(axis=1, keepdims=True), v.mean(axis=1, keepdims=True)
     power = np.sum((s - mean_s) ** 2, axis=1)
     slope = np.sum((s - mean_s) * (v - mean_v), axis=1) / power
@@ -383,5 +406,4 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
     left = v - mean_v - slope[:, None] * (s - mean_s)
     own = np.maximum(np.sum(left**2, axis=1) / max(k - 2, 1), sigma**2)
     spread = np.sqrt(own * (1 + 1 / k + lever**2 / power))
-    result[k:] = np.abs(value - mean_v[:, 0] - slope * lever) / spread
-    return result
+    return np.abs(value - mean_v[:, 0] - slope * lever) / spread, own
