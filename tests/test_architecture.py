@@ -53,6 +53,32 @@ NAMED = {
     "diagnosis.swimmer_terms": 1, "diagnosis.unseen.candidates": 3, "diagnosis.unseen.summaries": 2,
 }  # fmt: skip
 
+# numbers that stand outside inference/criteria: constants of a module, and literals that something is compared with
+# (others than 0 to 3). Some are of the arithmetic (where doubles end, a division by nearly nothing) and decide nothing
+CONSTANTS = {
+    "diagnosis.bed.candidates": 5, "diagnosis.bed.chance": 7, "diagnosis.bed.cut": 3, "diagnosis.bed.driver": 5,
+    "diagnosis.bed.experiment": 2, "diagnosis.bed.hidden": 8, "diagnosis.bed.judge": 2, "diagnosis.bed.places": 3,
+    "diagnosis.bed.plan": 3, "diagnosis.bed.search": 4, "diagnosis.bed.signatures": 5, "diagnosis.bed.starts": 6,
+    "diagnosis.bed.sums": 4, "diagnosis.bed.trial": 4, "diagnosis.bed.verdict": 1, "diagnosis.bed.weigh": 2,
+    "diagnosis.bed.windows": 5, "diagnosis.bed.work": 3, "diagnosis.hypothesis": 2, "diagnosis.innovations": 1,
+    "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.candidates": 1, "diagnosis.unseen.checks": 1,
+    "diagnosis.unseen.conclude": 2, "diagnosis.unseen.model": 4, "diagnosis.unseen.response": 2,
+    "diagnosis.unseen.runs": 8, "diagnosis.unseen.search": 7, "diagnosis.unseen.summaries": 5, "inference.noise": 1,
+    "inference.significance": 1,
+}  # fmt: skip
+LITERALS = {
+    "diagnosis.bed.candidates": 3, "diagnosis.bed.cut": 1, "diagnosis.bed.driver": 4, "diagnosis.bed.hidden": 7,
+    "diagnosis.bed.judge": 3, "diagnosis.bed.polish": 5, "diagnosis.bed.search": 8, "diagnosis.bed.signatures": 2,
+    "diagnosis.bed.starts": 4, "diagnosis.bed.sums": 1, "diagnosis.bed.trial": 2, "diagnosis.bed.weigh": 1,
+    "diagnosis.bed.windows": 3, "diagnosis.blocks": 4, "diagnosis.choose": 2, "diagnosis.data": 3,
+    "diagnosis.diagnose": 1, "diagnosis.fit": 6, "diagnosis.held_out": 3, "diagnosis.innovations": 2,
+    "diagnosis.intervals": 3, "diagnosis.name": 5, "diagnosis.nulls": 2, "diagnosis.pairs": 2,
+    "diagnosis.score_test": 1, "diagnosis.segments": 2, "diagnosis.signatures": 6, "diagnosis.solve": 3,
+    "diagnosis.start": 1, "diagnosis.tracks": 5, "diagnosis.unseen.checks": 1, "diagnosis.unseen.conclude": 5,
+    "diagnosis.unseen.model": 1, "diagnosis.unseen.response": 4, "diagnosis.unseen.runs": 2,
+    "diagnosis.unseen.search": 8, "diagnosis.unseen.summaries": 6, "inference.noise": 2,
+}  # fmt: skip
+
 
 @cache
 def modules() -> dict[str, ast.Module]:
@@ -196,7 +222,60 @@ def test_no_law_is_named_in_the_diagnosis():
     assert not more, f"declare it with the law: {more}"
 
 
-@pytest.mark.parametrize("exceptions", [LONG, WIDE, NAMED])
+def number(node: ast.expr) -> bool:
+    """Whether an expression is made of literal numbers alone."""
+    if isinstance(node, ast.UnaryOp):
+        return number(node.operand)
+    if isinstance(node, ast.BinOp):
+        return number(node.left) and number(node.right)
+    if isinstance(node, ast.Tuple | ast.List):
+        return bool(node.elts) and all(map(number, node.elts))
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+def decides(node: ast.AST) -> bool:
+    """Whether a literal in a comparison is more than the sign of something, or how many there are of it."""
+    return isinstance(node, ast.Constant) and (
+        (type(node.value) is float and node.value != 0) or (type(node.value) is int and node.value > 3)
+    )
+
+
+def constants_of(tree: ast.Module) -> int:
+    found = 0
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and number(node.value):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            found += len(target.elts) if isinstance(target, ast.Tuple) else 1
+    return found
+
+
+def literals_of(tree: ast.Module) -> int:
+    compared = [node for node in ast.walk(tree) if isinstance(node, ast.Compare)]
+    sides = [side for node in compared for side in (node.left, *node.comparators)]
+    return sum(decides(inner) for side in sides for inner in ast.walk(side))
+
+
+def test_what_decides_is_a_field_of_the_criteria():
+    here = {n: t for n, t in modules().items() if place_of(n) in ("inference", "diagnosis") and ".criteria" not in n}
+    for count, allowed in ((constants_of, CONSTANTS), (literals_of, LITERALS)):
+        more = {name: count(tree) for name, tree in here.items() if count(tree) > allowed.get(name, 0)}
+        assert not more, f"make it a field of inference/criteria: {more}"
+
+
+def test_every_criterion_says_what_it_means():
+    """Each field stands in the docstring of its class, before a colon or in quotation marks of its own."""
+    for name, tree in modules().items():
+        for node in tree.body if ".criteria." in name else ():
+            if isinstance(node, ast.ClassDef):
+                text = ast.get_docstring(node) or ""
+                for line in node.body:
+                    if isinstance(line, ast.AnnAssign):
+                        field = ast.unparse(line.target)
+                        said = re.search(rf"\b{field}\b(``)?( \[[^\]]+\])? ?:|``{field}``", text)
+                        assert said, f"{name}.{node.name}.{field} is not explained"
+
+
+@pytest.mark.parametrize("exceptions", [LONG, WIDE, NAMED, CONSTANTS, LITERALS])
 def test_exceptions_are_about_what_is_there(exceptions):
     there = {name for name, _ in functions()} | set(modules())
     assert set(exceptions) <= there

@@ -31,6 +31,7 @@ from granswim_pymunk.inference.noise import (
     whitened,
 )
 from granswim_pymunk.inference.significance import after_looks
+from granswim_pymunk.inference.threads import ContextPool
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
@@ -372,3 +373,9 @@ def test_a_form_that_could_not_be_run_is_no_better_explanation():
     before = Scores({(0, "a", 0): 900.0, (0, "b", 0): 900.0}, {(0, "a", 0): 100, (0, "b", 0): 100}, {}, floor)
     failed = explained(Scores({}, {}, {}, np.zeros((60, 0)), ("r: a body escaped",)), before, rng)
     assert not failed.sure and accepted(share(0.9), [failed], 0.0)[0]
+
+
+def test_criteria_decide_in_the_threads_of_a_diagnosis_too():
+    strict = replace(DEFAULT, verdict=replace(DEFAULT.verdict, share=0.8))
+    with ContextPool(2) as pool, using(strict):
+        assert list(pool.map(lambda k: (k, current().verdict.share), range(3))) == [(0, 0.8), (1, 0.8), (2, 0.8)]

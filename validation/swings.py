@@ -21,7 +21,6 @@ from granswim_pymunk.diagnosis.data import Case, prepare
 from granswim_pymunk.diagnosis.fit import Fit, Fitter
 from granswim_pymunk.diagnosis.held_out import window_errors
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
-from granswim_pymunk.diagnosis.settle import REFIT
 from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.errors import InputError
@@ -86,7 +85,8 @@ def compared(recording: Recording, laws: dict[str, tuple[str, ...]], say: Callab
 def _fitted(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> Fit:
     scaled = [scaled_like(t, s.term) for t, s in zip(terms, make_bank(fitter, base, terms).signatures, strict=True)]
     hypothesis = base.hypothesis.with_term(*scaled)
-    return fitter.fit(hypothesis, [f.neutral for f in hypothesis.free], base.starts, evaluations=REFIT)
+    neutral = [f.neutral for f in hypothesis.free]
+    return fitter.fit(hypothesis, neutral, base.starts, evaluations=current().intervals.refit)
 
 
 def _told(errors: dict[float, float]) -> str:

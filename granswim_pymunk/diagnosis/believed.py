@@ -20,8 +20,6 @@ from .data import Case
 from .hypothesis import Free, Term
 from .segments import find_impacts
 
-FARTHEST = 6.0  # standard deviations: bounds of the search
-
 
 def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
     """A term for every radius and mass that is not known exactly, of bodies that met in what is learned from.
@@ -47,7 +45,7 @@ def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
             del errors["mass"]
         for what, error in errors.items():
             if error:
-                most = min(FARTHEST * error, 0.5)
+                most = min(current().candidates.believed * error, 0.5)
                 free = Free(f"{what}_error[{name}]", "1", -most, most, 0.0, error, where, 0.0, prior=error)
                 terms.append(Term(f"{what}_error", free.name, (free,), _Off(what, name), (name,), free.name))
     return tuple(terms)

@@ -20,8 +20,6 @@ from .fit import Fit, Fitter, project, spin_at
 from .hypothesis import Failed, Predictor
 from .segments import find_impacts, make_segments
 
-LEAST_TOLD = 0.1  # of what all data tell of a number: where the others tell less, it stays as it is
-
 
 @dataclass(frozen=True)
 class Block:
@@ -115,7 +113,7 @@ def without(fit: Fit, block: Block) -> np.ndarray:
         gradient += values.T @ fit.used(name)[keep]
     absent = np.array([f.neutral for f in free])
     size = np.sqrt(np.diag(information))
-    told = size**2 > LEAST_TOLD * np.maximum(all_told, 1e-300)
+    told = size**2 > current().blocks.told * np.maximum(all_told, 1e-300)
     if not told.any():
         return np.where(_of_time(fit), absent, fit.values)
     low, high = fit.hypothesis.bounds

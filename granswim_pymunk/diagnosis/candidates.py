@@ -25,11 +25,6 @@ from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 from .swimmer_terms import swimmer_terms
 
-TYPICAL_RADIUS = 1e-3  # m, of the bodies that typical ranges are declared for
-FEWEST_PLACES = 20  # from which the middle of a picture is told
-FARTHEST = 3.0  # of the extent of all tracks: how far from their mean the middle of a lens is looked for
-FEW = 6  # bodies that a push on a single one is looked for among
-
 
 def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
     """Mobile bodies of all recordings by id, with radius and mass: the same three are the same body."""
@@ -87,7 +82,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
             for p in fitted:
                 start = len(free)
                 inner = p.name not in law.strength
-                grown = r0 / TYPICAL_RADIUS if p.unit == "m" else 1.0
+                grown = r0 / current().candidates.radius if p.unit == "m" else 1.0
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = 0.1 * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
@@ -293,7 +288,7 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
     seen = [c.recording.xy.reshape(-1, 2) for c in cases]
     places = np.concatenate(seen) if seen else np.zeros((0, 2))
     places = places[np.isfinite(places).all(axis=1)]
-    if any(c.recording.scene.periodic_x for c in cases) or len(places) < FEWEST_PLACES:
+    if any(c.recording.scene.periodic_x for c in cases) or len(places) < current().candidates.places:
         return []
     middle = places.mean(axis=0)
     away = np.hypot(*(places - middle).T)
@@ -305,15 +300,12 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
         about = tuple(map(float, values[1:])) if len(values) > 1 else tuple(map(float, middle))
         return scene, {**camera, "distortion": float(values[0]), "middle": about}
 
-    most = current().verdict.scale_off / extent**2
+    most, far = current().verdict.scale_off / extent**2, current().candidates.farthest * extent
     k = Free("camera.distortion", "1/m^2", -most, most, 0.0, 1e-3 / extent**2)
     o = [
-        Free(
-            f"camera.middle_{axis}", "m", m - FARTHEST * extent, m + FARTHEST * extent, m, 0.1 * extent, None, m,
-            inner=True,
-        )
+        Free(f"camera.middle_{axis}", "m", m - far, m + far, m, 0.1 * extent, None, m, inner=True)
         for axis, m in zip("xy", map(float, middle), strict=True)
-    ]  # fmt: skip
+    ]
     name, expression = "lens_distortion", "seen = o + (true - o)(1 + k |true - o|^2)"
     fixed = {"o": ([float(m) for m in middle], "m")}
     both = (("k", (0,)), ("o", (1, 2)))
@@ -413,7 +405,8 @@ def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
     terms = []
     for together in law_terms(law, cases, each=True):
         names = owners(together)
-        alone = [(name, for_bodies(together, [name])) for name in names if 1 < len(names) <= FEW]
+        single = 1 < len(names) <= current().candidates.single
+        alone = [(name, for_bodies(together, [name])) for name in names if single]
         terms += [replace(found[0], label=f"{law.mechanism} on {name}") for name, found in alone if found is not None]
     return terms
 

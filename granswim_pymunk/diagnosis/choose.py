@@ -16,10 +16,6 @@ from .data import Case
 from .fit import Fit, Fitter
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
-SIMPLER = 1e-3  # how improbable the gain of further numbers must be by chance before the richer law is named
-POOR = 0.03  # share of the misfit (in chi2, inside the training part) left by one law, above which two are looked for
-REPLICATES = 299
-
 
 def score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[Trial]:
     """Inner scores of the trials that are near the best; the others keep an infinite one."""
@@ -29,7 +25,7 @@ def score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[T
     result = []
     for t in trials:
         assert t.fit is not None
-        if t.gain >= 0.5 * best and t.gain > 0:
+        if t.gain >= current().refits.inner_scored * best and t.gain > 0:
             score, _ = inner.score(t.fit)
             t = replace(t, inner=score)
         result.append(t)
@@ -62,7 +58,7 @@ def absurd(trial: Trial, spread: float = 1.0) -> str:
         for bound in (free.low, free.high):
             if math.isfinite(bound) and bound != free.neutral and not free.natural:
                 room = abs(bound - free.neutral)
-                if abs(value - bound) < 1e-3 * room:
+                if abs(value - bound) < current().verdict.at_bound * room:
                     return f"{free.name} ends at {bound:g}, where its search ends"
     return ""
 
@@ -75,30 +71,31 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     one with fewest numbers, apparatus before physics, and a law on all bodies before the same law on one of them,
     which had as many chances as there are bodies.
     """
-    trials = [t for t in trials if worth(t, spread) > 8 and t.inner < base_inner and not absurd(t)]
+    verdict, sets = current().verdict, current().sets
+    trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
     if not trials:
         return None
     if spread <= 1.0:
         best = max(trials, key=lambda t: worth(t, spread))
-        same = [t for t in trials if worth(best, spread) - worth(t, spread) < current().verdict.same]
+        same = [t for t in trials if worth(best, spread) - worth(t, spread) < verdict.same]
         # the best of several richer laws gains by chance more than one of them would
         for t in trials:
             extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
-            if extra > 0 and best.holds(t, current().verdict.same * spread) and ahead < stats.chi2.isf(SIMPLER, extra):
+            if extra > 0 and best.holds(t, verdict.same * spread) and ahead < stats.chi2.isf(verdict.simpler, extra):
                 same.append(t)
     else:
-        near = [t for t in trials if worth(t, spread) > 0.5 * max(worth(u, spread) for u in trials)]
+        near = [t for t in trials if worth(t, spread) > sets.near_best * max(worth(u, spread) for u in trials)]
         best = min(near, key=lambda t: t.inner)
-        same = [t for t in near if t.inner < 1.02 * best.inner]
+        same = [t for t in near if t.inner < sets.same_score * best.inner]
     # a law whose further numbers are compatible with none gives way to what it is then (a stream at rest is a drag)
     plain = special_cases(best.mechanism)
     same += [
         t for t in trials
         if t.mechanism in plain and t.used < best.used
-        and (best.gain - t.gain) / max(spread, 1.0) < stats.chi2.isf(0.05, best.used - t.used)
+        and (best.gain - t.gain) / max(spread, 1.0) < stats.chi2.isf(verdict.absent, best.used - t.used)
     ]  # fmt: skip
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
-    same += [t for t in trials if t.used < best.used and _excess(t) < 2 * _excess(best)]
+    same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
     forms = [t.term for t in same]
     chosen = min(same, key=lambda t: (t.used, not is_apparatus(t), is_part(t.term, forms), -t.gain))
     return of_the_apparatus(chosen, trials, spread)
@@ -138,9 +135,9 @@ def prune(
         split = InnerSplit.make(mine, fitter.predictor, fitter.stop)
         without, _ = split.score(base_fit)
         with_, _ = split.score(with_law)
-        if gain < 10:
+        if gain < current().sets.entry:
             dropped[owner] = f"its own data gain only {gain:.1f} in chi2 (over their spread)"
-        elif gain < 40 and not with_ < without:
+        elif gain < current().sets.entry_sure and not with_ < without:
             dropped[owner] = "its own data gain little, and are not predicted better with it"
         elif _one_camera_will_do(chosen, owner, base, fitter, own_spread):
             dropped[owner] = "one camera scale for all recordings explains its data as well"
@@ -223,9 +220,9 @@ def rivals_of(found: list[Trial], alive: list[Trial], spread: float) -> list[tup
     for t in sorted(alive, key=lambda t: -t.gain):
         if t.mechanism in seen or t.fit is None or winner.fit is None:
             continue
-        if t.gain < 0.2 * winner.gain:
+        if t.gain < current().verdict.rival * winner.gain:
             continue
         seen.add(t.mechanism)
         same = worth(winner, spread) - worth(t, spread) < current().verdict.same
         result.append((t, bool(same)))
-    return result[:8]
+    return result[: current().verdict.rivals]

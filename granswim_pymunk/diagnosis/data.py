@@ -16,11 +16,6 @@ from ..inference.noise import Noise, coloured, outliers, slopes, timing, whitene
 from ..joints import hinged
 from ..recording import Recording
 
-TRAINING_SHARE = 0.6  # of the time, where single recordings are split
-MANY_FRAMES = 40  # of a channel, from which its noise can be told
-LEAST_TOLD = 150  # sightings in all, from which a stated noise can be refuted
-START_SHARE = 0.2  # of a held-out recording, on which its start is fitted
-
 
 @dataclass(frozen=True)
 class Channel:
@@ -189,10 +184,10 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
     begin, end = float(t[0]), float(t[-1])
-    before = t <= begin + TRAINING_SHARE * (end - begin)
+    before = t <= begin + current().split.training * (end - begin)
     nothing = np.zeros(len(t), dtype=bool)
     if held_out:
-        start = t <= begin + START_SHARE * (end - begin)
+        start = t <= begin + current().split.start * (end - begin)
         training, scored = nothing, ~start
     elif split:
         training, start, scored = before, before, ~before
@@ -261,12 +256,12 @@ def _weighed_noise(
         ratios, told = [], 0
         for c, channel in enumerate(channels):
             seen = np.isfinite(values[:, c])
-            if channel.kind in kinds and seen.sum() >= MANY_FRAMES:
+            if channel.kind in kinds and seen.sum() >= current().noise.frames:
                 estimate = estimate_noise(t[seen], values[seen, c])
                 if estimate > 0:
                     ratios.append(np.log(estimate / sigmas[c]))
                     told += int(seen.sum())
-        if not ratios or told < LEAST_TOLD:
+        if not ratios or told < current().noise.frames_in_all:
             continue
         off = float(np.median(ratios))
         if abs(off) > current().noise.stated_off:
@@ -339,11 +334,11 @@ def _check_enough(case: Case) -> None:
     if measured >= needed:
         return
     if case.held_out:
-        part, why = f"first {START_SHARE:.0%}", "its start is fitted on these frames alone"
+        part, why = f"first {current().split.start:.0%}", "its start is fitted on these frames alone"
     elif frames.all():
         part, why = "100 %", "they say nothing beyond it"
     else:
-        part, why = f"first {TRAINING_SHARE:.0%}", "they say nothing beyond it, and the rest is held out"
+        part, why = f"first {current().split.training:.0%}", "they say nothing beyond it, and the rest is held out"
     raise InputError(
         f"the {part} of its time ({case.t[0]:.6g} to {case.t[frames][-1]:.6g} s) have {int(frames.sum())} frames with "
         f"{measured} measured numbers, and the start alone has {of_start}: {why}. Are all time stamps right?",

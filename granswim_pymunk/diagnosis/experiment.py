@@ -75,7 +75,7 @@ def propose(
         except Failed:
             continue
         d = float(np.sqrt(total))
-        if best is None or d > 1.1 * best.d_prime:
+        if best is None or d > current().verdict.further * best.d_prime:
             best = Proposal(text, names, d)
     if best is not None and best.d_prime >= current().verdict.decides:
         return best

@@ -7,8 +7,6 @@ import math
 import os
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import Context, copy_context
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -18,21 +16,19 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 from ..inference.criteria import SegmentCriteria, current
+from ..inference.threads import ContextPool
 from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
 from .segments import Segment, cut_by_growth, limits_of, make_segments
 from .solve import Blocks, Secant, descend
 from .start import StartBody, first_numbers, number_scales
 
-_POOL = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
+_POOL = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
-_FITS = ThreadPoolExecutor(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
-ROUGH = 1e-3  # of chi2: a fall at which a fit ends that only leads to another one
-FINE = 0.01  # of the mean square of the residuals, the same for one that counts
+_FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
 
 Found = TypeVar("Found")
 COUPLED = ("hinge", "rod", "pin", "spring")  # two of them and more in one scene may swing chaotically
-HOPELESS = 1e6  # innovation of a run that failed, in standard deviations: the step is taken back
 
 
 @dataclass(frozen=True)
@@ -132,9 +128,6 @@ def weight_roots(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.minimum(1.0, _limits(steps, limit) / size)))
 
 
-TIGHTER = (0.2, 0.04, 0.008)  # of the spread of steps at impacts, tried in turn once a law is found
-
-
 def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     """The fit again with segments that join more closely at impacts, at last as one, as far as the recordings allow.
 
@@ -145,9 +138,9 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     """
     ties = sum(int(np.isfinite(s.limit).sum()) for c in fit.segments.values() for s in c)
     level = max(fit.chi2 / max(fit.count, 1), 1.0)
-    allowed = level * float(stats.chi2.isf(0.05, max(ties, 1)))
+    allowed = level * float(stats.chi2.isf(current().segments.joins, max(ties, 1)))
     loose = fit
-    for share in TIGHTER if ties else ():
+    for share in current().segments.tighter if ties else ():
         closer = fitter.tightened(share)
         again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=12)
         if again.chi2 - fit.chi2 > allowed:
@@ -159,7 +152,7 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     ends = [one.fit_from(begin) for begin in ((fit,) if fit is loose else (fit, loose))]
     whole = min(ends, key=lambda f: f.chi2)
     spread = np.sqrt(np.diag(whole.covariance) * level)
-    same = all((np.abs(f.values - whole.values) <= SAME * spread).all() for f in ends)
+    same = all((np.abs(f.values - whole.values) <= current().segments.same_valley * spread).all() for f in ends)
     if not same or whole.chi2 - fit.chi2 > allowed:
         return fitter, fit
     if not ties:
@@ -169,9 +162,6 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
 
 
-SAME = 0.2  # standard errors that two searches may end apart in one valley
-
-
 def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> list[Found]:
     """What each job makes of a fitter of its own, in their order; no bit of it hangs on how many run at a time."""
     gone = threading.Event()
@@ -179,13 +169,13 @@ def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> l
     def stop() -> bool:
         return gone.is_set() or fitter.stop()
 
-    def done(job: Callable[[Fitter], Found], context: Context) -> Found:
+    def done(job: Callable[[Fitter], Found]) -> Found:
         own = fitter.apart()
         own.stop = stop
-        return context.run(job, own)
+        return job(own)
 
     try:
-        return list(_FITS.map(done, jobs, [copy_context() for _ in jobs]))
+        return list(_FITS.map(done, jobs))
     finally:
         gone.set()  # whoever waits no longer, as at Ctrl-C, does not wait for the fits that are under way
 
@@ -346,8 +336,8 @@ class Fitter:
                 part.spin,
             )  # fmt: skip
         except Failed:
-            lost = nothing if after is None else np.full(after[1].size, HOPELESS)
-            return _Run(part, np.where(np.isfinite(seen), HOPELESS, np.nan), lost, None)
+            lost = nothing if after is None else np.full(after[1].size, current().fits.hopeless)
+            return _Run(part, np.where(np.isfinite(seen), current().fits.hopeless, np.nan), lost, None)
         innovations = case.white((seen - predicted) / case.sigma, part.frames)
         if case.name in self.weights:
             innovations = innovations * self.weights[case.name][part.frames, None]
@@ -422,7 +412,7 @@ class Fitter:
     @property
     def of_many_numbers(self) -> bool:
         """Whether most derivatives are by starts, so that those of a fit nearby save most of the runs."""
-        return max(len(self.first_numbers(c.name)) for c in self.cases) >= MANY_OWN
+        return max(len(self.first_numbers(c.name)) for c in self.cases) >= current().fits.own
 
     @property
     def segmented(self) -> bool:
@@ -642,6 +632,7 @@ class Fitter:
 
         rough = self.rough or share < 1.0
         z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
+        fall = current().fits.rough if rough else max(current().fits.fine / rows[-1], 1e-7)
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
         try:
@@ -649,7 +640,7 @@ class Fitter:
             with np.errstate(all="ignore"):
                 end = least_squares(
                     residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
-                    max_nfev=evaluations, xtol=1e-6, ftol=ROUGH if rough else max(FINE / rows[-1], 1e-7), gtol=1e-9,
+                    max_nfev=evaluations, xtol=1e-6, ftol=fall, gtol=1e-9,
                 ).x  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
@@ -941,10 +932,6 @@ class Slow:
         return self.by_start.shape == (n, len(numbers)) and self.by_believed.shape == (n, len(believed))
 
 
-MANY_OWN = 8  # numbers of the starts of a recording: two free bodies
-MANY = 60  # numbers of starts from which their normal equations stand in for singular values
-
-
 def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:
     """(p, p) of the values, the starts projected out."""
     information = np.zeros((p, p))
@@ -962,7 +949,7 @@ def basis(columns: np.ndarray) -> np.ndarray:
     columns = columns[:, size > 0] / size[size > 0]
     if columns.shape[1] == 0:
         return columns
-    if columns.shape[1] > MANY:
+    if columns.shape[1] > current().fits.many:
         # many starts hardly depend on one another: the roots of their normal equations do
         values, vectors = np.linalg.eigh(columns.T @ columns)
         kept = values > 1e-10 * values[-1]
@@ -973,7 +960,7 @@ def basis(columns: np.ndarray) -> np.ndarray:
 
 def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Projection of ``vectors`` (n, m) on the span of ``columns`` (n, k)."""
-    if columns.shape[1] > MANY:
+    if columns.shape[1] > current().fits.many:
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > 0] / size[size > 0]
         values, turned = np.linalg.eigh(columns.T @ columns)

@@ -13,7 +13,7 @@ from ..inference.criteria import current
 from ..inference.judge import paired
 from ..scene import Scene
 from .blocks import cut
-from .data import START_SHARE, Case
+from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Failed, Hypothesis, Predictor, Term
 from .segments import find_impacts, make_segments
@@ -43,9 +43,6 @@ class Errors:
         return float(sum(np.nansum(e**2) for e in (self.scored or {}).values()))
 
 
-PAIRED = 8  # blocks that the held-out frames of a recording are cut into, for each body
-
-
 def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> str:
     """Whether held-out data are predicted better: by a bootstrap of blocks of frames, see ``paired``."""
     blocks: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
@@ -55,7 +52,7 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
             continue
         for c in range(first.shape[1]):
             rows = np.flatnonzero(np.isfinite(first[:, c]) & np.isfinite(second[:, c]))
-            for part in np.array_split(rows, PAIRED):
+            for part in np.array_split(rows, current().blocks.held_out):
                 if len(part):
                     blocks[0].append(first[part, c] ** 2)
                     blocks[1].append(second[part, c] ** 2)
@@ -114,9 +111,6 @@ def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
     return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
 
 
-MEMORIES = (np.inf, 0.5, 0.25, 0.12)  # of a start estimate, in parts of the frames it is made from
-
-
 def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
     """Weights (T,) of frames that fade into the past: exp(-(t_last - t)/(memory * span)).
 
@@ -135,12 +129,12 @@ def learn_memory(
 ) -> float:
     """The memory that predicts whole training recordings best from their first 20 %."""
     best, least = np.inf, np.inf
-    for memory in MEMORIES:
+    for memory in current().left.memories:
         squares = 0.0
         for case in cases:
             if case.held_out or not case.training.all():
                 continue
-            first = case.t <= case.t[0] + START_SHARE * (case.t[-1] - case.t[0])
+            first = case.t <= case.t[0] + current().split.start * (case.t[-1] - case.t[0])
             weights = {case.name: fading(case, first, memory)}
             fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
             try:
@@ -222,9 +216,6 @@ def held_out_errors(
     )  # fmt: skip
 
 
-DRAWS = 6  # of numbers and starts, whose spread is followed
-
-
 def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> float:
     """Mean square, over the noise, of what a fit leaves open where a run goes on into the held-out frames.
 
@@ -243,7 +234,7 @@ def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Genera
     low, high = fit.hypothesis.bounds
     try:
         runs = [fitter.predict(fit, case, case.scored)[case.scored]]
-        for _ in range(DRAWS):
+        for _ in range(current().left.starts):
             off = turned @ (rng.normal(size=len(told)) / np.sqrt(told)) / size
             values = np.clip(fit.values + off[:p], low, high)
             drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})

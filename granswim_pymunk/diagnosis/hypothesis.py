@@ -15,6 +15,7 @@ import numpy as np
 
 from ..engine import Simulation
 from ..errors import InputError, SimulationError
+from ..inference.criteria import current
 from ..joints import hinged
 from ..laws import has_role
 from ..recording.camera import see
@@ -167,7 +168,6 @@ def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> s
     return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
-STRETCH = 5.0  # times the finest step, how long one may be where no disks are near each other
 ESCAPED = 1e9  # m: squares of what is farther off may overflow
 
 
@@ -310,7 +310,7 @@ class Predictor:
             last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
             return last.simulation
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
-        simulation = Simulation(whole, averaged=True, stretch=STRETCH)
+        simulation = Simulation(whole, averaged=True, stretch=current().fits.stretch)
         last.key = None
         if simulation.mode == "verlet":
             last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation

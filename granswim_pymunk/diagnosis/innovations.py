@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ..inference.criteria import current
 from ..inference.noise import Noise, Seen, slow_part
 from ..inference.significance import after_looks, normal_score
 from ..joints import arm_of
@@ -104,7 +105,7 @@ def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
     dof = max(fit.count - free, 1)
     memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases, white=True)] or [1.0]))
     size = fit.chi2 / dof
-    if size < 1 + 4 * math.sqrt(2 / dof) and memory < 1.5:
+    if size < 1 + current().noise.inflated * math.sqrt(2 / dof) and memory < current().noise.remembers:
         return 1.0
     return max(1.0, size) * max(1.0, memory)
 
@@ -186,7 +187,7 @@ def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
         until = gaps[: np.flatnonzero(part)[-1] + 1]
         # touching within the noise of the two positions
         noise = float(max((s for s, c in zip(case.sigma, case.channels, strict=True) if c.body == body), default=0.0))
-        result["before_contact"] = bool(np.nanmin(until) > 4 * noise)
+        result["before_contact"] = bool(np.nanmin(until) > current().left.touching * noise)
     for axis, name in enumerate("xy"):
         column = xy[:, axis]
         if np.isfinite(column).any():
@@ -243,10 +244,11 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
         worst = max(rows, key=lambda r: r["z"])
         p_one = float(stats.chi2.sf(worst["chi2"], worst["dof"]))
         z, p = after_looks(min(p_all, p_one), looked)
-        if p > 0.01:
+        if p > current().left.places:
             continue
         # all windows that are bad by themselves, else the worst
-        bad = [r for r in rows if stats.chi2.sf(r["chi2"], r["dof"]) * looked < 0.05] or [worst]
+        level = current().left.windows
+        bad = [r for r in rows if stats.chi2.sf(r["chi2"], r["dof"]) * looked < level] or [worst]
         span = {
             key: (min(r[key][0] for r in bad if r[key]), max(r[key][1] for r in bad if r[key]))
             if any(r[key] for r in bad)

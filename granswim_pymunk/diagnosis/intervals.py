@@ -14,19 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..inference.criteria import current
 from .data import Case
 from .fit import Fit, Fitter, information_of, project
-
-ALONE = 1e-3  # share of its information that a number keeps beside the others, below which it is not known alone
-LEVEL = 3.84  # rise of chi2 at the ends of 95 %
-AT_FIRST = 0.1  # of a number's distance from neutral: the longest first step along it
-GROWTH = 2.0  # of steps along a valley that were good
-MOST = 20  # steps to either side, after which there is no end but the bound
-UNLIKE = 3.0  # times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them
-OFF = 0.1  # of half an interval, by which its ends may be elsewhere and still be told by curvature
-FINE = 0.05  # of its distance, to which an end is found
-EVALUATIONS = 30
-AGAIN = 3  # fits that were not at their end are gone on with at most so often
 
 
 def with_limits(
@@ -39,14 +29,14 @@ def with_limits(
     fit = fitter.sharpened(fit)
     uneven: list[int] = []
     probes: dict[int, tuple[tuple[float, float] | None, Fit]] = {}
-    for _ in range(AGAIN):
+    for _ in range(current().intervals.again):
         probes = {k: _probe(fitter, fit, k, spread) for k in range(first, len(fit.values)) if not late()}
         uneven = [k for k, (ends, _) in probes.items() if ends is None]
         lowest = min((found for _, found in probes.values()), key=lambda f: f.chi2, default=fit)
         if lowest.chi2 > fit.chi2 - spread or late():
             break
         # the fit was not at its end yet
-        better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=EVALUATIONS)
+        better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=current().intervals.evaluations)
         fit = fitter.sharpened(min(lowest, better, key=lambda f: f.chi2))
     told = information_of(fit.jacobian, len(fit.values))
     limits = {k: ends for k, (ends, _) in probes.items() if ends is not None and _lopsided(fit, k, ends, spread)}
@@ -54,17 +44,17 @@ def with_limits(
         if k < first or late():
             continue
         free = fit.hypothesis.free[k]
-        least = AT_FIRST * (abs(float(fit.values[k]) - free.neutral) or free.scale)
+        least = current().intervals.at_first * (abs(float(fit.values[k]) - free.neutral) or free.scale)
         step = min(1.96 / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
         limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
     return replace(fit, limits=limits) if limits else fit
 
 
 def _lopsided(fit: Fit, k: int, ends: tuple[float, float], spread: float) -> bool:
-    """Whether the ends of an interval are not where its curvature puts them, by more than ``OFF`` of its half."""
+    """Whether the ends of an interval are not where its curvature puts them, by more than a part of its half."""
     half = 1.96 * math.sqrt(float(fit.covariance[k, k]) * spread)
     away = (float(fit.values[k]) - ends[0]) / half, (ends[1] - float(fit.values[k])) / half
-    return any(abs(part - 1.0) > OFF for part in away)
+    return any(abs(part - 1.0) > current().intervals.lopsided for part in away)
 
 
 def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float, float] | None, Fit]:
@@ -88,8 +78,9 @@ def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float
             continue  # it is cut there
         found = fitter.fit(fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=5)
         best = min(best, found, key=lambda f: f.chi2)
-        rise = (found.chi2 - fit.chi2) / (LEVEL * spread)
-        as_told = as_told and 1 / UNLIKE < rise < UNLIKE
+        criteria = current().intervals
+        rise = (found.chi2 - fit.chi2) / (criteria.level * spread)
+        as_told = as_told and 1 / criteria.unlike < rise < criteria.unlike
         if as_told:
             ends[-1] = float(fit.values[k] + side * away[k] / math.sqrt(rise))
     return (ends[0], ends[1]) if as_told else None, best
@@ -104,7 +95,7 @@ def unknown_alone(information: np.ndarray) -> list[int]:
     part = (information / np.outer(size, size).clip(1e-300))[np.ix_(shown, shown)]
     # of a singular matrix the inverse of what it lacks is huge
     inverse = np.linalg.inv(part + 1e-9 * np.eye(len(part)))
-    return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * ALONE > 1.0]
+    return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * current().intervals.alone > 1.0]
 
 
 def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
@@ -127,8 +118,8 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
         both = np.hstack([by_value, np.zeros((len(by_value), len(place)))])
         for key, low, high in _believed(case, fitted):
             below, above = (fitter.vector(c, fit.hypothesis, fit.values, fit.starts[case.name]) for c in (low, high))
-            # of two runs, one standard deviation times PART to either side
-            both[:, place[key]] = (below - above) / (2 * PART) * fit.roots(case.name)
+            # of two runs, so much of a standard deviation to either side
+            both[:, place[key]] = (below - above) / (2 * current().intervals.sizes) * fit.roots(case.name)
         both = both - project(by_start, both)
         told += both.T @ both / spread
     alone = np.linalg.pinv(told[:p, :p])
@@ -136,13 +127,10 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
     return replace(fit, believed=np.maximum(np.diag(whole) - np.diag(alone), 0.0))
 
 
-PART = 0.1  # of the standard deviation of a mass or radius, by which derivatives step
-
-
 def _believed(
     case: Case, fitted: Collection[str]
 ) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
-    """For each mass and radius that is not known well: whose, and the case with it smaller and larger by ``PART``.
+    """For each mass and radius that is not known well: whose, and the case with it smaller and larger by a little.
 
     A body with the same id, radius and mass in two recordings is the same body, and off by the same. What never moves
     has no mass that matters. Left out are those that are ``fitted`` (``believed.py``).
@@ -154,7 +142,7 @@ def _believed(
                 continue
             changed = []
             for side in (-1.0, 1.0):
-                factor = 1.0 + side * PART * float(error or 0.0)
+                factor = 1.0 + side * current().intervals.sizes * float(error or 0.0)
                 other = replace(body, **{kind: getattr(body, kind) * factor})
                 bodies = tuple(other if b is body else b for b in recording.scene.bodies)
                 scene = replace(recording.scene, bodies=bodies)
@@ -163,26 +151,26 @@ def _believed(
 
 
 def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: float) -> float:
-    """Where chi2, all others refitted, has risen by ``LEVEL``; the bound where it never does; ``first``: a step."""
+    """Where chi2, all others refitted, has risen to its ends; the bound where it never does; ``first``: a step."""
     free = fit.hypothesis.free[k]
     bound = free.high if side > 0 else free.low
     step, here, failed = first, fit, False
-    for _ in range(MOST):
+    for _ in range(current().intervals.most):
         at = float(here.values[k]) + side * step
         if (at - bound) * side >= 0:
             at = bound
         values = here.values.copy()
         values[k] = at
-        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=EVALUATIONS, held=(k,))
-        if found.chi2 - fit.chi2 < LEVEL * spread:
+        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=current().intervals.evaluations, held=(k,))
+        if found.chi2 - fit.chi2 < current().intervals.level * spread:
             if at == bound:
                 return bound
             here = found
-            step *= 1.0 if failed else GROWTH
+            step *= 1.0 if failed else current().intervals.growth
         else:
             # the end, or a valley that bends more than one search can follow
             failed = True
             step *= 0.5
-            if step < 0.1 * first + FINE * abs(float(here.values[k] - fit.values[k])):
+            if step < 0.1 * first + current().intervals.fine * abs(float(here.values[k] - fit.values[k])):
                 return at
     return at if failed else bound

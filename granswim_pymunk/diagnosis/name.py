@@ -10,6 +10,7 @@ from itertools import count
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..inference.criteria import current
 from ..inference.mechanisms import APPARATUS
 from ..laws import all_laws, has_role
 from .data import Case
@@ -17,14 +18,7 @@ from .fit import Fit, Fitter, side_by_side
 from .hypothesis import Predictor, Term
 from .innovations import inflation
 from .segments import find_impacts
-from .signatures import FAR, Bank, Signature
-
-LED = 0.5  # of the best gain: laws of a bent valley that come as near are searched to its end
-SHORT = 10  # evaluations of a refit where recordings are followed in segments
-NEAR = 0.1  # of the best first-order gain: where segments are short, laws below it are not refitted,
-VARIANTS = 2  # nor more than so many forms of one law
-FORESEEN = 0.5  # of the fall of chi2 that first order promises, which a good search finds
-INNER_SHARE = 0.6  # of the training frames; the rest tests the choice between candidates
+from .signatures import Bank, Signature
 
 
 @dataclass(frozen=True)
@@ -94,7 +88,7 @@ class InnerSplit:
             if not case.training.any():
                 continue
             at = np.flatnonzero(case.training)
-            cut = max(_cut_among_impacts(case, at) or int(len(at) * INNER_SHARE), min(6, len(at)))
+            cut = max(_cut_among_impacts(case, at) or int(len(at) * current().split.inner), min(6, len(at)))
             first[case.name] = np.zeros(len(case.t), dtype=bool)
             rest[case.name] = np.zeros(len(case.t), dtype=bool)
             first[case.name][at[:cut]] = True
@@ -148,8 +142,8 @@ def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
     where there are fewer than two.
     """
     met = np.unique([i.row for i in find_impacts(case) if rows[0] < i.row < rows[-1]])
-    early = min(int(np.ceil(INNER_SHARE * len(met))), len(met) - 1)
-    if early < 1 or (met > rows[int(len(rows) * INNER_SHARE)]).sum() >= len(met) - early:
+    early = min(int(np.ceil(current().split.inner * len(met))), len(met) - 1)
+    if early < 1 or (met > rows[int(len(rows) * current().split.inner)]).sum() >= len(met) - early:
         return None
     return int(np.searchsorted(rows, (met[early - 1] + met[early] + 1) // 2))
 
@@ -188,7 +182,8 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     first_will_do, evaluations, beginnings = _beginnings(base, signature.term)
     if fitter.segmented and not is_limit(signature.term):
         # over a segment the prediction is nearly linear: its first-order amount is where to begin
-        evaluations, beginnings = SHORT, beginnings[:1]
+        evaluations, beginnings = current().refits.segment_evaluations, beginnings[:1]
+    few = current().refits
     best: Fit | None = None
     for share, begin in beginnings:
         values = np.concatenate([base.values, begin])
@@ -198,9 +193,9 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
             best = found
-        if fitter.of_many_numbers and base.chi2 - found.chi2 > FORESEEN * signature.gain:
+        if fitter.of_many_numbers and base.chi2 - found.chi2 > few.foreseen * signature.gain:
             break  # as first order foresaw: gradually, from parts, nothing else is found, and many starts each time
-        if first_will_do and (found.chi2 < 0.5 * base.chi2 or base.chi2 < 1.5 * base.count):
+        if first_will_do and (found.chi2 < few.first_share * base.chi2 or base.chi2 < few.noise * base.count):
             break
     assert best is not None
     return best
@@ -223,7 +218,7 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
         # it is looked for over its range
         only = term.free[0]
         far = only.low + only.high - only.neutral
-        return False, 20, [(1.0, neutral + part * (far - neutral)) for part in (0.08, 0.2, 0.35, 0.55)]
+        return False, 20, [(1.0, neutral + part * (far - neutral)) for part in current().refits.limits]
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
     usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
     beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
@@ -232,7 +227,7 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
         part = np.array([4.0, *[0.25] * (len(first) - 1)])
         return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]
     shaped = np.array([f.inner for f in term.free])
-    if shaped.any() and base.chi2 > FAR**2 * base.count:
+    if shaped.any() and base.chi2 > current().signatures.far**2 * base.count:
         # strength and shape lie along a bent valley, and what first order says of the strength is far off
         return False, 20, [*usual, *((1.0, np.where(shaped, first, factor * first)) for factor in (20.0, 400.0))]
     return True, 8 if len(first) > 12 else 20, usual
@@ -250,11 +245,6 @@ class Heats:
     over: frozenset[int]
 
 
-HEAT = 0.35  # of the frames, over which candidates are compared first
-WON = 0.5  # of the misfit there, that the best has to take away for others to be given up; and of that, what these take
-LONG = 600  # frames, from which a first part is worth it
-
-
 def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Callable[[], bool]) -> Heats | None:
     """Fits to the first part of the recordings, None where they are short, or the scene without a candidate is near.
 
@@ -262,16 +252,18 @@ def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Call
     and the others begin on the whole from where they ended.
     """
     frames = {c.name: np.flatnonzero(fitter.frames[c.name]) for c in fitter.cases}
-    if fitter.segmented or max(map(len, frames.values())) < LONG or base.chi2 < FAR**2 * base.count:
+    refits, far = current().refits, current().signatures.far**2
+    if fitter.segmented or max(map(len, frames.values())) < refits.heat_frames or base.chi2 < far * base.count:
         return None
     parts = {c.name: np.zeros(len(c.t), dtype=bool) for c in fitter.cases}
     for name, rows in frames.items():
-        parts[name][rows[: max(int(HEAT * len(rows)), 1)]] = True
+        parts[name][rows[: max(int(current().refits.heat * len(rows)), 1)]] = True
     first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop, rough=True)
     short = first.fit(base.hypothesis, base.values, base.starts, stages=(0.3, 1.0))
-    if short.chi2 < FAR**2 * short.count:
+    if short.chi2 < far * short.count:
         return None
-    open_ = [k for k, s in enumerate(signatures) if s.surviving > 1e-3 and not is_limit(s.term)]
+    least = current().signatures.surviving
+    open_ = [k for k, s in enumerate(signatures) if s.surviving > least and not is_limit(s.term)]
 
     def fitted(k: int, own: Fitter) -> Fit | None:
         return None if late() else refit(own, short, signatures[k], (0.3, 1.0))
@@ -279,9 +271,9 @@ def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Call
     found = side_by_side(first, [partial(fitted, k) for k in open_])
     fits = {k: fit for k, fit in zip(open_, found, strict=True) if fit is not None}
     best = min((f.chi2 for f in fits.values()), default=short.chi2)
-    if short.chi2 - best < WON * short.chi2:
+    if short.chi2 - best < current().refits.heat_won * short.chi2:
         return Heats(fits, frozenset())
-    lost = {k for k, f in fits.items() if short.chi2 - f.chi2 < WON * (short.chi2 - best)}
+    lost = {k for k, f in fits.items() if short.chi2 - f.chi2 < current().refits.heat_won * (short.chi2 - best)}
     return Heats({k: f for k, f in fits.items() if k not in lost}, frozenset(lost))
 
 
@@ -326,12 +318,9 @@ def try_candidates(
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
         best = max((t.gain for t in trials), default=0.0)
-        jobs = [partial(_down_its_valley, base=base, trial=t, least=LED * best) for t in trials]
+        jobs = [partial(_down_its_valley, base=base, trial=t, least=current().refits.valley * best) for t in trials]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)
-
-
-LEADERS = 4  # laws that are fitted again from the tracks themselves
 
 
 def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages: Sequence[float]) -> list[Trial]:
@@ -341,9 +330,9 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
     first drifts as it later swims), and no step leads back from there.
     """
     trials = list(trials)
-    if not fitter.of_many_numbers or fitter.segmented or base.chi2 < FAR**2 * base.count:
+    if not fitter.of_many_numbers or fitter.segmented or base.chi2 < current().signatures.far**2 * base.count:
         return trials
-    order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][:LEADERS]
+    order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][:current().refits.leaders]
 
     def again(k: int, own: Fitter) -> Trial:
         trial = trials[k]
@@ -358,9 +347,10 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
 
 def _hopeless(fitter: Fitter, signature: Signature, most: float, variant: int, run: Heats | None, k: int) -> str:
     """Why a candidate needs no refit, empty where it does. ``variant``: which one of its form it is;  k : its place."""
-    if fitter.segmented and (signature.gain < NEAR * most or variant > VARIANTS):
+    if fitter.segmented and (signature.gain < current().refits.near * most or variant > current().refits.variants):
         return "others explain far more to first order"
-    if signature.surviving <= 1e-3 and not (is_limit(signature.term) and not signature.directions.shape[1]):
+    unseen_limit = is_limit(signature.term) and not signature.directions.shape[1]
+    if signature.surviving <= current().signatures.surviving and not unseen_limit:
         return "recalibration or the starts imitate it"
     if run is not None and k in run.over:
         return "others explain far more of the first part"
@@ -375,7 +365,7 @@ def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, li
     n = len(base.values)
     best = base
     for t in sorted(trials, key=lambda t: -t.gain)[:3]:
-        if t.fit is not None and t.gain > 8:
+        if t.fit is not None and t.gain > current().verdict.noticed:
             found = fitter.fit(base.hypothesis, t.fit.values[:n], t.fit.starts)
             best = found if found.chi2 < best.chi2 - 1.0 else best
     if best is base:

@@ -22,14 +22,7 @@ from .nulls import noise_of, search_nulls
 from .settle import rows_of
 from .signatures import Signature, make_bank
 
-NEAR_PARTNER = 0.7  # of what one of two laws explains: how much another one must, to first order, to be its rival
-PARTNERS = 4  # such rivals that are refitted
-PAIRS = 6  # that are refitted, of each way to look for them
-FIRSTS = 8  # laws beside which a second one is looked for,
-VARIANTS = 2  # so many of one name
 PUSHES = ("push", "medium")  # roles
-FEW_NUMBERS = 2  # a strength and a shape: laws of so many stay open where something else is wrong, too
-ROUNDS = 2  # in which one of two laws may be exchanged
 
 
 def second_law(
@@ -125,7 +118,7 @@ def drag_and_push(
         at = len(recalibrated.values) + sum(t.numbers for t in found[:k])
         own = zip(stream.term.free, revised.values[at : at + stream.numbers], strict=True)
         speed = [float(v) for f, v in own if f.name.split(".")[-1] in moved]
-        if not speed or math.hypot(*speed) > STILL * fastest_of(training):
+        if not speed or math.hypot(*speed) > current().sets.stream * fastest_of(training):
             continue
         others = [t for t in found if t is not stream]
         keep = [revised.values[: len(recalibrated.values)]]
@@ -155,9 +148,6 @@ def drag_and_push(
     return found, revised
 
 
-STILL = 0.15  # of the fastest body, below which a stream is rather a correction to a drag than a stream
-
-
 def _one_more(
     found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
     rng: np.random.Generator, training: Sequence[Case],
@@ -166,6 +156,7 @@ def _one_more(
 
     Also those found and their fit, which may have got free from where it was stuck.
     """
+    sets = current().sets
     nothing: tuple[list[Trial], Fit, None] = (found, revised, None)
     taken = {t.mechanism for t in found}
     rest = [t for t in terms if t.mechanism not in taken]
@@ -173,8 +164,8 @@ def _one_more(
     # where something else is wrong too, a law with many numbers fits whatever that is
     spread = spread_of(revised, training)
     most = max(t.numbers for t in found)
-    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= max(most, FEW_NUMBERS)]
-    order = sorted((s for s in open_ if s.surviving > 0.02 and s.gain / spread > 8), key=lambda s: -s.gain)[:4]
+    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= max(most, sets.numbers)]
+    order = sorted((s for s in open_ if _shows(s, spread)), key=lambda s: -s.gain)[: sets.seconds]
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     trials = []
     for signature in order:
@@ -187,13 +178,13 @@ def _one_more(
     base_inner, base_by = inner.score(revised)
     scored = []
     for t in trials:
-        if worth(t, spread) > 8:
+        if worth(t, spread) > current().verdict.noticed:
             assert t.fit is not None
             score, by_case = inner.score(t.fit)
             better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
             scored.append((replace(t, inner=score), float(better)))
     good = (
-        [t for t, better in scored if t.inner < 0.9 * base_inner and better > 0.8]
+        [t for t, better in scored if t.inner < sets.better * base_inner and better > sets.recordings]
         if spread > 1.0
         else [t for t, _ in scored if t.inner < base_inner + inner.slack]
     )
@@ -202,8 +193,8 @@ def _one_more(
         return nothing
     null = search_nulls(
         beside, noise_of(best.fit, fitter.cases, spread),
-        np.array([s.surviving > 0.02 for s in beside.signatures]),
-        best.gain, 99, rng,
+        np.array([s.surviving > current().signatures.shows for s in beside.signatures]),
+        best.gain, sets.replicates_second, rng,
     )  # fmt: skip
     if null.p > current().verdict.alarm:
         return nothing
@@ -218,6 +209,12 @@ def _one_more(
     return found, revised, best
 
 
+def _shows(signature: Signature, spread: float) -> bool:
+    """Whether a law is worth a refit beside others, to first order."""
+    criteria = current()
+    return signature.surviving > criteria.signatures.shows and signature.gain / spread > criteria.verdict.noticed
+
+
 def pair_of(
     base: Fit, fitter: Fitter, terms: Sequence[Term], alive: Sequence[Trial], inner: InnerSplit,
     inner_scores: dict[str, float], best: float, predictor: Predictor, rng: np.random.Generator,
@@ -227,6 +224,7 @@ def pair_of(
 
     ``alive``: laws fitted alone, beside which others are looked for.  ``best``: the inner score that they have to beat.
     """
+    sets = current().sets
     winner: list[Trial] = []
     begun = chain(
         _from_the_first_third(base, fitter, terms, predictor, stop), _beside_each(alive, fitter, terms, training)
@@ -234,14 +232,15 @@ def pair_of(
     for a, b, fit in begun:
         gain = base.chi2 - fit.chi2
         spread = spread_of(fit, training)
-        if gain / spread < 12 + 2 * len(fit.hypothesis.free):
+        if gain / spread < sets.both + 2 * len(fit.hypothesis.free):
             continue
         score, _ = inner.score(fit)
         # the first pair has to beat what there is by a margin, the next ones only that pair
-        if not score < (best if winner else 0.5 * best):
+        if not score < (best if winner else sets.clearly * best):
             continue
         whole = make_bank(fitter, base, [a.term, b.term])
-        null = search_nulls(whole, noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool), gain, 199, rng)
+        noise, wanted = noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool)
+        null = search_nulls(whole, noise, wanted, gain, sets.replicates_pair, rng)
         if null.p <= current().verdict.alarm:
             best = score
             winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
@@ -275,7 +274,7 @@ def _from_the_first_third(
     for extra, i, j in pair_gains(bank):
         a, b = bank.signatures[i], bank.signatures[j]
         names = (a.term.mechanism, b.term.mechanism)
-        if extra <= 20 or len(tried) == PAIRS:
+        if extra <= current().sets.together or len(tried) == current().sets.pairs:
             return
         if names not in tried and not any_field(a.term, b.term, terms):  # the best of their variants comes first
             tried.add(names)
@@ -287,9 +286,10 @@ def _beside_each(
     alive: Sequence[Trial], fitter: Fitter, terms: Sequence[Term], training: Sequence[Case]
 ) -> Iterator[tuple[Signature, Signature, Fit]]:
     """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first."""
-    firsts: list[Trial] = []
+    sets, firsts = current().sets, list[Trial]()
     for t in alive:
-        if t.fit is not None and sum(t.mechanism == f.mechanism for f in firsts) < VARIANTS and len(firsts) < FIRSTS:
+        variant = sum(t.mechanism == f.mechanism for f in firsts)
+        if t.fit is not None and variant < sets.variants and len(firsts) < sets.firsts:
             firsts.append(t)
     ranked = []
     for first in firsts:
@@ -297,12 +297,12 @@ def _beside_each(
         spread = spread_of(first.fit, training)
         others = [t for t in terms if t.mechanism != first.mechanism and not any_field(first.term, t, terms)]
         bank = make_bank(fitter, first.fit, others)
-        beside = [s for s in bank.signatures if s.surviving > 0.02 and s.gain / spread > 8]
+        beside = [s for s in bank.signatures if _shows(s, spread)]
         ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside]
     tried: set[frozenset[str]] = set()
     for _, first, second in sorted(ranked, key=lambda r: r[0]):
         names = frozenset((first.term.label, second.term.label))
-        if len(tried) == PAIRS:
+        if len(tried) == current().sets.pairs:
             return
         if names not in tried:
             tried.add(names)
@@ -398,7 +398,7 @@ def exchanges(
         others = [t for t in terms if t.mechanism not in {f.mechanism for f in found}]
         ranked = sorted(make_bank(fitter, alone, others).signatures, key=lambda s: -s.gain)
         lost = alone.chi2 - revised.chi2
-        for signature in [s for s in ranked if s.gain > NEAR_PARTNER * lost][:PARTNERS]:
+        for signature in [s for s in ranked if s.gain > current().sets.near_partner * lost][:current().sets.partners]:
             fit = refit(fitter, alone, signature, (1.0,))
             trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
@@ -415,7 +415,7 @@ def settled(
     """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
     score = inner_scores.get(label_of(*found), found[0].inner)
     others: list[Exchange] = []
-    for _ in range(ROUNDS):
+    for _ in range(current().sets.rounds):
         spread = spread_of(revised, training)
         others = exchanges(found, revised, recalibrated, fitter, terms, spread)
         open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, terms)]
@@ -438,4 +438,4 @@ def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[T
     for e in others:
         if e.ahead > -current().verdict.same:
             notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
-    return [(e.trial, e.ahead > -current().verdict.same) for e in others[:3]]
+    return [(e.trial, e.ahead > -current().verdict.same) for e in others[: current().verdict.rivals_of_pair]]

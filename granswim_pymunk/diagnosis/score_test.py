@@ -12,16 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from ..inference.noise import TRUSTED, Noise, periodogram
+from ..inference.criteria import current
+from ..inference.noise import Noise, believable, periodogram
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Term
 from .innovations import memory_of, series_of
 from .pairs import price
 from .signatures import Bank, make_bank
-
-DRAWS = 999  # of the noise
-SHOWS = 0.02  # surviving share of a signature, below which recalibration imitates its law
 
 
 def chance_of_more(fitter: Fitter, fit: Fit, terms: Sequence[Term], rng: np.random.Generator) -> float:
@@ -31,7 +29,7 @@ def chance_of_more(fitter: Fitter, fit: Fit, terms: Sequence[Term], rng: np.rand
     residuals show beside the candidate that gains most.
     """
     bank = make_bank(fitter, fit, terms)
-    shown = [s for s in bank.signatures if s.surviving > SHOWS and s.directions.shape[1]]
+    shown = [s for s in bank.signatures if s.surviving > current().signatures.shows and s.directions.shape[1]]
     if not shown:
         return 1.0
     bank = Bank(bank.fit, bank.innovations, bank.nuisance, tuple(shown))
@@ -41,9 +39,9 @@ def chance_of_more(fitter: Fitter, fit: Fit, terms: Sequence[Term], rng: np.rand
         pays = lead.gain >= price(len(shown), lead.directions.shape[1])
         noise = memory_of(fit, fitter.cases, lead.directions if pays else None)
     level, told = _white_level(fit, fitter.cases)
-    drawn = np.column_stack([_drawn(fit, fitter.cases, noise, rng) for _ in range(DRAWS)])
+    drawn = np.column_stack([_drawn(fit, fitter.cases, noise, rng) for _ in range(current().left.draws)])
     # the size of the white part is known only as well as ``told`` frequencies tell it
-    drawn *= np.sqrt(level * 2 * told / rng.chisquare(2 * told, size=DRAWS))
+    drawn *= np.sqrt(level * 2 * told / rng.chisquare(2 * told, size=current().left.draws))
     return largest_by_chance(bank, bank.innovations, drawn)
 
 
@@ -67,7 +65,7 @@ def _white_level(fit: Fit, cases: Sequence[Case]) -> tuple[float, int]:
     if not fast:
         return 1.0, 1000
     every = np.concatenate(fast)
-    return float(np.clip(every.mean(), 1 / TRUSTED**2, TRUSTED**2)), len(every)
+    return believable(every), len(every)
 
 
 def _drawn(fit: Fit, cases: Sequence[Case], noise: Noise, rng: np.random.Generator) -> np.ndarray:

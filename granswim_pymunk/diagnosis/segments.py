@@ -21,9 +21,6 @@ from ..walls import gap_to_wall
 from .data import Case
 from .start import StartBody, describe_starts, first_numbers, number_scales
 
-START_FRAMES = 24  # the least of a segment that no impact ends
-AT_ONCE = 3  # frames, within which minima of a gap are those of one meeting
-
 
 @dataclass(frozen=True)
 class Segment:
@@ -115,7 +112,7 @@ def cut_by_growth(
         mask[rows[begin:]] = True
         starts = describe_starts(case, mask)
         end = begin + _followed_for(case, rows[begin : begin + criteria.ahead], starts, follow, criteria)
-        if len(rows) - end < START_FRAMES:
+        if len(rows) - end < current().segments.start_frames:
             end = len(rows)
         mask[rows[end:]] = False
         scale = np.concatenate([np.where(s.scale > 0, s.scale, 1.0)[s.free] for s in starts])
@@ -145,7 +142,7 @@ def _followed_for(
         straight = np.maximum(straight, np.abs((ends[1] - ends[0]) / case.sigma).max(axis=1))
     # what is below the noise is no bend
     bent = np.flatnonzero((curved > criteria.bend * straight) & (curved > 1.0))
-    return max(int(bent[0]), START_FRAMES) if len(bent) else len(rows)
+    return max(int(bent[0]), current().segments.start_frames) if len(bent) else len(rows)
 
 
 def _until_met(case: Case, begin: int, impacts: Sequence[Impact]) -> Case:
@@ -313,12 +310,12 @@ def _minima(gap: np.ndarray, near: float, spread: float) -> list[tuple[int, int]
     low = (values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:]) & (values < near + between)[1:-1]
     rows: list[tuple[int, int]] = []
     for k in (1 + np.flatnonzero(low)).tolist():
-        if rows and seen[k] - rows[-1][1] <= AT_ONCE:
+        if rows and seen[k] - rows[-1][1] <= current().segments.at_once:
             last = int(np.searchsorted(seen, rows[-1][1]))
-            if values[last : k + 1].max() > max(values[last], values[k]) + 4 * spread:
+            if values[last : k + 1].max() > max(values[last], values[k]) + current().segments.risen * spread:
                 rows[-1] = (rows[-1][0], int(seen[k]))
             continue
-        if values[k] == values[max(k - AT_ONCE, 0) : k + AT_ONCE + 1].min():
+        if values[k] == values[max(k - current().segments.at_once, 0) : k + current().segments.at_once + 1].min():
             rows.append((int(seen[k]), int(seen[k])))
     return rows
 

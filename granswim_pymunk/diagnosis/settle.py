@@ -19,9 +19,6 @@ from .intervals import with_believed_errors
 from .name import Trial, is_apparatus, spread_of
 from .signatures import columns_of, make_bank
 
-REFIT = 30  # evaluations of a fit that begins where another ended
-CHANCE = 0.05  # with which numbers that are absent gain as much: what it means that a 95 % interval holds "absent"
-
 
 @dataclass(frozen=True)
 class StandIn:
@@ -107,7 +104,7 @@ def _in_place(
     begin = revised.values.copy()
     begin[rows] = np.clip(numbers + [f.neutral for f in term.free], low, high)
     hypothesis = recalibrated.hypothesis.with_term(*(term if t is found[k] else t.term for t in found))
-    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=REFIT)
+    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
     (signature,) = make_bank(fitter, recalibrated, [term]).signatures
     return Trial(replace(signature, term=term), fit, recalibrated.chi2 - fit.chi2, found[k].inner)
 
@@ -138,11 +135,10 @@ def that_earn_their_place(
             del fewer[k]
         rows = rows_of(found, first)[k]
         begin = np.delete(revised.values, [rows.start + n for n in numbers])
-        fit = fitter.fit(
-            recalibrated.hypothesis.with_term(*(t.term for t in fewer)), begin, revised.starts, evaluations=REFIT
-        )
+        hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in fewer))
+        fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
         rise = (fit.chi2 - revised.chi2) / spread_of(revised, training)
-        if rise > stats.chi2.isf(CHANCE, len(numbers)):
+        if rise > stats.chi2.isf(current().verdict.absent, len(numbers)):
             break
         dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
         gain = recalibrated.chi2 - fit.chi2
@@ -165,7 +161,7 @@ def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fi
     kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not is_apparatus(t)]
     hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in laws))
     begin = np.concatenate([revised.values[:first], *kept])
-    alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=REFIT)
+    alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
     share = (recalibrated.chi2 - alone.chi2) / max(recalibrated.chi2 - revised.chi2, 1e-300)
     return faults if share >= current().verdict.share else []
 
@@ -204,6 +200,6 @@ def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tup
                 if not free.inner:
                     error = float(np.sqrt(max(fit.covariance[rows.start + n, rows.start + n] * spread, 1e-300)))
                     away = max(away, abs(float(fit.values[rows.start + n]) - free.neutral) / error)
-            if away < stats.norm.isf(CHANCE / 2) and (nearest is None or away < nearest[0]):
+            if away < stats.norm.isf(current().verdict.absent / 2) and (nearest is None or away < nearest[0]):
                 nearest = away, k, owner, mine
     return None if nearest is None else nearest[1:]

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..inference.criteria import current
 from ..laws import has_role
 from .candidates import rescaled, with_numbers
-from .fit import HOPELESS, Fit, Fitter, basis
+from .fit import Fit, Fitter, basis
 from .hypothesis import Term
 
-SAME_COLUMN = 1e-4  # of its length: a column that others imitate to this says nothing of its own
-FAR = 2.0  # standard deviations of the innovations, beyond which first order means little
 
 @dataclass(frozen=True)
 class Signature:
@@ -90,7 +89,7 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
                 step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
             else:
                 break
-        if worst > 0.5 * HOPELESS:
+        if worst > 0.5 * current().fits.hopeless:
             column[:] = 0.0  # however little of it: no run that could be compared
         columns.append(column)
         rms = float(np.sqrt(np.mean(column**2)))
@@ -107,7 +106,7 @@ def _held_against(
     size = float(np.linalg.norm(columns * scales))
     before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
     surviving = after / before if before > 1e-5 * size else 0.0
-    directions = basis(after_all * scales) if surviving > 1e-4 else np.zeros((len(left), 0))
+    directions = basis(after_all * scales) if surviving > current().signatures.directions else np.zeros((len(left), 0))
     gain = float(np.sum((directions.T @ left) ** 2))
     amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
     return directions, surviving, gain, amount
@@ -121,7 +120,7 @@ def _independent(columns: np.ndarray) -> np.ndarray:
         if sizes[k] > 0:
             q = basis(columns[:, kept])
             rest = columns[:, k] - q @ (q.T @ columns[:, k])
-            kept[k] = np.linalg.norm(rest) > SAME_COLUMN * sizes[k]
+            kept[k] = np.linalg.norm(rest) > current().signatures.same_column * sizes[k]
     return kept
 
 
@@ -152,7 +151,7 @@ def _flow_signature(
     directions, surviving, gain, (c, *push) = _held_against(columns, scales, starts, nuisance, left)
     force = float(np.linalg.norm(push))
     # where nothing tells the drag (another one is adjustable), a flow as fast as the bodies
-    if c * top < 0.1 * force:
+    if c * top < current().signatures.still * force:
         c = force / top
     u = np.array(push) / c if c > 0 else np.zeros(len(push))
     sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, 1e-3 * top) for x in scales[1:])]
@@ -192,7 +191,8 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         directions, surviving, gain, amount = _held_against(columns, scales, starts, nuisance, left)
         firsts = [f.first for f in term.free]
         sizes = [f.scale for f in term.free]
-        if misfit > FAR and len(linear) == 1 and term.free[linear[0]].low == firsts[linear[0]] and amount[0] < 0:
+        one_way = len(linear) == 1 and term.free[linear[0]].low == firsts[linear[0]] and amount[0] < 0
+        if misfit > current().signatures.far and one_way:
             # so far away first order means little: a force that can only go one way is tried as large as the misfit
             amount = np.array([misfit * scales[0]])
         for k, number in enumerate(linear):

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-DAMPING = 1e-3  # of the diagonal, to begin with
-ENOUGH = 0.02  # of chi2: a fall that no decision hangs on
-GOOD = 0.25  # of the promised fall in chi2, below which derivatives that were taken over are renewed
-
-
-STRAIGHT = 0.1  # of a change of the residuals: how far a linear prediction of it may be off for derivatives to be kept
-UPDATES = 3  # of derivatives, after which they are taken anew
+from ..inference.criteria import current
 
 
 class Secant:
@@ -34,13 +28,14 @@ class Secant:
 
     def at(self, z: np.ndarray, residuals: np.ndarray) -> np.ndarray | None:
         """Derivatives (n, k) at z (k,), None where they should be taken by runs."""
-        if self._last is None or self._updates == UPDATES:
+        if self._last is None or self._updates == current().fits.updates:
             return None
         before, there, jacobian = self._last
         step = z - before
         missed = residuals - there - jacobian @ step
         weight = np.sum(jacobian**2, axis=0) * step
-        if not weight @ step > 0 or not np.linalg.norm(missed) < STRAIGHT * np.linalg.norm(residuals - there):
+        most = current().fits.straight * np.linalg.norm(residuals - there)
+        if not weight @ step > 0 or not np.linalg.norm(missed) < most:
             return None
         self._last = np.array(z), residuals, jacobian + np.outer(missed, weight / (weight @ step))
         self._updates += 1
@@ -81,7 +76,8 @@ def descend(
     differentiate(values, starts, residuals, starts_too) the blocks there, each row weighted as the loss asks for
     (iterated weights), derivatives by starts anew only where ``starts_too``
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
-    Ends where chi2 falls by less than ``tolerance`` of itself or ``ENOUGH``, after ``evaluations``, or when told.
+    Ends where chi2 falls by less than ``tolerance`` of itself, or by what no decision hangs on, after ``evaluations``,
+    or when told.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
     Triggs et al. 2000.
     """
@@ -89,7 +85,7 @@ def descend(
     values, starts = np.clip(begin[0], low, high), [s.copy() for s in begin[1]]
     residuals = evaluate(values, starts)
     chi2 = loss(residuals)
-    damping, used, fresh = DAMPING, 1, not stale
+    damping, used, fresh = current().fits.damping, 1, not stale
     if stop():
         return values, starts
     blocks = differentiate(values, starts, residuals, fresh)
@@ -105,16 +101,16 @@ def descend(
             fall = chi2 - now
             values, starts, residuals, chi2 = new_values, new_starts, found, now
             damping = max(damping / 5, 1e-9) if good > 0.5 else damping
-            if fall < max(tolerance * chi2, ENOUGH):
+            if fall < max(tolerance * chi2, current().fits.enough):
                 break
-            fresh = not stale or good < GOOD
+            fresh = not stale or good < current().fits.renewed
             blocks = differentiate(values, starts, residuals, fresh)
         elif not fresh:
             fresh = True
             blocks = differentiate(values, starts, residuals, True)
         else:
             damping = max(10 * damping, 1e-3)
-            if damping > 1e8 or promised < max(tolerance * chi2, ENOUGH):
+            if damping > 1e8 or promised < max(tolerance * chi2, current().fits.enough):
                 break
     return values, starts
 

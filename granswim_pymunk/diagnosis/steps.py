@@ -7,17 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..engine import advise_dt
+from ..inference.criteria import current
 from .data import Case
-from .fit import HOPELESS, Fit, Fitter, project
+from .fit import Fit, Fitter, project
 from .hypothesis import Failed, Hypothesis, Predictor
 from .start import StartBody, describe_starts, first_numbers, states
-
-STEADY = 0.1  # standard deviations that a path may change when its steps are halved
-FINER = 4  # times that they are halved at most
-
-
-SHIFT = 0.2  # of its standard error, that a number may move when the steps are halved
-HALVINGS = 2  # of the steps, after numbers were found
 
 
 def shifts(fitter: Fitter, fit: Fit, spread: float) -> np.ndarray:
@@ -35,7 +29,8 @@ def shifts(fitter: Fitter, fit: Fit, spread: float) -> np.ndarray:
         half.segments = {case.name: fit.segments[case.name]}
         here = fitter.vector(case, fit.hypothesis, fit.values, fit.starts[case.name])
         there = half.vector(case, fit.hypothesis, fit.values, fit.starts[case.name])
-        if len(here) != len(there) or max(np.abs(here).max(initial=0.0), np.abs(there).max(initial=0.0)) >= HOPELESS:
+        worst = max(np.abs(here).max(initial=0.0), np.abs(there).max(initial=0.0))
+        if len(here) != len(there) or worst >= current().fits.hopeless:
             return np.zeros(0)
         change = (there - here) * fit.roots(case.name)
         values = by_value - project(by_start, by_value)
@@ -79,7 +74,7 @@ def _fine_enough(case: Case, described: tuple[StartBody, ...], steps: int, spaci
     """How many steps a frame are needed for the path not to hang on them, compared with its noise.
 
     Fifteen steps a contact are right to some 0.1 mm for disks of a centimetre, which a good camera sees. Doubled until
-    the rms change is below ``STEADY`` standard deviations, or no smaller than before: then the motion is chaotic.
+    the rms change is small beside the noise, or no smaller than before: then the motion is chaotic.
     """
     numbers, t = first_numbers(described), case.t[case.start]
 
@@ -89,14 +84,14 @@ def _fine_enough(case: Case, described: tuple[StartBody, ...], steps: int, spaci
 
     try:
         last, before = path(steps), np.inf
-        for k in range(FINER):
+        for k in range(current().fits.finer):
             now = path(steps * 2 ** (k + 1))
             change = float(np.sqrt(np.nanmean((now - last) ** 2)))
-            if change < STEADY:
+            if change < current().fits.steady:
                 return steps * 2**k
-            if change > 0.8 * before:
+            if change > current().fits.chaotic * before:
                 return steps
             last, before = now, change
     except Failed:
         return steps
-    return steps * 2**FINER
+    return steps * 2**current().fits.finer

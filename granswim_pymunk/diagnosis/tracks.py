@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from ..scene import Scene
 from .believed import believed_terms
 from .blocks import make_blocks, score
 from .candidates import flexible_terms, in_contact_alone, named_terms, scaled_like
-from .choose import POOR, REPLICATES, choose, left_over, prune, rivals_of, score_inner, worth
+from .choose import choose, left_over, prune, rivals_of, score_inner, worth
 from .data import Case, prepare_all
 from .experiment import propose
 from .fit import Fit, Fitter, joined
@@ -61,16 +62,12 @@ from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law,
 from .score_test import chance_of_more
 from .settle import apparatus_beside, in_names_of_apparatus, that_earn_their_place, within_belief
 from .signatures import Bank, make_bank
-from .steps import HALVINGS, SHIFT, shifts, time_steps
+from .steps import shifts, time_steps
 from .verdict import Told, revised_scene, used
 from .whom import whom
 
-FITS_END = 0.9  # of the budget, after which a fit ends with the best it has
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
-WITHIN = 3.84  # of its expected square, what one number may show by chance in one of twenty
-BEYOND_FLOOR = 1.2  # times the noise floor that a held-out error is asked where it comes from
-FAR_BEYOND = 1.5  # times the noise floor that a held-out error is said to remain
 
 
 def _silent(text: str, share: float) -> None:
@@ -121,7 +118,7 @@ class Study:
 
     def stop(self) -> bool:
         """Whether the time is up: fits then end where they stand."""
-        return self.late(FITS_END)
+        return self.late(current().budget.fits)
 
 
 @dataclass
@@ -223,7 +220,7 @@ class Tracks(ObservationModel):
         most = max((t.gain for t in tried.arms), default=0.0)
         forms = []
         for arm in tried.arms:
-            if arm.fit is not None and arm.gain > FORMS * most and arm.gain > 0:
+            if arm.fit is not None and arm.gain > current().left.forms * most and arm.gain > 0:
                 form = Claim((arm,), arm.fit)
                 self.scores[form.label] = scores(arm.fit)
                 share = explained(self.scores[form.label], before, rng)
@@ -265,7 +262,7 @@ class Tracks(ObservationModel):
             own = [k for k, f in enumerate(best.hypothesis.free) if not f.prior]
             off = best.values[own] - [best.hypothesis.free[k].first for k in own]
             improved = float(off @ np.linalg.pinv(best.covariance[np.ix_(own, own)]) @ off)
-        return improved / self.spread > 12 + 2 * len(best.values)
+        return improved / self.spread > current().verdict.moved + 2 * len(best.values)
 
     def settle(self, judged: Judgement) -> Judgement:
         """With profiles of chi2 where numbers are known only together, or unevenly.
@@ -275,7 +272,8 @@ class Tracks(ObservationModel):
         if judged.verdict not in ("missing_physics", "measurement"):
             return judged
         count = len(self.tried.recalibrated.values)
-        fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, lambda: self.study.late(0.75))
+        late = partial(self.study.late, current().budget.settling)
+        fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, late)
         laws = judged.claim.laws
         fit, alike = within_belief(laws, fit, self.tried.recalibrated, self.fitter, self.spread)
         if alike and len(alike) < len(laws):
@@ -309,7 +307,8 @@ class Tracks(ObservationModel):
         self.floor = noise_floor(*how)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
-        if rms is not None and floor and rms > BEYOND_FLOOR * floor and len(revised.values) and not study.late(0.9):
+        beyond = rms is not None and floor and rms > current().left.asked * floor
+        if beyond and len(revised.values) and not study.late(current().budget.experiment):
             self.right = right_law_errors(*how, followed=self.followed)
         outcome = None
         if judged.claim.laws:
@@ -333,9 +332,8 @@ class Tracks(ObservationModel):
         before, after = (self.held[name].scored or {} for name in ("recalibrated", "revised"))
         worse = {n: float(np.nansum(after[n] ** 2 - before[n] ** 2)) for n in after if n in before}
         count = {n: int(np.isfinite(after[n]).sum()) for n in worse}
-        return all(
-            worse[n] <= (WITHIN * self.followed[n] * count[n] if n in self.followed else 0.0) for n in worse
-        )  # fmt: skip
+        within = current().left.within
+        return all(worse[n] <= within * self.followed.get(n, 0.0) * count[n] for n in worse)
 
     def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
         study, memory = self.study, math.inf
@@ -380,7 +378,7 @@ class Tracks(ObservationModel):
     def _more_to_see(self, fit: Fit) -> bool:
         """Whether what is left, and matters, holds more along the signature of a candidate than noise would."""
         study, tried = self.study, self.tried
-        if study.late(0.95) or _below_tolerance(fit, study.training):
+        if study.late(current().budget.remains) or _below_tolerance(fit, study.training):
             return False
         # not of the forms without a name: theirs were shaped by these very residuals, and gain more than in noise
         return chance_of_more(self._fitter_of(fit), fit, tried.terms, study.rng) < current().noise.alarm
@@ -394,11 +392,16 @@ class Tracks(ObservationModel):
         taken = {t.mechanism for t in fit.hypothesis.terms}
         # nor what a named law stands for in such an apparatus: it is the same
         taken |= {other for t in fit.hypothesis.terms if t.law in all_laws() for other in all_laws()[t.law].stands_for}
-        leaders = sorted(tried.alive, key=lambda t: -t.gain)[:BESIDE]
-        beside = [t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= FEW]
+        few = current().left
+        leaders = sorted(tried.alive, key=lambda t: -t.gain)[: few.beside]
+        beside = [
+            t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= few.numbers
+        ]
         signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
         best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
-        looks = plainly(best.term.mechanism) if best is not None and best.gain > 10 else "nothing that was tried"
+        looks = "nothing that was tried"
+        if best is not None and best.gain > few.looks:
+            looks = plainly(best.term.mechanism)
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
 
     def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
@@ -419,7 +422,7 @@ class Tracks(ObservationModel):
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         study, found = self.study, judged.claim.laws
         loser = next((r.law for r in rivals if r.law.fit is not None), None)
-        if len(found) != 1 or loser is None or found[0].fit is None or study.late(0.9):
+        if len(found) != 1 or loser is None or found[0].fit is None or study.late(current().budget.experiment):
             return None
         study.progress("the next experiment", 0.95)
         names = (found[0].mechanism, loser.mechanism)
@@ -450,7 +453,7 @@ class Tracks(ObservationModel):
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
         failures = self.study.predictor.failures
-        if len(failures) > 0.05 * self.runs:
+        if len(failures) > current().left.failed * self.runs:
             notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
         notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
         laws = course.judged.claim.laws
@@ -458,7 +461,7 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
-        if revised and floor and revised > FAR_BEYOND * floor:
+        if revised and floor and revised > current().left.told * floor:
             times = revised / floor
             text = f"a held-out misfit of {revised:.3g} {self.unit} remains, {times:.1f} times the noise floor"
             if self.right_law is not None:
@@ -527,8 +530,8 @@ def _study(
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
-    fitter = Fitter(cases, predictor, stop=lambda: late(FITS_END))
-    inner = InnerSplit.make(training, predictor, lambda: late(FITS_END))
+    fitter = Fitter(cases, predictor, stop=lambda: late(current().budget.fits))
+    inner = InnerSplit.make(training, predictor, lambda: late(current().budget.fits))
     terms = adjustable_terms(cases), believed_terms(cases)
     study = Study(cases, training, predictor, fitter, inner, stages, *terms, rng, progress, late)
     study.notes += dict.fromkeys(note for case in cases for note in case.notes)
@@ -560,15 +563,15 @@ def _tried(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
         bank,
         study.stages,
         lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
-        lambda: late(0.45),
+        lambda: late(current().budget.candidates),
     )
     recalibrated, trials = unstuck(fitter, recalibrated, trials)
     again = fitter.fit(naive.hypothesis, naive.values, recalibrated.starts)
     naive = again if again.chi2 < naive.chi2 else naive
     progress("the flexible arm", 0.52)
-    if late(0.5):
+    if late(current().budget.forms):
         study.notes.append("the flexible arm was not tried: the time was up")
-    arms = make_bank(fitter, recalibrated, [] if late(0.5) else flexible_terms(study.cases))
+    arms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
     flexible_trials = try_candidates(fitter, recalibrated, arms, (1.0,), lambda *a: None)
     if any(t.reason.startswith("not refitted") for t in trials):
         study.notes.append("some candidates were only compared to first order: the time was up")
@@ -587,9 +590,6 @@ def _tried(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     return Tried(naive, recalibrated, terms, bank, alive, untried, arms_alive, best, spread, scores)
 
 
-AGAIN = 0.1  # of the gain of the best law: the others are not refitted once the memory of the noise is known
-
-
 def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     """The study with the slow part of the noise in its likelihood, and all fits that matter again from where they were.
 
@@ -598,7 +598,7 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     """
     # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
     most = 2 * (1 + current().noise.slow_most**2)
-    if study.late(0.55) or tried.best.chi2 > most * tried.best.count:
+    if study.late(current().budget.memory) or tried.best.chi2 > most * tried.best.count:
         return study, tried
     noise = _slow_noise(study, tried)
     if not noise.size:
@@ -625,7 +625,7 @@ def _with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
         by_form = {_form(s.term): s for s in signatures}
         most = max((t.gain for t in kind), default=0.0)
         for t in kind:
-            if t.fit is None or t.gain < AGAIN * most:
+            if t.fit is None or t.gain < current().refits.memory * most:
                 untried.append(replace(t, fit=None, reason="others explain far more"))
                 continue
             fit = again(t.fit)
@@ -669,12 +669,13 @@ def _form(term: Term) -> tuple[str, tuple[float, ...]]:
 def _beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]:
     """The same search on data without a mismatch, and the candidate to be named where it gains more than that."""
     study.progress("nulls", 0.64)
-    replicates = REPLICATES if not study.late(0.7) else 99
+    sets, late = current().sets, study.late(current().budget.exchanges)
+    replicates = sets.replicates_late if late else sets.replicates
     chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"] + study.inner.slack)
     signatures = tried.bank.signatures
     if not signatures:
         return None, None
-    open_ = np.array([s.surviving > 1e-3 for s in signatures])
+    open_ = np.array([s.surviving > current().signatures.surviving for s in signatures])
     gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
     noise = noise_of(tried.best, study.fitter.cases, tried.spread)
     null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
@@ -696,7 +697,7 @@ def _explained(
     if chosen is not None and chosen.fit is not None:
         found, revised = [chosen], chosen.fit
     scores, training = tried.inner, study.training
-    in_time = not study.late(0.6)
+    in_time = not study.late(current().budget.pairs)
     if in_time:
         study.progress("pairs", 0.7)
         found, revised = second_law(
@@ -716,32 +717,32 @@ def _explained(
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
-    if spread_of(revised, training) > 1.0 and left > POOR:
+    if spread_of(revised, training) > 1.0 and left > current().sets.poor:
         pair = pair_of(
             recalibrated, fitter, tried.terms, tried.alive, inner, scores, now, predictor, study.rng, training,
             study.stop,
         )  # fmt: skip
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
-    if not study.late(0.7):
+    if not study.late(current().budget.exchanges):
         found, revised = drag_and_push(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, training
         )
     others: list[Exchange] = []
-    if len(found) == 2 and not study.late(0.7):
+    if len(found) == 2 and not study.late(current().budget.exchanges):
         found, revised, others = settled(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, training
         )
-    if not study.late(0.7):
+    if not study.late(current().budget.exchanges):
         found, revised = third_law(
             found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
         )
-    if len(found) > 1 and not study.late(0.75):
+    if len(found) > 1 and not study.late(current().budget.settling):
         found, revised, dropped = whom(
             found, revised, recalibrated, fitter, tried.terms, inner, training, study.notes
         )
     near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
-    if found and not study.late(0.75):
+    if found and not study.late(current().budget.settling):
         found, revised, equal = in_names_of_apparatus(found, revised, recalibrated, fitter, tried.terms, training)
         gave_way = [(e.gave_way, True) for e in equal]
         named = {t.mechanism for t in (*found, *(t for t, _ in gave_way))}
@@ -755,9 +756,9 @@ def _finely(
     study: Study, tried: Tried, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
 ) -> tuple[Tried, Fitter, list[Trial], Fit]:
     """What was found, with steps so short that no number hangs on them: halved and fitted again where one does."""
-    for _ in range(HALVINGS):
+    for _ in range(current().fits.halvings):
         moved = shifts(fitter, revised, spread)
-        if moved.max(initial=0.0) < SHIFT or study.late(0.75):
+        if moved.max(initial=0.0) < current().fits.shift or study.late(current().budget.settling):
             break
         worst = revised.hypothesis.free[int(np.argmax(moved))].name
         study.predictor.dt = {name: dt / 2 for name, dt in study.predictor.dt.items()}
@@ -771,10 +772,6 @@ def _finely(
         tried = replace(tried, naive=naive, recalibrated=recalibrated)
         found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
     return tried, fitter, found, revised
-
-
-BESIDE, FEW = 6, 6  # leading laws, and how many numbers one may have, of which what is left may be the like
-FORMS = 0.3  # of the gain of the best form without a name: those below it are not weighed
 
 
 def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:

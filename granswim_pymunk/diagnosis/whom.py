@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from ..inference.criteria import current
 from .candidates import owners
-from .choose import SIMPLER, prune
+from .choose import prune
 from .data import Case
 from .fit import Fit, Fitter
 from .hypothesis import Term
@@ -90,7 +91,7 @@ def _with_one_number(
         start = [*law.fit.values[: len(base.values)], *begin]
         found = fitter.fit(base.hypothesis.with_term(term), start, law.fit.starts)
         more = (found.chi2 - law.fit.chi2) / max(spread, 1.0)
-        simpler = more < stats.chi2.isf(SIMPLER, law.numbers - len(term.free))
+        simpler = more < stats.chi2.isf(current().verdict.simpler, law.numbers - len(term.free))
         if simpler and (best is law or best.fit is None or found.chi2 < best.fit.chi2):
             score, _ = inner.score(found)
             best = Trial(replace(law.signature, term=term), found, base.chi2 - found.chi2, score)

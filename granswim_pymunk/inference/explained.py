@@ -11,8 +11,6 @@ import numpy as np
 
 from .criteria import BlockCriteria, current
 
-LEAST_DRAWN = 0.05  # of the mismatch, that a sample of the bootstrap has to hold
-
 
 @dataclass(frozen=True)
 class Scores:
@@ -91,7 +89,7 @@ def explained(
         with np.errstate(all="ignore"):
             value = np.minimum(1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest, 1.0)
         # a sample in which hardly any mismatch was drawn says nothing of its share
-        return np.where(rest > LEAST_DRAWN * abs(whole), value, np.nan)
+        return np.where(rest > current().blocks.drawn * abs(whole), value, np.nan)
 
     drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
     floor = f[drawn]

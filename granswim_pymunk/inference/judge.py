@@ -69,7 +69,8 @@ def remains_of(scores: Scores, times: Sequence[np.ndarray], looks_like: str) -> 
         by_block.setdefault(b, []).append(mean)
     means = {body: float(np.mean(m)) for body, m in by_body.items()}
     worst = max(means.values())
-    bodies = tuple(b for b, m in means.items() if m - floor > 0.5 * (worst - floor)) or tuple(means)
+    least = current().verdict.bodies * (worst - floor)
+    bodies = tuple(b for b, m in means.items() if m - floor > least) or tuple(means)
     block = max(by_block, key=lambda b: float(np.mean(by_block[b])))
     t = times[block]
     return Remains(
@@ -232,7 +233,7 @@ def accepted(
     c = criteria.verdict
     if not named.sure:
         # too weak for a share: chi2 beyond the nulls, and beyond all forms without a name
-        return ahead > -4.0, "a force without a name does better"
+        return ahead > -c.same, "a force without a name does better"
     least = c.share if forms else c.share_alone
     if named.share < least:
         return False, f"it explains {100 * named.share:.0f} % of the mismatch"

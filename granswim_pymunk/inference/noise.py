@@ -12,9 +12,6 @@ from scipy import stats
 from ..compiled import njit
 from .criteria import NoiseCriteria, current
 
-BANDS = (4, 12, 40)  # lowest frequencies that are summed, beside the lower half: physics that was left out is slow
-TRUSTED = 1.5  # by how much the fast half of a spectrum may differ from the noise that was believed and still be it
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -111,22 +108,15 @@ def slopes(t: np.ndarray, values: np.ndarray) -> np.ndarray:
     found = np.zeros(values.shape)
     for c in range(values.shape[1]):
         seen = np.flatnonzero(np.isfinite(values[:, c]))
-        if len(seen) < SLOPE:
+        if len(seen) < current().stamps.sightings:
             continue
         window = np.lib.stride_tricks.sliding_window_view
-        s, v = window(t[seen], SLOPE), window(values[seen, c], SLOPE)
+        s, v = window(t[seen], current().stamps.sightings), window(values[seen, c], current().stamps.sightings)
         s = s - s.mean(axis=1, keepdims=True)
         slope = np.sum(s * v, axis=1) / np.sum(s**2, axis=1)
-        middle = t[seen][SLOPE // 2 : len(seen) - SLOPE // 2]
+        middle = t[seen][current().stamps.sightings // 2 : len(seen) - current().stamps.sightings // 2]
         found[:, c] = np.interp(t, middle, slope)
     return found
-
-
-SLOPE = 7  # sightings that a speed is told from
-TAIL = 6.0  # degrees of freedom of Student's t: impacts and single outliers make no timing error
-SURE = 10.0  # of -2 ln L: chance gives as much one time in six hundred, and a wrong model of the noise often more
-REFUTED = 9.0  # of -2 ln L by which the likeliest timing error has to be ahead of a stated one
-FEW = 40  # frames, from which a timing error can be told
 
 
 def timing(
@@ -139,7 +129,7 @@ def timing(
     degree over nine frames leave of their middle. 0 and 1 where no timing error shows.
     """
     width = 9
-    if len(t) < max(FEW, width):
+    if len(t) < max(current().stamps.frames, width):
         return (stated or 0.0), 1.0
     window = np.lib.stride_tricks.sliding_window_view
     s = window(t, width) - t[width // 2 : len(t) - width // 2, None]
@@ -155,7 +145,7 @@ def timing(
     along = slopes(t, values) / sigma
     seen = np.isfinite(left)
     rows = seen.any(axis=1)
-    if rows.sum() < FEW // 2:
+    if rows.sum() < current().stamps.frames // 2:
         return (stated or 0.0), 1.0
     left, along, seen = np.where(seen, left, 0.0)[rows], np.where(seen, along, 0.0)[rows], seen[rows]
     count = seen.sum(axis=1)
@@ -165,7 +155,7 @@ def timing(
         inflated = a**2 + tau**2 * speed
         distance = (squares - tau**2 * inner**2 / inflated) / a**2
         half = 2 * (count - 1) * math.log(a) + np.log(inflated)
-        return float(np.sum(half + (TAIL + count) * np.log1p(distance / TAIL)))
+        return float(np.sum(half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)))
 
     # Student's t of unit scale is wider than the Gaussian that it stands for: the size that is likeliest is rescaled
     sizes = np.geomspace(0.2, 5.0, 41)
@@ -178,9 +168,9 @@ def timing(
     i, j = np.unravel_index(int(np.argmin(table)), table.shape)
     if stated:
         near = int(np.argmin(np.abs(np.log(taus * WIDER / stated))))
-        if table[:, near].min() < table[i, j] + REFUTED:
+        if table[:, near].min() < table[i, j] + current().stamps.refuted:
             return stated, float(sizes[int(np.argmin(table[:, near]))]) * WIDER
-    if table[i, j] > alone - SURE:
+    if table[i, j] > alone - current().stamps.sure:
         return 0.0, 1.0
     return float(taus[j]) * WIDER, float(sizes[i]) * WIDER
 
@@ -193,6 +183,12 @@ def periodogram(series: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(np.fft.rfft(series)[1 : len(series) // 2 + 1]) ** 2 / len(series))
 
 
+def believable(fast: np.ndarray) -> float:
+    """Mean of the fast halves of spectra, as far as it may be off from 1 and still be the noise."""
+    off = current().noise.fast_off**2
+    return float(np.clip(fast.mean(), 1 / off, off))
+
+
 def _spectra(residuals: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
     """Periodograms over the level of their fast half, which no fit of something slow has touched, and its size."""
     found = []
@@ -201,7 +197,7 @@ def _spectra(residuals: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
             continue
         power = periodogram(r)
         fast = power[len(power) // 2 :]
-        level = float(np.clip(fast.mean(), 1 / TRUSTED**2, TRUSTED**2))
+        level = believable(fast)
         found.append((power / level, len(fast)))
     return found
 
@@ -222,7 +218,7 @@ def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria | None = 
     for size in sizes:
         for memory in memories if size > 0 else memories[:1]:
             noise = Noise(float(size), float(memory))
-            value = 0.0 if size == 0 else 4.0  # two more numbers (AIC)
+            value = 0.0 if size == 0 else current().noise.two_numbers
             for power in series:
                 expected = noise.spectrum(2 * len(power))[: len(power)]
                 value += 2 * float(np.sum(np.log(expected) + power / expected))
@@ -257,7 +253,7 @@ def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None)
     criteria = criteria or current().noise
     levelled = [_levelled(seen) for seen in recordings]
     sizes = criteria.slow_most * np.array([0.2, 0.35, 0.5, 0.7, 0.85, 1.0])
-    best, least = Noise(), _restricted(levelled, Noise()) - AIC
+    best, least = Noise(), _restricted(levelled, Noise()) - current().noise.two_numbers
     for size in sizes:
         for memory in np.geomspace(1.5, criteria.memory_most, 8):
             noise = Noise(float(size), float(memory))
@@ -265,9 +261,6 @@ def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None)
             if value < least:
                 best, least = noise, value
     return best
-
-
-AIC = 4.0  # what two more numbers, the size and the memory of the slow part, gain by chance
 
 
 def _levelled(seen: Seen) -> Seen:
@@ -278,7 +271,7 @@ def _levelled(seen: Seen) -> Seen:
         column = column[np.isfinite(column)]
         if len(column) >= 12:
             power = periodogram(column)
-            roots[c] = math.sqrt(float(np.clip(power[len(power) // 2 :].mean(), 1 / TRUSTED**2, TRUSTED**2)))
+            roots[c] = math.sqrt(believable(power[len(power) // 2 :]))
     by = roots[:, None]
     return Seen(seen.residuals / roots, seen.frames, seen.by_value / by, seen.by_start / by, seen.ties, seen.steps)
 
@@ -325,7 +318,7 @@ def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
     if not spectra:
         return 1.0
     half = max(len(power) - fast for power, fast in spectra)
-    bands = [m for m in BANDS if m < half] + [half]
+    bands = [m for m in current().noise.bands if m < half] + [half]
     told = sum(fast for _, fast in spectra)
     least = 1.0
     for m in bands:
@@ -382,13 +375,10 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
     for j in range(k - 1):
         others = [m for m in range(k) if m != j]
         alone, less = _off_line(s[:, others], v[:, others], at, value, sigma)
-        hidden = own > HIDES**2 * less
+        hidden = own > current().noise.hides**2 * less
         off, own = np.where(hidden, alone, off), np.where(hidden, less, own)
     result[k:] = off
     return result
-
-
-HIDES = 6.0  # times what the other frames leave of a line, from which a frame among them is no position itself
 
 
 def _off_line(

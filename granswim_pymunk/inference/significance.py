@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from .criteria import current
+
 SMALLEST = 1e-300  # where doubles end
-BY_CHANCE = 1e-3  # probability with which one more law of a set is named although there is none
 
 
 def rank(value: float, sample: np.ndarray) -> float:
@@ -37,7 +38,7 @@ def price(candidates: int, numbers: int = 1) -> float:
 
     Source: Gerardos & Ronceray 2025, Phys. Rev. Lett. 135, 167401.
     """
-    return 2 * math.log(max(candidates, 1) / BY_CHANCE) + 2 * (numbers - 1)
+    return 2 * math.log(max(candidates, 1) / current().verdict.by_chance) + 2 * (numbers - 1)
 
 
 def normal_score(p: float) -> float:

@@ -18,10 +18,11 @@ import numpy as np
 
 from ...engine import Simulation, advise_dt
 from ...errors import InputError, SimulationError
+from ...inference.criteria import current
 from ...recording import Recording
 from ...recording.camera import see
 from ...scene import Scene
-from ..data import TRAINING_SHARE, Case, estimate_noise, prepare
+from ..data import Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
 from .cut import carried_paths, cut_out
@@ -148,7 +149,7 @@ def bed_case(
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
     unwrapped, put_back, left_out = followed(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = unwrapped
-    end = recording.t[0] + TRAINING_SHARE * (recording.t[-1] - recording.t[0])
+    end = recording.t[0] + current().split.training * (recording.t[-1] - recording.t[0])
     learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
     listed = len(scene.bodies)
     given = recording

@@ -13,7 +13,7 @@ from ...inference.judge import Claim, Form, Judgement, Mismatch, Remains, Weighe
 from ...inference.model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ...inference.pipeline import diagnose_by
 from ...inference.result import Diagnosis, Progress, Table, Used, mechanism_entry
-from ...inference.significance import BY_CHANCE, Null
+from ...inference.significance import Null
 from ...recording import Recording
 from ...scene import Scene
 from ..swimmer_terms import equation
@@ -107,7 +107,7 @@ class Packings(ObservationModel):
             return Mismatch(True, False)
         left = goodness(s, s.base, len(s.base.u))
         moved = bool(s.adjust) and s.p_recalibration <= alarm
-        real = left[0] <= alarm and left[1] < BY_CHANCE
+        real = left[0] <= alarm and left[1] < current().verdict.by_chance
         if not real and not moved and s.p_search <= alarm:
             self.notes.append(
                 "the recordings ask for a law more than other packings do, but none that was tried stands"

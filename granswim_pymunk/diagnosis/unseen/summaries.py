@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...errors import InputError
+from ...inference.criteria import current
 from ...recording import Recording
 from ...scene import Scene
-from ..data import TRAINING_SHARE, choose_held_out, estimate_noise
+from ..data import choose_held_out, estimate_noise
 
 HARMONICS = (1, 3)  # of the angles; a straight symmetric swimmer has no even ones
 LEAST_CYCLES = 1.2  # below this nothing can be told about harmonics
@@ -382,7 +383,7 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
     # a swimmer filmed on its way has a bed that remembers; one filmed from rest starts as the simulation does
     skip = min(max(0.1, 0.5 / f) if rests else max(0.3, 2.0 / f), 0.4 * duration)
     begin = float(t[0]) + skip
-    cut = float(t[0]) + TRAINING_SHARE * duration
+    cut = float(t[0]) + current().split.training * duration
     masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
     enough = (t[-1] - cut) * f >= LEAST_CYCLES and (cut - begin) * f >= LEAST_CYCLES
     before, after = (t >= begin) & (t <= cut), t > cut

@@ -1,0 +1,174 @@
+"""What decides in every kind of recording: what passes for noise, what is explained, when a law is named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NoiseCriteria:
+    """What passes for noise.
+
+    slow_most : of the white part, how large the slow part of the noise may be (contract: no larger)
+    memory_most : frames, over how many the slow part may be correlated (contract: 30)
+    alarm : probability of noise below which what is left is said to be more than noise. Choice: one in 200
+    stated_off : ln of stated over estimated noise from which the estimate is believed. Choice: the estimate of 100
+        frames is good to a tenth, and laboratories state sizes that are off by two
+    frames : of a channel, from which its noise can be told. Theory: the relative error of a size is 1/sqrt(2 n), a
+        ninth;  frames_in_all : from which a stated noise can be refuted. Theory: the error is a seventeenth, which
+        ``stated_off`` is four times
+    outlier : standard deviations, from both sides, from which a single sighting is no position. Theory: of 1e5
+        sightings of Gaussian noise 2e-4 are farther off than 6
+    outlier_frames : frames on each side that an outlier is held against
+    hides : times what the other frames leave of a line, from which a frame among them is no position itself. Choice:
+        as ``outlier``
+    share_most : of a channel's sightings that may be taken out; beyond it they are no single ones. Choice
+    bands : lowest frequencies whose power is summed, beside the lower half. Choice: physics that was left out is slow
+    fast_off : by how much the fast half of a spectrum may differ from the noise that was believed and still be it.
+        Choice
+    two_numbers : of -2 ln L, what the size and the memory of the slow part gain by chance. Theory: 2 a number
+        (Akaike 1974)
+    inflated : standard deviations of chi2 over its degrees of freedom, and ``remembers`` [frames], below both of which
+        innovations pass for white noise of known size, whose variances are not inflated. Choice: 4 come by chance
+        once in 3e4 fits, and a correlation time is known to a half
+    """
+
+    slow_most: float = 1.0
+    memory_most: float = 30.0
+    alarm: float = 0.005
+    stated_off: float = 0.25
+    frames: int = 40
+    frames_in_all: int = 150
+    outlier: float = 6.0
+    outlier_frames: int = 4
+    hides: float = 6.0
+    share_most: float = 0.05
+    bands: tuple[int, ...] = (4, 12, 40)
+    fast_off: float = 1.5
+    two_numbers: float = 4.0
+    inflated: float = 4.0
+    remembers: float = 1.5
+
+
+@dataclass(frozen=True)
+class StampCriteria:
+    """When the stamps of frames are said to be off, each by an error of its own.
+
+    sightings : that a speed is told from, by a line. Choice
+    tail : degrees of freedom of Student's t. Choice: impacts and single outliers make no error of stamps
+    sure : of -2 ln L, by which an error has to be likelier than none. Theory: chance gives as much one time in six
+        hundred (chi2 of one number), and a wrong model of the noise often more
+    refuted : of -2 ln L, by which the likeliest error has to be ahead of a stated one. Theory: three standard errors
+    frames : from which an error of stamps can be told. Choice
+    """
+
+    sightings: int = 7
+    tail: float = 6.0
+    sure: float = 10.0
+    refuted: float = 9.0
+    frames: int = 40
+
+
+@dataclass(frozen=True)
+class SplitCriteria:
+    """What is held out where the user says nothing (contract, "Held out").
+
+    training : of the time, where single recordings are split
+    start : of a held-out recording, on which its start is fitted
+    inner : of the training frames of one recording, on which a law is fitted; the rest tests the choice between
+        candidates. Choice: as for what is held out
+    """
+
+    training: float = 0.6
+    start: float = 0.2
+    inner: float = 0.6
+
+
+@dataclass(frozen=True)
+class BlockCriteria:
+    """How unseen data inside the training part are scored.
+
+    recordings : so many training recordings, and whole recordings are the blocks (contract: 3)
+    pieces : blocks that the training part of fewer recordings is cut into, altogether. Theory: chi2 of a steady force
+        grows like the fifth power of the time over which one start is followed, so that k blocks show 1/k^4 of what the
+        whole shows: two, the least that leaves data outside
+    windows : that held-out frames are cut into where a run from one start would part from the recording
+    units : so many stretches, of all blocks together and for each body, are resampled. Choice: of fewer, one that is
+        drawn again and again makes the interval
+    frames : the least of a block. Choice: a start takes some six
+    start : share of a block's frames on which its start is fitted. Choice;  whole_start : where whole recordings
+        are the blocks (contract)
+    start_frames : the least of them;  unit_frames : of a stretch
+    evaluations : of the fit of a start
+    told : of what all data tell of a number, below which that number stays as it is where a block is left out. Choice
+    draws : replicates of the noise for the floor;  bootstrap : resamples for intervals
+    drawn : of the mismatch, that a resample has to hold to say something of its share. Choice
+    held_out : blocks that the held-out frames of a recording are cut into, for each body, where errors are compared.
+        Choice: a bootstrap of fewer makes intervals of no width
+    """
+
+    recordings: int = 3
+    pieces: int = 2
+    windows: int = 4
+    units: int = 12
+    unit_frames: int = 6
+    frames: int = 24
+    start: float = 0.35
+    whole_start: float = 0.2
+    start_frames: int = 6
+    evaluations: int = 8
+    told: float = 0.1
+    draws: int = 60
+    bootstrap: int = 2000
+    drawn: float = 0.05
+    held_out: int = 8
+
+
+@dataclass(frozen=True)
+class VerdictCriteria:
+    """When a law is named (contract 2, "The verdict").
+
+    alarm : probability of a false alarm below which a mismatch is real
+    by_chance : probability with which one more law of a set is named although there is none. Source: PASTIS (Gerardos &
+        Ronceray 2025, PRL 135, 167401)
+    share : of the mismatch that named laws explain at least;  share_alone : where no free form was possible
+    free_form : a free form that leaves less than this part of what the names leave is the better explanation;
+        ``free_form_high`` where the names explain ``high`` or more
+    beyond : spreads of the difference between replicates from which a share can be said
+    scale_off : a scale of the picture that is off by more is no explanation
+    at_bound : of the way from absent to where the search for a number ends, within which it ended there. Choice
+    decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
+    further : by how many times the d' of another experiment must be larger before it is proposed in place of an
+        earlier, simpler one. Choice
+    same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
+    simpler : how improbable the gain of further numbers must be by chance before the richer law is named. Choice
+    absent : with which chance numbers that are absent gain as much: what it means that a 95 % interval holds "absent"
+    noticed : chi2 over its spread, numbers paid for, from which a law is looked at. Theory: chance gives it to one
+        number one time in two hundred
+    moved : chi2 that recalibration gains before an adjustable is said to be off, ``noticed`` and half of it
+    bodies : of the excess of the worst body over the floor, from which another one is told beside it. Choice
+    rival : of the gain of what is named, from which another law is told as its rival;  rivals : that are told at most;
+        ``rivals_of_pair`` beside two laws. Choice
+    """
+
+    alarm: float = 0.01
+    by_chance: float = 1e-3
+    share: float = 0.5
+    share_alone: float = 0.7
+    high: float = 0.9
+    free_form: float = 0.5
+    free_form_high: float = 0.1
+    beyond: float = 2.0
+    scale_off: float = 0.3
+    at_bound: float = 1e-3
+    decides: float = 2.0
+    further: float = 1.1
+    same: float = 4.0
+    simpler: float = 1e-3
+    absent: float = 0.05
+    noticed: float = 8.0
+    moved: float = 12.0
+    bodies: float = 0.5
+    rival: float = 0.2
+    rivals: int = 8
+    rivals_of_pair: int = 3

@@ -1,0 +1,310 @@
+"""What decides where whole tracks are followed: candidates, segments, fits, the search of one to three laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CandidateCriteria:
+    """Which candidates there are.
+
+    radius [m] : of the bodies that typical ranges of laws are declared for
+    places : sightings from which the middle of a picture is told. Choice
+    farthest : of the extent of all tracks, how far from their mean the middle of a lens is looked for. Choice
+    believed : standard deviations of a believed mass or radius, to which it is looked for
+    single : bodies, up to which a push on each single one is a candidate. Choice: it is looked for as many times
+    """
+
+    radius: float = 1e-3
+    places: int = 20
+    farthest: float = 3.0
+    believed: float = 6.0
+    single: int = 6
+
+
+@dataclass(frozen=True)
+class SegmentCriteria:
+    """Where tracks are cut, and how closely their segments join.
+
+    near : of the sum of two radii, a gap below which they may have met. Choice: radii are known to a few per cent
+    around : frames on either side from which a change of velocity is told, doubled so many times as ``wider`` says: a
+        glancing impact shows over a long time;  kick : its standard deviations
+    at_once : frames, within which minima of a gap are those of one meeting, but for ``risen`` standard deviations
+        between them. Choice
+    frames : the least of a segment;  start_frames : the least of one that no impact ends. Choice
+    narrow : spread of a step where nothing met, of what the first nine frames tell of the start. Choice: a fiftieth
+        is, beside what a segment as a whole tells, no freedom
+    impulse : of the change of velocity in an impact, what a rigid collision may be off by. Choice: a per cent, as
+        radii that are off by half a per cent turn the line of centres by as much
+    lateness : s, of an impact: it lasts. Source: discs of plastic or steel touch for 0.05 to 0.2 ms
+        (Goldsmith 1960, Impact)
+    depth : of the sum of two radii, how well it is known. Choice: half a per cent. How deep a glancing impact strikes,
+        and with it the whole kick, hangs on that and on the noise: so much wider is the step after one
+    bend : of the answer to a small error of the start, how much of it may be curved: beyond, linear steps do not find
+        the start, which is where chaos begins to show. Choice
+    ahead : frames over which a start is followed without asking, and looked ahead where there are more
+    robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
+        a run that misses a glancing impact is no evidence of that size
+    tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: steps of five, until what a
+        segment leaves open is nothing beside what it tells
+    joins : with which chance narrower steps raise chi2 as much, before looser ones stay. Choice: one in twenty
+    same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
+    """
+
+    near: float = 0.03
+    around: int = 6
+    wider: int = 2
+    kick: float = 6.0
+    at_once: int = 3
+    risen: float = 4.0
+    frames: int = 4
+    start_frames: int = 24
+    narrow: float = 0.02
+    impulse: float = 0.01
+    lateness: float = 1e-4
+    depth: float = 0.005
+    bend: float = 0.25
+    ahead: int = 1000
+    robust: float = 4.0
+    tighter: tuple[float, ...] = (0.2, 0.04, 0.008)
+    joins: float = 0.05
+    same_valley: float = 0.2
+
+
+@dataclass(frozen=True)
+class FitCriteria:
+    """When a fit ends, and how finely it is simulated.
+
+    rough : of chi2, a fall at which a fit ends that only leads to another one;  fine : of the mean square of the
+        residuals, the same for one that counts. Choice: a hundredth of what one number gains by chance
+    enough : of chi2, a fall that no decision hangs on. Choice: a two-hundredth of ``VerdictCriteria.same``
+    damping : of the diagonal, to begin with (Levenberg-Marquardt)
+    renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
+    straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
+        by a secant; ``updates``: how often, until they are taken anew. Choice
+    own : numbers of the starts of one recording, from which they are eliminated. Choice: two free bodies;
+        ``many``: from which their normal equations stand in for singular values
+    hopeless : innovation of a run that failed, in standard deviations: the step is taken back
+    stretch : times the finest step, how long one may be where no disks are near each other. Choice
+    steady : standard deviations that a path may change when its steps are halved, at most ``finer`` times. Choice
+    chaotic : of the change before, one that is no smaller is no error of the steps: the motion is chaotic. Choice
+    shift : of its standard error, that a number may move when the steps are halved, at most ``halvings`` times. Choice:
+        with it intervals are wider by a fiftieth
+    """
+
+    rough: float = 1e-3
+    fine: float = 0.01
+    enough: float = 0.02
+    damping: float = 1e-3
+    renewed: float = 0.25
+    straight: float = 0.1
+    updates: int = 3
+    own: int = 8
+    many: int = 60
+    hopeless: float = 1e6
+    stretch: float = 5.0
+    steady: float = 0.1
+    finer: int = 4
+    chaotic: float = 0.8
+    shift: float = 0.2
+    halvings: int = 2
+
+
+@dataclass(frozen=True)
+class SignatureCriteria:
+    """What a signature says.
+
+    same_column : of its length, to which a column that others imitate says nothing of its own. Choice: derivatives by
+        differences are good to 1e-4
+    surviving : share that recalibration leaves of a signature, below which it imitates the law. Choice: gains are then
+        a millionth;  shows : from which a law is tried beside others, or looked for in what is left. Choice
+    directions : the least share that is told from rounding
+    far : standard deviations of the innovations, beyond which first order means little. Choice
+    still : of the force of a stream, below which its drag is not told by first order. Choice
+    """
+
+    same_column: float = 1e-4
+    surviving: float = 1e-3
+    shows: float = 0.02
+    directions: float = 1e-4
+    far: float = 2.0
+    still: float = 0.1
+
+
+@dataclass(frozen=True)
+class RefitCriteria:
+    """Which candidates are refitted by simulation, and how far.
+
+    valley : of the best gain, from which laws of a bent valley are searched to its end. Choice
+    segment_evaluations : of a refit where recordings are followed in segments. Theory: over a segment the prediction is
+        nearly linear
+    near : of the best first-order gain, below which laws are not refitted where segments are short, nor more than
+        ``variants`` forms of one law. Choice
+    first_share : of the misfit, that a first beginning has to take away for others not to be tried;  noise : times the
+        degrees of freedom, below which chi2 of the scene without it asks for no other. Choice
+    leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts
+    foreseen : of the fall of chi2 that first order promises, which a good search finds. Choice
+    heat : of the frames, over which candidates are compared first;  heat_frames : from which that is worth it. Choice
+    heat_won : of the misfit there, that the best has to take away for others to be given up, and of that, what these
+        have to take. Choice
+    inner_scored : of the best gain, from which a law is scored on data inside the training part. Choice
+    memory : of the gain of the best law, below which others are not refitted once the memory of the noise is known.
+        Choice
+    limits : of the range of a single limit, where the search for it begins. Choice: most of what a limit does is near
+        where it is absent
+    """
+
+    valley: float = 0.5
+    segment_evaluations: int = 10
+    near: float = 0.1
+    variants: int = 2
+    first_share: float = 0.5
+    noise: float = 1.5
+    leaders: int = 4
+    foreseen: float = 0.5
+    heat: float = 0.35
+    heat_frames: int = 600
+    heat_won: float = 0.5
+    inner_scored: float = 0.5
+    memory: float = 0.1
+    limits: tuple[float, ...] = (0.08, 0.2, 0.35, 0.55)
+
+
+@dataclass(frozen=True)
+class SetCriteria:
+    """Several laws, and whom each acts on.
+
+    replicates : nulls of the search of one law, ``replicates_late`` where time is short;  ``replicates_second`` of the
+        search beside a law that was found, ``replicates_pair`` of two at once. Theory: p is told to a third at 0.01
+    near_best : of what the best is worth, from which a law may be named by what it predicts where something remains.
+        Choice;  same_score : times the best score inside the training part, below which another one is as good. Choice
+    left : times the excess of a law with more numbers over noise, below which one with fewer is as good. Choice
+    poor : share of the misfit left by one law, above which two are looked for. Choice
+    seconds : laws that are refitted beside one that was found, by first order;  better : of the score inside the
+        training part, and ``recordings``: share of the recordings that a second one has to predict better;  numbers :
+        laws of so many stay open where something else is wrong, too. Theory: a strength and a shape
+    firsts : laws beside which a second one is looked for, ``variants`` of one name;  pairs : that are refitted, of each
+        way to look for them. Choice
+    together : chi2 to first order that two laws have to gain beyond the better one. Theory: the price of one of ten
+        candidates at ``VerdictCriteria.by_chance`` (PASTIS)
+    both : chi2 over its spread, numbers paid for, that two laws gain. Choice: ``moved``
+    clearly : of the score of what there is, that the first pair has to reach. Choice
+    near_partner : of what one of two laws explains, how much another one must, to first order, to be its rival;
+        ``partners``: such rivals that are refitted;  rounds : in which one of two laws may be exchanged. Choice
+    stream : of the speed of the fastest body, below which a stream is rather a correction to a drag. Choice
+    entry : chi2 that a body's own recordings have to gain for a law to act on it;  entry_sure : that needs no better
+        prediction. Choice: 10 come by chance one time in six hundred, 40 never
+    """
+
+    replicates: int = 299
+    replicates_late: int = 99
+    replicates_second: int = 99
+    replicates_pair: int = 199
+    near_best: float = 0.5
+    same_score: float = 1.02
+    left: float = 2.0
+    poor: float = 0.03
+    seconds: int = 4
+    better: float = 0.9
+    recordings: float = 0.8
+    numbers: int = 2
+    firsts: int = 8
+    variants: int = 2
+    pairs: int = 6
+    together: float = 20.0
+    both: float = 12.0
+    clearly: float = 0.5
+    near_partner: float = 0.7
+    partners: int = 4
+    rounds: int = 2
+    stream: float = 0.15
+    entry: float = 10.0
+    entry_sure: float = 40.0
+
+
+@dataclass(frozen=True)
+class IntervalCriteria:
+    """Intervals of numbers that are known only together, or unevenly: profiles of chi2.
+
+    alone : share of its information that a number keeps beside the others, below which it is not known alone. Choice
+    level : rise of chi2 at the ends. Theory: 95 % of chi2 of one number
+    at_first : of a number's distance from neutral, the longest first step along it
+    growth : of steps along a valley that were good;  most : steps to either side, after which there is no end but the
+        bound
+    unlike : times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them. Choice
+    lopsided : of half an interval, by which its ends may be elsewhere and still be told by curvature. Choice
+    fine : of its distance, to which an end is found
+    evaluations : of each fit along a profile;  again : fits that were not at their end are gone on with so often
+    refit : evaluations of a fit that begins where another one ended
+    sizes : of the standard deviation of a believed mass or radius, by which derivatives step
+    """
+
+    alone: float = 1e-3
+    level: float = 3.84
+    at_first: float = 0.1
+    growth: float = 2.0
+    most: int = 20
+    unlike: float = 3.0
+    lopsided: float = 0.1
+    fine: float = 0.05
+    evaluations: int = 30
+    again: int = 3
+    refit: int = 30
+    sizes: float = 0.1
+
+
+@dataclass(frozen=True)
+class LeftCriteria:
+    """What is told of held-out errors and of what is left.
+
+    draws : of the noise, for score tests. Theory: p is told to a third at 0.01
+    memories : of a start estimate, in parts of the frames it is made from, that are tried
+    starts : draws of numbers and starts, whose spread is followed through held-out data. Choice
+    within : of its expected square, what one number may show. Theory: by chance in one of twenty
+    asked : times the noise floor, from which a held-out error is asked where it comes from
+    told : times the noise floor, from which a held-out error is said to remain. Choice
+    beside : leading laws of which what is left may be the like, of at most ``numbers`` numbers;  looks : chi2 that the
+        one it looks like has to gain. Choice: one time in six hundred
+    forms : of the gain of the best form without a name, below which others are not weighed. Choice
+    failed : share of the runs that could not be finished, from which it is told. Choice
+    places : probability of chance below which a body is a place of the mismatch, after looking at all;  windows : the
+        same for the windows that it is told from. Choice
+    touching : standard deviations of a gap, below which bodies touch
+    """
+
+    draws: int = 999
+    memories: tuple[float, ...] = (float("inf"), 0.5, 0.25, 0.12)
+    starts: int = 6
+    within: float = 3.84
+    asked: float = 1.2
+    told: float = 1.5
+    beside: int = 6
+    numbers: int = 6
+    looks: float = 10.0
+    forms: float = 0.3
+    failed: float = 0.05
+    places: float = 0.01
+    windows: float = 0.05
+    touching: float = 4.0
+
+
+@dataclass(frozen=True)
+class BudgetCriteria:
+    """Shares of the time that was given, after which steps are left out or cut short. Choices.
+
+    fits : a fit ends with the best it has;  candidates : that are refitted;  forms : without a name;  memory : of the
+        noise;  pairs : of laws;  exchanges : of one of several, and fewer nulls;  settling : the names of the
+        apparatus, entries, intervals, shorter steps;  experiment : the proposal, and where a held-out error comes from
+    remains : what is left of unseen data
+    """
+
+    fits: float = 0.9
+    candidates: float = 0.45
+    forms: float = 0.5
+    memory: float = 0.55
+    pairs: float = 0.6
+    exchanges: float = 0.7
+    settling: float = 0.75
+    experiment: float = 0.9
+    remains: float = 0.95
