@@ -17,7 +17,12 @@ from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import Trial
-from granswim_pymunk.diagnosis.settle import apparatus_beside, in_names_of_apparatus, that_earn_their_place
+from granswim_pymunk.diagnosis.settle import (
+    apparatus_beside,
+    in_names_of_apparatus,
+    that_earn_their_place,
+    without_idle_numbers,
+)
 from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.diagnosis.start import describe_starts
 from granswim_pymunk.recording import Recording
@@ -130,12 +135,25 @@ def test_arms_that_hang_from_one_another_rub_on_no_substrate():
     assert {"joint_friction", "joint_drag", "linear_drag"} <= named[2] and "coulomb_substrate" not in named[2]
 
 
-def dropped(drag: float, third: float, scale: float) -> Recording:
-    """A ball of 10 g that is thrown: m v' = m g - (drag + third v^2) v, in a picture so many times too large."""
+def test_a_stream_at_rest_beside_another_law_is_told_as_a_drag():
+    """In a wind it stays a stream."""
+    for wind, expected in ((0.0, "linear_drag"), (0.5, "ambient_flow")):
+        film = dropped(4e-3, 0.0, 1.03, wind)
+        fitter, case, base, terms, found, revised = fitted(film, "ambient_flow", "camera_scale")
+        told, fit = without_idle_numbers(found, revised, base, fitter, terms, [case])
+        assert [t.mechanism for t in told] == [expected, "camera_scale"]
+        assert told[0].fit is fit and abs(fit.values[0] - 4e-3) < 2e-4
+
+
+def dropped(drag: float, third: float, scale: float, wind: float = 0.0) -> Recording:
+    """A ball of 10 g that is thrown: m v' = m g - (drag + third v^2) v, in a picture so many times too large.
+
+    ``wind`` [m/s] along x: v is the velocity against it.
+    """
 
     def rate(_, y):
         pull = (drag + third * (y[2] ** 2 + y[3] ** 2)) / 0.01
-        return [y[2], y[3], -pull * y[2], -G - pull * y[3]]
+        return [y[2], y[3], -pull * (y[2] - wind), -G - pull * y[3]]
 
     t = np.arange(0, 0.8, 0.01)
     path = solve_ivp(rate, (0, 1), [0, 1, 3, 2], t_eval=t, rtol=1e-10, atol=1e-12).y[:2].T

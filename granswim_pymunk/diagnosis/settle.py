@@ -16,7 +16,7 @@ from .data import Case
 from .fit import Fit, Fitter, project
 from .hypothesis import Term
 from .intervals import with_believed_errors
-from .name import Trial, is_apparatus, spread_of
+from .name import Trial, is_apparatus, special_cases, spread_of
 from .signatures import columns_of, make_bank
 
 
@@ -144,6 +144,38 @@ def that_earn_their_place(
         gain = recalibrated.chi2 - fit.chi2
         found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
     return found, revised, dropped
+
+
+def without_idle_numbers(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
+    training: Sequence[Case],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """Each law as the one that it is where its further numbers add nothing: a stream at rest is a drag.
+
+    Where chi2 without them rises no further than chance; of several laws as of one (``choose``).
+    """
+    found = list(found)
+    for k, trial in enumerate(found):
+        names = special_cases(trial.mechanism)
+        if not names or any(t.mechanism in names for t in found):
+            continue
+        rows = rows_of(found, len(recalibrated.values))[k]
+        plain = [t for t in terms if t.mechanism in names and len(t.free) == 1 < trial.numbers]
+        best: tuple[Fit, Term] | None = None
+        for term in plain:
+            begin = np.concatenate([revised.values[: rows.start + 1], revised.values[rows.stop :]])
+            hypothesis = recalibrated.hypothesis.with_term(*(term if t is trial else t.term for t in found))
+            fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+            best = (fit, term) if best is None or fit.chi2 < best[0].chi2 else best
+        if best is None:
+            continue
+        rise = (best[0].chi2 - revised.chi2) / spread_of(revised, training)
+        if rise < stats.chi2.isf(current().verdict.absent, trial.numbers - 1):
+            revised = best[0]
+            (signature,) = make_bank(fitter, recalibrated, [best[1]]).signatures
+            found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
+            found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
+    return found, revised
 
 
 def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> list[Trial]:

@@ -60,7 +60,13 @@ from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_c
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
 from .score_test import chance_of_more
-from .settle import apparatus_beside, in_names_of_apparatus, that_earn_their_place, within_belief
+from .settle import (
+    apparatus_beside,
+    in_names_of_apparatus,
+    that_earn_their_place,
+    within_belief,
+    without_idle_numbers,
+)
 from .signatures import Bank, make_bank
 from .steps import shifts, time_steps
 from .verdict import Told, revised_scene, used
@@ -743,6 +749,8 @@ def _explained(
         )
     near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
     if found and not study.late(current().budget.settling):
+        if len(found) > 1:
+            found, revised = without_idle_numbers(found, revised, recalibrated, fitter, tried.terms, training)
         found, revised, equal = in_names_of_apparatus(found, revised, recalibrated, fitter, tried.terms, training)
         gave_way = [(e.gave_way, True) for e in equal]
         named = {t.mechanism for t in (*found, *(t for t, _ in gave_way))}
