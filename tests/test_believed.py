@@ -15,7 +15,7 @@ from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.intervals import with_believed_errors
 from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.recording import film
-from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 
 def seen(scene: Scene, *laws, seconds=0.6, **errors):
@@ -69,7 +69,7 @@ def test_radii_count_where_bodies_meet():
         fitter, fit = fitted(replace(recording, scene=replace(recording.scene, laws=MEETING.laws)), label)
         believed = with_believed_errors(fitter, fit, 1.0).believed
         assert believed is not None
-        told[label] = float(np.max(believed / np.diag(fit.covariance)))
+        told[label] = float(np.max(np.diag(believed) / np.diag(fit.covariance)))
     assert told["restitution"] > 0.02 and told["uniform_force"] < 1e-3
 
 
@@ -94,3 +94,14 @@ def test_masses_off_as_stated_are_no_physics():
     assert verdicts[None]["verdict"] in ("missing_physics", "measurement")
     assert verdicts[0.02]["verdict"] == "no_mismatch" and not verdicts[0.02]["mechanisms"]
     assert any("as far off as was stated" in note for note in verdicts[0.02]["notes"])
+
+
+def test_a_stream_beside_an_adjustable_drag_is_not_what_masses_do():
+    """Of it only products are known, so that the intervals of its numbers hold nought one by one; it is there all the
+    same."""
+    believed = replace(SLIDING, laws=(*SLIDING.laws, use("linear_drag", c=0.0024)))
+    given = replace(believed, adjustable=(Adjustable("linear_drag", "c", 0.0007, 0.0048),))
+    recording = seen(believed, use("ambient_flow", c=0.0009, u=(-0.07, 0.037)), seconds=1.6, mass_error=0.02)
+    verdict = diagnose_tracks([replace(recording, scene=replace(given, bodies=recording.scene.bodies))]).verdict
+    assert verdict["verdict"] == "missing_physics"
+    assert not any("masses and radii" in note for note in verdict["notes"])

@@ -38,7 +38,7 @@ class Fit:
     values : (p,) free numbers of the terms;  starts : numbers of each recording's starts, segment after segment
     segments : of each recording, one where the whole of it is followed from one start
     innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
-    believed : (p,) variance of the values by errors of the believed masses and radii, None where they are exact
+    believed : (p, p) covariance of the values by errors of the believed masses and radii, None where they are exact
     whitened : the same with the memory of the noise taken out (``Case.white``); left out where it has none
     steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording; after them
         how far numbers with a prior are off it
@@ -82,7 +82,7 @@ class Fit:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]
         value = float(self.values[k])
-        more = 0.0 if self.believed is None else 1.96**2 * float(self.believed[k])
+        more = 0.0 if self.believed is None else 1.96**2 * max(float(self.believed[k, k]), 0.0)
         if k in self.limits:
             low, high = self.limits[k]
         else:

@@ -124,7 +124,7 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
         told += both.T @ both / spread
     alone = np.linalg.pinv(told[:p, :p])
     whole = np.linalg.pinv(told + np.diag([0.0] * p + [1.0] * len(place)))[:p, :p]
-    return replace(fit, believed=np.maximum(np.diag(whole) - np.diag(alone), 0.0))
+    return replace(fit, believed=whole - alone)
 
 
 def _believed(

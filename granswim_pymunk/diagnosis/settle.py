@@ -203,16 +203,23 @@ def within_belief(
 ) -> tuple[Fit, list[Trial]]:
     """The fit with what errors of the believed masses and radii add to its intervals, and laws that they imitate.
 
-    Those whose strengths all have intervals that then hold their neutral values: masses and radii as far off as the
-    experimenter says they may be do the same. None where nothing was said of such errors.
+    Those whose strengths all have intervals that then hold their neutral values, and do so together (Wald's test with
+    the whole covariance: of a stream beside an adjustable drag only products are known, and the intervals of both
+    factors hold nought): masses and radii as far off as the experimenter says they may be do the same. None where
+    nothing was said of such errors.
     """
     fit = with_believed_errors(fitter, revised, spread)
     alike = []
     if fit.believed is not None:
         for trial, rows in zip(found, rows_of(found, len(recalibrated.values)), strict=True):
-            pairs = zip(range(rows.start, rows.stop), trial.term.free, strict=True)
-            ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in pairs if not f.inner]
-            if all(low <= neutral <= high for neutral, low, high in ends):
+            strengths = [(k, f) for k, f in enumerate(trial.term.free, rows.start) if not f.inner]
+            ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in strengths]
+            mine = [k for k, _ in strengths]
+            away = fit.values[mine] - [f.neutral for _, f in strengths]
+            covariance = (fit.covariance * spread + fit.believed)[np.ix_(mine, mine)]
+            together = float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
+            near = together <= float(stats.chi2.isf(current().verdict.absent, len(mine)))
+            if near and all(low <= neutral <= high for neutral, low, high in ends):
                 alike.append(trial)
     return fit, alike
 
