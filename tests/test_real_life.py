@@ -333,13 +333,13 @@ class TestSeries:
             checked_out(20, tmp_path)
         git("init")
         (tmp_path / "docs").mkdir()
-        (tmp_path / "docs" / "proof.md").write_text("| 19 | 1 to 2 | whole |\n| 20 | 3 to 4 | begun |\n")
+        (tmp_path / "docs" / "proof_history.md").write_text("| 19 | 1 to 2 | whole |\n| 20 | 3 to 4 | begun |\n")
         git("add", "-A")
         git("commit", "-m", "list")
         assert len(checked_out(20, tmp_path)) == 40
         with pytest.raises(InputError, match="list it before it begins"):
             checked_out(21, tmp_path)
-        (tmp_path / "docs" / "proof.md").write_text("changed")
+        (tmp_path / "docs" / "proof_history.md").write_text("changed")
         with pytest.raises(InputError, match="differs from its commit"):
             checked_out(20, tmp_path)
 

@@ -4,7 +4,8 @@ The quick form runs a handful of small development cases; the full form the scor
 Results lie in DIR/results, one file a case; an interrupted run goes on where it stopped, and a seed is scored once.
 Parts may be run apart (--seeds, --kind, --slice) into one DIR: each run scores all that lies there.
 --real-life: the cases under real-life conditions, which have a table of their own.
---series N: the secret is SHA-256 of `series N COMMIT`, COMMIT that of the checkout; N is in the list of docs/proof.md.
+--series N: the secret is SHA-256 of `series N COMMIT`, COMMIT that of the checkout; N is in the list of
+docs/proof_history.md.
 """
 
 import argparse

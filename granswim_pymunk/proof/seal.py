@@ -63,11 +63,14 @@ def series_secret(number: int, commit: str) -> bytes:
     return hashlib.sha256(f"series {number} {commit}".encode("ascii")).hexdigest().encode("ascii")
 
 
+LIST = "docs/proof_history.md"  # of every series that was begun
+
+
 def checked_out(number: int, folder: Path | None = None) -> str:
     """The commit of the checkout that this code runs from, if series ``number`` may be scored with it.
 
     Raises InputError where the code is not in a checkout, differs from its commit, or its list of series
-    (docs/proof.md) does not have the number.
+    (docs/proof_history.md) does not have the number.
     """
     folder = Path(__file__).resolve().parent if folder is None else folder
 
@@ -83,8 +86,8 @@ def checked_out(number: int, folder: Path | None = None) -> str:
     changed = git("status", "--porcelain", "--untracked-files=no").splitlines()
     if changed:
         raise InputError(f"the checkout differs from its commit: {changed[0].strip()}", where="--series")
-    if not re.search(rf"^\| *{number} *\|", git("show", "HEAD:docs/proof.md"), re.MULTILINE):
-        raise InputError(f"{number} is not in the list of docs/proof.md; list it before it begins", where="--series")
+    if not re.search(rf"^\| *{number} *\|", git("show", f"HEAD:{LIST}"), re.MULTILINE):
+        raise InputError(f"{number} is not in the list of {LIST}; list it before it begins", where="--series")
     return commit
 
 
