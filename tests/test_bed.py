@@ -24,9 +24,10 @@ from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
 from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import plainer_of, windows_of
+from granswim_pymunk.diagnosis.bed.driver import Answer, on_held_out, plainer_of, windows_of
 from granswim_pymunk.diagnosis.bed.hidden import circles
 from granswim_pymunk.diagnosis.bed.judge import astray
+from granswim_pymunk.diagnosis.bed.model import Windows
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
 from granswim_pymunk.diagnosis.bed.search import no_narrower, plainer_first, signature_of
@@ -51,7 +52,7 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.explained import Explained
-from granswim_pymunk.inference.judge import Claim, Judgement, Remains
+from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
 from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
 from granswim_pymunk.inference.pipeline import verdict_of
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
@@ -754,18 +755,54 @@ def test_grains_that_were_not_found_are_where_a_void_stays_open():
     assert found >= 0.6 * lost
 
 
-def test_a_law_is_named_though_grains_were_not_found():
-    """Without them the windows beside leave four times what twins do, and what is explained is 0.6."""
-    recording, out = without(small("small_joint"), 4)
+def measured(recording: Recording, seed: int, radius: float = 0.02, mass: float = 0.03) -> Recording:
+    """The recording with radii of grains, and masses, that were measured with these relative errors."""
+    rng = np.random.default_rng(seed)
+    bodies = []
+    for b in recording.scene.bodies:
+        z = rng.normal(size=2)
+        if b.role == "grain":
+            b = replace(b, radius=b.radius * (1 + radius * float(z[0])))
+        bodies.append(replace(b, mass=b.mass * (1 + mass * float(z[1]))) if b.mobile else b)
+    return replace(recording, scene=replace(recording.scene, bodies=tuple(bodies)))
+
+
+@pytest.mark.parametrize("stated", [None, 0.02])
+def test_radii_follow_from_who_touches_whom(stated):
+    whole = small("small_joint")
+    assert bed_case(whole).resized is None and bed_case(whole).scene is whole.scene  # these are as they are believed
+    wrong = replace(measured(whole, 5), radius_error=stated)
+    bed = bed_case(wrong)
+    off, left = (
+        np.array([s.bodies[k].radius / whole.scene.bodies[k].radius - 1 for k in bed.grains])
+        for s in (wrong.scene, bed.scene)
+    )
+    assert left.std() < 0.35 * off.std() and abs(left.mean()) < 0.003
+    assert bed.resized.off == pytest.approx(off.std(), rel=0.15)
+    assert bed.recording.radius_error == bed.resized.left == pytest.approx(left.std(), rel=0.3)
+    assert bed.given is wrong
+    # a wrong scale of the picture is no error of radii
+    assert bed_case(replace(whole, xy=1.01 * whole.xy)).resized is None
+    rows = [k for k, b in enumerate(bed.scene.bodies) if b.role != "grain"]
+    assert all(bed.scene.bodies[k] == wrong.scene.bodies[k] for k in rows)
+
+
+def test_a_law_is_named_in_a_film_as_real_ones_are():
+    """Radii off by 2 %, masses by 3 %, one grain in fifty not found, none of it said.
+
+    With the radii as believed 0.3 of the mismatch is explained; without the lost grains it is 0.6 with all else right.
+    """
+    recording, out = without(measured(small("small_joint"), 5), 4)
     found = diagnose_bed([recording], plan=PLAN, candidates=FEW, minutes=60.0)
     verdict = found.verdict
     assert any("does not show" in note for note in verdict["notes"]) and len(out) == 4
+    assert any("off by" in note and "where they touch" in note for note in verdict["notes"])
     assert verdict["verdict"] == "missing_physics" and verdict["heldout"] == "holds"
     (mechanism,) = verdict["mechanisms"]
     factor = mechanism["parameters"]["factor"]
     assert mechanism["name"] == "weak_joint" and factor["low"] < 0.4 < factor["high"]
     assert set(mechanism["bodies"]) <= set(recording.scene.ids)
-    assert verdict["explained"]["share"] > 0.7 and verdict["complete"]
+    assert verdict["explained"]["share"] > 0.5
     assert [u.identity for u in found.used] == [recording.scene.identity]
 
 
@@ -910,6 +947,42 @@ def test_held_out_windows_withdraw_what_predicts_them_worse():
     assert held_verdict(bench, fine, poor, rng) == "fails"
     assert held_verdict(bench, fine, fine, rng) == "undecided"
     assert held_verdict(bench, fine[:0], fine[:0], rng) is None
+
+
+@pytest.mark.parametrize(("gain", "left", "verdict"), [(9.0, 1.0, "unmodelled"), (3.0, 1.0, "no_mismatch"),
+                                                       (3.0, 12.0, "unmodelled")])  # fmt: skip
+def test_windows_that_ask_for_a_law_of_which_none_stands_are_no_match(monkeypatch, gain, left, verdict):
+    """p_false_alarm decides (contract): below 0.01 something is there, and what is told is the p that decided."""
+    monkeypatch.setattr("granswim_pymunk.diagnosis.bed.model.moved_away", lambda *given: False)
+    model = object.__new__(Windows)
+    model.null, model.notes, model.strayed = Null(np.linspace(0.0, 8.0, 499), gain), [], None
+    model.alone = SimpleNamespace(unexplained=left, covariance=None)
+    model.state = model.naive_base = None
+    model.start = SimpleNamespace(naive_values=None)
+    nothing = Claim((), model.alone)
+    found = judge(nothing, Weighed(), model.mismatch(nothing), nothing, [])
+    assert found.verdict == verdict and bool(model.notes) == (gain > 8.0)
+    course = Course(model.null, found, HeldOut({}, {}, None, None, nothing))
+    assert (model.false_alarm(course) <= 0.01) == (verdict == "unmodelled")
+
+
+@pytest.mark.parametrize(("harm", "outcome"), [(0.0, "undecided"), (3.0, "fails")])
+def test_held_out_windows_that_say_little_take_no_name_away(harm, outcome):
+    """They may withdraw a claim, where they are predicted worse, and never have to make one (contract)."""
+    rng = np.random.default_rng(24)
+    bench = BenchOfWindows(rng, windows=24)
+    bench.held, bench.every = [np.arange(12, 24)], [np.arange(24)]
+    plain = [np.zeros((24, 1, 8))]
+    with_law = [1e-5 * harm * rng.normal(size=(24, 1, 8))]
+    bench.predict = lambda wanted, windows: [plain, plain, with_law]
+    law = SimpleNamespace(mechanism="linear_drag", gain=1000.0)
+    search = SimpleNamespace(bench=bench, hypothesis=None, values=None)
+    start = SimpleNamespace(naive=None, naive_values=None)
+    answer = Answer(None, np.zeros(1), np.eye(1), bench, 0.0, law)
+    notes: list[str] = []
+    stands, _, gain, told_ = on_held_out(search, start, answer, rng, notes)
+    assert stands is answer and told_ == outcome and not notes
+    assert gain == pytest.approx(0.0) if not harm else gain < -10
 
 
 def test_a_flow_of_no_speed_is_drag():

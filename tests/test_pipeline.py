@@ -78,6 +78,9 @@ def test_a_mismatch_that_is_not_real_names_nothing():
     assert [without_laws(Mismatch(*m)) for m in ((False, False), (False, True), (True, True))] == [
         "no_mismatch", "recalibrate", "unmodelled",
     ]  # fmt: skip
+    # a search that asks for a law of which none stands is no match, whatever an adjustable cures
+    assert [Mismatch.of((), p, True) for p in (0.002, 0.01, 0.02)] == [Mismatch(p <= 0.01, True) for p in (0, 0, 1)]
+    assert Mismatch.of((DRAG,), 0.5, False) == REAL
     found = judge(Claim((DRAG,), ""), Weighed(share(0.9)), Mismatch(False, False), PLAIN, [])
     assert found.verdict == "no_mismatch" and found.claim == PLAIN
 

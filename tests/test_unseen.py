@@ -591,6 +591,34 @@ def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, mo
     assert verdict["remains"] is None or verdict["remains"]["times_floor"] > 1
 
 
+def test_a_law_that_is_asked_for_and_does_not_stand_is_unmodelled_though_the_stiffness_was_off(world, monkeypatch):
+    """p_false_alarm decides (contract); what comes closest is the first rival, with its share."""
+
+    def refitted_in_vain(s, bank, open_, suspects):
+        again(s, open_[0], 0.7, 1, 6)
+        return [], None, []
+
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.model.named_laws", refitted_in_vain)
+    verdict = diagnose_unseen(filmed({"weak_joint at joint 3": [0.85], "stiffness": [1.8e-3]}, 3, 1)).verdict
+    assert verdict["verdict"] == "unmodelled" and verdict["null"]["p_false_alarm"] <= 0.01
+    assert verdict["rivals"][0]["name"] == "weak_joint" and verdict["rivals"][0]["share"] > 0.7
+
+
+def test_candidates_that_are_only_screened_are_run_through_the_training_part_alone(world):
+    """What is named, and its rivals, predict the held-out part by runs that go on through it."""
+    found = diagnose_unseen(filmed({"weak_joint at joint 3": [0.85]}, 3, 1))
+    s = found.evidence.search
+    (c,) = s.conditions
+    assert c.learnt == c.view.last + 1 < c.test.last
+    screened = [key for key, runs in s.runner.tracks.items() if any(np.isnan(xy[-1]).any() for xy in runs.values())]
+    assert len(screened) > 20 and all(soft for _, _, soft in screened)
+    assert not {label for _, label, soft in screened} & {label for label, _ in s.test.mean[c.name]} - {"naive"}
+    flow = next(t for t in s.trials if t.mechanism == "ambient_flow" and not t.reason)
+    again(s, flow, 0.7, 1, 6)
+    confirm(found.evidence, [flow])
+    assert gain_of(found.evidence, lambda c: predicted_by(s, [flow], flow.fit, c)) is not None
+
+
 def test_the_order_of_runs_does_not_show_in_the_last_bit(world, monkeypatch):
     films = filmed({"head_force along the axis": [1e-4]}, 6, 2)
     first = diagnose_unseen(films).verdict

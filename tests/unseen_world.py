@@ -91,7 +91,7 @@ class World(Runner):
     candidates: Mapping[str, Suspect] = {}
     shuffle: int | None = None
 
-    def cost(self, condition: Condition, soft: bool) -> float:
+    def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
         return 0.2 if soft else 0.3
 
     def time_step(self, condition: Condition, soft: bool) -> float:
@@ -101,11 +101,14 @@ class World(Runner):
         order = range(len(jobs)) if self.shuffle is None else np.random.default_rng(self.shuffle).permutation(len(jobs))
         for k in order:
             job = jobs[k]
+            if self.done(job):
+                continue
             rng = _generator(self.seed, job.key, job.number)
             made_of = amounts(job.label)
             found = swum(
                 job.condition.frequency, made_of, rng, self.candidates, soft=job.soft, t=job.condition.frames
             )
+            found[len(job.frames) :] = np.nan
             self.tracks.setdefault(job.key, {})[job.number] = found
 
 

@@ -138,6 +138,14 @@ class Mismatch:
     real: bool
     moved: bool
 
+    @classmethod
+    def of(cls, laws: Sequence[Any], p: float, moved: bool) -> Mismatch:
+        """By the contract's rule: real where laws stand, or where ``p_false_alarm`` is within the alarm.
+
+        A search that asks for a law of which none stands is a mismatch that nothing explains, and no match.
+        """
+        return cls(bool(laws) or p <= current().verdict.alarm, moved)
+
 
 @dataclass(frozen=True)
 class Judgement:

@@ -134,16 +134,21 @@ class Windows(ObservationModel):
         return Weighed(named, told, possible=True, few=True)
 
     def mismatch(self, claim: Claim) -> Mismatch:
-        real = bool(claim.laws) or self.alone.unexplained > 2 * UNEXPLAINED
-        return Mismatch(real, moved_away(self.state, self.naive_base, self.start.naive_values, self.alone.covariance))
+        moved = moved_away(self.state, self.naive_base, self.start.naive_values, self.alone.covariance)
+        if not claim.laws and self.null.p <= current().verdict.alarm:
+            self.notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
+        return Mismatch.of(claim.laws, min(self.null.p, self._p_left), moved)
+
+    @property
+    def _p_left(self) -> float:
+        """p of what recalibration leaves, as a whole: none of the nulls leaves as much, or 1 (see ``UNEXPLAINED``)."""
+        return 1 / (REPLICATES + 1) if self.alone.unexplained > 2 * UNEXPLAINED else 1.0
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         self.progress("held-out windows", 0.88)
         search, start = self.state, self.start
         bench = search.bench
-        answer, predicted, gain, outcome = on_held_out(
-            search, start, self.alone, judged.claim.fit, self.judging, self.notes
-        )
+        answer, predicted, gain, outcome = on_held_out(search, start, judged.claim.fit, self.judging, self.notes)
         laws, share = list(answer.laws), judged.explained if answer.laws else None
         if start.wrong is not None:
             if outcome == "fails":
@@ -167,8 +172,6 @@ class Windows(ObservationModel):
         return HeldOut(train, held, outcome, gain, Claim(tuple(laws), answer), share, window)
 
     def strays(self, judged: Judgement) -> bool:
-        if judged.verdict == "no_mismatch" and self.null.p <= current().verdict.alarm:
-            self.notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
         self.strayed = astray(self.state.bench, self.predicted.get("recalibrated"))
         if self.strayed is not None:
             self.notes.append(self.strayed.text)
@@ -247,9 +250,8 @@ class Windows(ObservationModel):
         return {f.name: (f.first, f.low, f.high) for t in self.start.naive.terms for f in t.free}
 
     def false_alarm(self, course: Course) -> float:
-        if self.strayed is None:
-            return self.null.p
-        return min(self.null.p, max(self.strayed.place.p, 1 / (REPLICATES + 1)))
+        p = self.null.p if course.judged.claim.laws else min(self.null.p, self._p_left)
+        return p if self.strayed is None else min(p, max(self.strayed.place.p, 1 / (REPLICATES + 1)))
 
     def revised(self, course: Course) -> dict[str, Scene]:
         values = course.judged.claim.fit.values[: len(self.state.values)]

@@ -27,6 +27,7 @@ from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
+from .radii import Sized, with_radii
 from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 from .work import BODY_START, BODY_STEP
@@ -63,6 +64,7 @@ class BedCase:
     looks : (L,) frames later, the first 0;  training : (W,) bool;  repaired : labels put back, sightings left out
     hidden : (h,) rows of grains that the film does not show, see ``hidden``: they are there, and are not compared
     given : the recording as it was given, without them
+    resized : how far off the radii of grains were, which are put right; None where they are as believed
     """
 
     case: Case
@@ -78,6 +80,7 @@ class BedCase:
     repaired: tuple[int, int]
     hidden: np.ndarray
     given: Recording
+    resized: Sized | None = None
 
     @property
     def recording(self) -> Recording:
@@ -153,6 +156,7 @@ def bed_case(
     learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
     listed = len(scene.bodies)
     given = recording
+    recording, resized = with_radii(recording, full, float(sigma), learnt)
     recording, full = with_hidden(recording, full, float(sigma), learnt)
     scene = recording.scene
     case = prepare(recording, held_out=held_out, split=split, clean=False)
@@ -185,6 +189,7 @@ def bed_case(
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
         Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)), given,
+        resized,
     )  # fmt: skip
 
 

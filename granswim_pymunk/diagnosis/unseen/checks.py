@@ -16,7 +16,7 @@ from ...laws import has_role
 from .conclude import Finding, Spot, extra_of
 from .response import Fit, Means, add, fit, spread_of
 from .runs import Job
-from .search import NAIVE, Search, Trial, anchored, jobs_for, label_of, rounded
+from .search import NAIVE, Search, Trial, amount_jobs, amount_label, anchored, jobs_for, label_of, rounded
 from .summaries import Condition, View
 
 SIDE = 1.645  # standard deviations, one-sided 95 %
@@ -39,10 +39,11 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
             lambda k, n: s.progress("revised scene in other packings", 0.82 + 0.1 * k / n),
         )
     only_test = [c for c in s.conditions if c.view is None]
-    jobs: list[Job] = []
+    jobs = _to_the_end(s, f.revised, f.found)
     for fitted, laws in _by_fit(rivals):
         values = rounded(fitted.u[: len(s.adjust)])
         jobs += jobs_for(only_test, s.adjust, values, extra_of(s, laws, fitted), s.sizes.leader, True)
+        jobs += _to_the_end(s, fitted, laws)
     s.runner.do(jobs, lambda k, n: s.progress("rivals, held-out recordings", 0.92))
     s.means.refresh()
     s.test.refresh()
@@ -59,6 +60,22 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
         model = anchored(s, soft.model, [t.suspect for t in f.found], here, label, soft=False)
         f.revised = fit(model, s.means, s.training)
         _softness_said(f, soft)
+
+
+def _to_the_end(s: Search, fitted: Fit, laws: Sequence[Trial]) -> list[Job]:
+    """Runs that screened a law, where its fit leans on them: they go on through the held-out part of a film."""
+    jobs: list[Job] = []
+    for c in s.conditions:
+        if c.view is None or c.test is None:
+            continue
+        points = fitted.model.sums(c.name, fitted.u)
+        for x in (t.suspect for t in laws):
+            for row in x.design:
+                label = amount_label(x, row)
+                if (label, True) in points:
+                    numbers = sorted(s.runner.tracks.get((c.name, label, True), {}))
+                    jobs += amount_jobs(x, row, [c], numbers, part=False)
+    return jobs
 
 
 def _by_fit(laws: Sequence[Trial]) -> list[tuple[Fit, list[Trial]]]:

@@ -27,7 +27,10 @@ from .verdict import curve_text, ids_of, parameters_of, place_of, revised_scene,
 
 MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
 CORES = 2
-PAIRS = 1.6  # cost of a candidate's run in those of the naive scene: laws of pairs at a distance take longer
+FILMS = 4  # that MINUTES are meant for
+PAIRS = 1.3  # cost of a candidate's run in those of the naive scene: laws of pairs at a distance take longer
+PROBED = 1.5  # runs of a candidate at amounts that show too little or too much, before one that shows
+SPREAD = 60  # packings that tell the spread of some forty numbers, at the least; runs with laws tell it, too
 MORE = 0.2  # p of the search up to which those that lead are run in more packings
 
 
@@ -103,17 +106,13 @@ class Packings(ObservationModel):
 
     def mismatch(self, claim: Claim) -> Mismatch:
         s, alarm = self.state, current().verdict.alarm
-        if claim.laws:
-            return Mismatch(True, False)
-        left = goodness(s, s.base, len(s.base.u))
-        moved = bool(s.adjust) and s.p_recalibration <= alarm
-        real = left[0] <= alarm and left[1] < current().verdict.by_chance
-        if not real and not moved and s.p_search <= alarm:
+        rank, tail = goodness(s, s.base, len(s.base.u))
+        if not claim.laws and s.p_search <= alarm:
             self.notes.append(
                 "the recordings ask for a law more than other packings do, but none that was tried stands"
             )
-            real = True
-        return Mismatch(real, moved)
+        p = min(s.p_search, rank) if tail < current().verdict.by_chance else s.p_search
+        return Mismatch.of(claim.laws, p, bool(s.adjust) and s.p_recalibration <= alarm)
 
     def settle(self, judged: Judgement) -> Judgement:
         """With runs of the revised scene as it is given to the user, in all conditions."""
@@ -173,9 +172,20 @@ class Packings(ObservationModel):
             found = None if fitted is None else gain_of(finding, lambda c: predicted_by(s, laws, fitted, c))
             return None if found is None else found[0]
 
-        fallen = [t for t, _ in judged.closest]
-        closest = [(Rival(t, gain(fallen), False), share) for t, share in judged.closest]
+        told = judged.closest
+        if judged.verdict == "unmodelled" and not told and not judged.withdrawn:
+            told = self._closest()
+        fallen = [t for t, _ in told]
+        closest = [(Rival(t, gain(fallen), False), share) for t, share in told]
         return [Rival(t, gain([t]), same) for t, same in self.beside], closest
+
+    def _closest(self) -> tuple[tuple[Trial, float], ...]:
+        """The law that was refitted and gained most, and its share; none where none gained."""
+        tried = [t for t in self.state.trials if t.fit is not None and t.worth > 0]
+        best = max(tried, key=lambda t: t.worth, default=None)
+        if best is None or best.fit is None:
+            return ()
+        return ((best, explained(self.state, best.fit)[0].share),)
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         self.progress("the next experiment", 0.97)
@@ -264,26 +274,31 @@ class Packings(ObservationModel):
 
 
 def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: float) -> Sizes:
-    """Packings of each kind that a budget pays for, at most three times as many as usual."""
-    usual = Sizes()
+    """Packings of each kind that a budget pays for, at most three times as many as usual.
+
+    The budget is that of ``FILMS`` recordings, of fewer their part of it: runs beyond the usual narrow what is told of
+    a film, whose own packing is one draw, by hardly a fifth however many they are.
+    """
+    usual = replace(Sizes(), spread=SPREAD)
     training = [c for c in conditions if c.view is not None]
     candidates = sum(len(x.design) for x in suspects_of(training))
     adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
     soft = {c.name: runner.cost(c, True) for c in conditions}
+    part = {c.name: runner.cost(c, True, part=True) for c in conditions}
     true = {c.name: runner.cost(c, False) for c in conditions}
 
     def seconds(z: Sizes) -> float:
-        probes = 3 * candidates * soft[training[0].name] * PAIRS
-        runs = z.soft + adjustables * z.adjustable + candidates * PAIRS * z.screen + 8 * PAIRS * z.more
-        runs += 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
+        screened = PROBED * candidates * part[training[0].name] * PAIRS
+        runs = z.soft + adjustables * z.adjustable + 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
+        parts = candidates * PAIRS * z.screen + 8 * PAIRS * z.more + max(z.spread / len(training) - z.soft, 0.0)
         held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
-        inside = sum(soft[c.name] * runs + true[c.name] * (z.true + z.final) for c in training)
+        inside = sum(soft[c.name] * runs + part[c.name] * parts + true[c.name] * (z.true + z.final) for c in training)
         outside = sum(
             true[c.name] * held[0] + soft[c.name] * held[1] for c in conditions if c.view is None
         )
-        return probes + inside + outside
+        return screened + inside + outside
 
-    budget = 60 * minutes * CORES
+    budget = 60 * minutes * CORES * min(len(conditions) / FILMS, 1.0)
     factors = (3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
     return next((z for z in map(usual.times, factors) if seconds(z) <= budget), usual.times(factors[-1]))
 

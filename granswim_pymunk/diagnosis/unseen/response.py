@@ -67,11 +67,14 @@ class Means:
                     continue
                 rows = []
                 for number, xy in sorted(runs.items()):
+                    if not np.isfinite(xy[view.last]).all():
+                        continue  # it ended with the training part
                     key = (name, label, soft, number)
                     if key not in self._seen:
                         self._seen[key] = view.observe(xy)
                     rows.append(self._seen[key])
-                values[label, soft] = np.array(rows)
+                if rows:
+                    values[label, soft] = np.array(rows)
             several = [y for (label, _), y in values.items() if label == "naive" and len(y) > 1]
             usual = np.mean([y.var(axis=0, ddof=1) for y in several], axis=0) if several else None
             left, dof = [], 0

@@ -36,26 +36,36 @@ Change = Callable[[Scene], Scene]
 
 @dataclass(frozen=True)
 class Job:
-    """One run: a condition under a change of its scene, in one packing. ``label`` names the change."""
+    """One run: a condition under a change of its scene, in one packing. ``label`` names the change.
+
+    part : the run ends with the training part: candidates that are only screened predict nothing that is held out
+    """
 
     condition: Condition
     label: str
     change: Change
     number: int  # of the packing
     soft: bool
+    part: bool = False
 
     @property
     def key(self) -> tuple[str, str, bool]:
         """The scene of a condition that this is a run of."""
         return self.condition.name, self.label, self.soft
 
+    @property
+    def frames(self) -> np.ndarray:
+        """(k,) times [s] at which the run is looked at: all of the condition's, or those up to the held-out part."""
+        every = self.condition.frames
+        return every[: self.condition.learnt] if self.part else every
+
 
 @dataclass
 class Runner:
     """Does runs in threads and remembers them on disk.
 
-    ``tracks`` maps (condition, label, soft) to {packing: (T, n, 2) [m]}. A scene of which one run fails is not
-    used; ``failures`` has the reason.
+    ``tracks`` maps (condition, label, soft) to {packing: (T, n, 2) [m]}, NaN after the end of a run of the training
+    part alone. A scene of which one run fails is not used; ``failures`` has the reason.
     """
 
     seed: int = 0
@@ -68,18 +78,18 @@ class Runner:
     _packed: dict[tuple[str, int], Scene] = field(default_factory=dict)
     _dt: dict[tuple[str, bool], float] = field(default_factory=dict)
 
-    def cost(self, condition: Condition, soft: bool) -> float:
-        """Seconds that a run takes on one core, about: told from its size, so that plans repeat."""
+    def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
+        """Seconds that a run takes on one core, about: told from its size, so that plans repeat; ``part``: see ``Job``.
+        """
         scene = self.packed(condition, 0)
-        duration = float(condition.frames[-1]) - scene.time.start
+        duration = float(condition.frames[condition.learnt - 1 if part else -1]) - scene.time.start
         return START_UP + BODY_STEP * len(scene.bodies) * duration / self.time_step(condition, soft)
 
     def do(self, jobs: Sequence[Job], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
         """Do what is not done yet. Ctrl-C keeps what is finished."""
-        todo = {
-            (*j.key, j.number): j for j in jobs
-            if j.number not in self.tracks.get(j.key, {}) and j.number not in self.failures.get(j.key, {})
-        }  # fmt: skip
+        # longer ones last: of a run that is asked for twice they stay
+        wanted = sorted((j for j in jobs if not self.done(j)), key=lambda j: not j.part)
+        todo = {(*j.key, j.number): j for j in wanted}
         if not todo:
             return
         with ThreadPoolExecutor(self.workers) as pool:
@@ -110,23 +120,34 @@ class Runner:
         found = self.tracks.get((condition.name, label, soft))
         return np.array([found[k] for k in sorted(found)]) if found else None
 
+    def done(self, job: Job) -> bool:
+        """Whether a run, at least as long, is there or failed."""
+        if job.number in self.failures.get(job.key, {}):
+            return True
+        found = self.tracks.get(job.key, {}).get(job.number)
+        return found is not None and (job.part or bool(np.isfinite(found[-1]).all()))
+
     def _one(self, job: Job) -> None:
+        frames = job.frames
         try:
             scene = job.change(self.packed(job.condition, job.number))
             if job.soft:
                 scene = _soft(scene)
             scene = replace(scene, time=replace(scene.time, dt=self.time_step(job.condition, job.soft)))
-            file = self._file(scene, job.condition)
-            xy = load_array(file, (len(job.condition.frames), len(job.condition.rows), 2))
+            file = self._file(scene, frames, job.condition.rows)
+            xy = load_array(file, (len(frames), len(job.condition.rows), 2))
             new = xy is None or not np.isfinite(xy).all()
             if new:
                 with np.errstate(all="ignore"):
-                    xy = Simulation(scene).sample(job.condition.frames, list(job.condition.rows))
+                    xy = Simulation(scene).sample(frames, list(job.condition.rows))
                 if not np.isfinite(xy).all():
                     raise SimulationError("a position is not finite")
                 store_array(file, xy)
             assert xy is not None
             _whole(xy, scene, job.condition)
+            later = len(job.condition.frames) - len(frames)
+            if later:
+                xy = np.concatenate([xy, np.full((later, *xy.shape[1:]), np.nan)])
         except (SimulationError, InputError) as error:
             with self._lock:
                 self.failures.setdefault(job.key, {})[job.number] = str(error)
@@ -174,9 +195,8 @@ class Runner:
         return found
 
     @staticmethod
-    def _file(scene: Scene, condition: Condition) -> Path:
-        key = [CODE, scene.hash, hashlib.sha256(np.ascontiguousarray(condition.frames).tobytes()).hexdigest(),
-               list(condition.rows)]  # fmt: skip
+    def _file(scene: Scene, frames: np.ndarray, rows: Sequence[int]) -> Path:
+        key = [CODE, scene.hash, hashlib.sha256(np.ascontiguousarray(frames).tobytes()).hexdigest(), list(rows)]
         name = hashlib.sha256(json.dumps(key).encode()).hexdigest()
         return cache_folder() / "runs" / name[:2] / f"{name}.npy"
 

@@ -39,14 +39,15 @@ class Sizes:
     final: int = 4  # of the revised scene with its own contacts
     leaders: int = 5
     duel: int = 12  # of the best two, where they are near each other
+    spread: int = 0  # of the naive scene in all training films together, where ``soft`` are fewer
 
     def times(self, factor: float) -> Sizes:
         """More, or fewer, of everything."""
         least = {"true": 3, "soft": 3, "adjustable": 2, "leader": 2, "final": 2, "leaders": 3, "duel": 4, "screen": 1}
-        return Sizes(**{
+        return replace(self, **{
             f.name: max(round(getattr(self, f.name) * (min(factor, 1.2) if f.name == "leaders" else factor)),
                         least.get(f.name, 0))
-            for f in fields(self)
+            for f in fields(self) if f.name != "spread"
         })  # fmt: skip
 
 
@@ -184,6 +185,8 @@ def begin(
     only_test = [c for c in conditions if c.view is None]
     jobs = jobs_for(training, (), np.zeros(0), (), sizes.true, False, NAIVE)
     jobs += jobs_for(training, (), np.zeros(0), (), sizes.soft, True, NAIVE)
+    for k in range(sizes.soft, -(-sizes.spread // len(training))):
+        jobs += [Job(c, NAIVE, lambda scene: scene, k, True, part=True) for c in training]
     jobs += jobs_for(only_test, (), np.zeros(0), (), max(sizes.true // 2, 3), False, NAIVE)
     jobs += jobs_for(only_test, (), np.zeros(0), (), max(sizes.soft // 2, 3), True, NAIVE)
     runner.do(jobs, lambda k, n: progress("naive scene in other packings", 0.02 + 0.18 * k / n))
@@ -270,11 +273,14 @@ def amount_label(x: Suspect, row: np.ndarray) -> str:
     return label_of((), (), [(x.term, x.neutral + row)])
 
 
-def amount_jobs(x: Suspect, row: np.ndarray, conditions: Sequence[Condition], packings: Sequence[int]) -> list[Job]:
+def amount_jobs(
+    x: Suspect, row: np.ndarray, conditions: Sequence[Condition], packings: Sequence[int], part: bool = True
+) -> list[Job]:
+    """Runs of a candidate in the naive scene; ``part``: see ``Job``."""
     extra = [(x.term, x.neutral + row)]
     label = amount_label(x, row)
     return [
-        Job(c, label, change_of(c, (), (), extra), k, True)
+        Job(c, label, change_of(c, (), (), extra), k, True, part)
         for k in packings for c in conditions if bears_on(x.term, c)
     ]  # fmt: skip
 

@@ -65,6 +65,11 @@ class View:
     curve: bool = False
 
     @property
+    def last(self) -> int:
+        """The last frame that counts."""
+        return int(np.flatnonzero(self.keep)[-1])
+
+    @property
     def cycles(self) -> float:
         t = self.t[self.keep]
         return float(np.ptp(t) * self.frequency) if len(t) > 1 else 0.0
@@ -252,6 +257,11 @@ class Condition:
     def rows(self) -> tuple[int, ...]:
         """Rows of the scene's bodies that a run keeps: the swimmer's disks."""
         return self.scene.chains[0]
+
+    @property
+    def learnt(self) -> int:
+        """How many frames there are up to the held-out part: all where none is, or where nothing else is seen."""
+        return len(self.frames) if self.view is None else self.view.last + 1
 
     @property
     def frequency(self) -> float:
