@@ -90,7 +90,9 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
     def wanted(row: Row, number: int, folder: Path) -> list[Path]:
         return make(row, number, films, args.small, args.film)
 
-    return tell(table(ROWS, run_rows(args, ROWS, wanted, say), TITLE, "unseen_effects", ABOUT), args.page, say)
+    seen = "four films" if args.film is None else f"film {args.film} of four"
+    about = (ABOUT[0].replace("four films", seen), *ABOUT[1:])
+    return tell(table(ROWS, run_rows(args, ROWS, wanted, say), TITLE, "unseen_effects", about), args.page, say)
 
 
 if __name__ == "__main__":

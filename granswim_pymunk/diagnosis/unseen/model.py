@@ -27,10 +27,6 @@ from .verdict import curve_text, ids_of, parameters_of, place_of, revised_scene,
 
 MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
 CORES = 2
-FILMS = 4  # that MINUTES are meant for
-PAIRS = 1.3  # cost of a candidate's run in those of the naive scene: laws of pairs at a distance take longer
-PROBED = 1.5  # runs of a candidate at amounts that show too little or too much, before one that shows
-SPREAD = 60  # packings that tell the spread of some forty numbers, at the least; runs with laws tell it, too
 MORE = 0.2  # p of the search up to which those that lead are run in more packings
 
 
@@ -276,10 +272,11 @@ class Packings(ObservationModel):
 def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: float) -> Sizes:
     """Packings of each kind that a budget pays for, at most three times as many as usual.
 
-    The budget is that of ``FILMS`` recordings, of fewer their part of it: runs beyond the usual narrow what is told of
+    The budget is that of ``films`` recordings, of fewer their part of it: runs beyond the usual narrow what is told of
     a film, whose own packing is one draw, by hardly a fifth however many they are.
     """
-    usual = replace(Sizes(), spread=SPREAD)
+    known = current().packings
+    usual = replace(Sizes(), spread=known.spread)
     training = [c for c in conditions if c.view is not None]
     candidates = sum(len(x.design) for x in suspects_of(training))
     adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
@@ -288,9 +285,9 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
     true = {c.name: runner.cost(c, False) for c in conditions}
 
     def seconds(z: Sizes) -> float:
-        screened = PROBED * candidates * part[training[0].name] * PAIRS
+        screened = known.probed * candidates * part[training[0].name] * known.pairs
         runs = z.soft + adjustables * z.adjustable + 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
-        parts = candidates * PAIRS * z.screen + 8 * PAIRS * z.more + max(z.spread / len(training) - z.soft, 0.0)
+        parts = known.pairs * (candidates * z.screen + 8 * z.more) + max(z.spread / len(training) - z.soft, 0.0)
         held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
         inside = sum(soft[c.name] * runs + part[c.name] * parts + true[c.name] * (z.true + z.final) for c in training)
         outside = sum(
@@ -298,7 +295,7 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
         )
         return screened + inside + outside
 
-    budget = 60 * minutes * CORES * min(len(conditions) / FILMS, 1.0)
+    budget = 60 * minutes * CORES * min(len(conditions) / known.films, 1.0)
     factors = (3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
     return next((z for z in map(usual.times, factors) if seconds(z) <= budget), usual.times(factors[-1]))
 

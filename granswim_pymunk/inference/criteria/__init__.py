@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+from .beds import PackingCriteria, RadiiCriteria
 from .general import BlockCriteria, NoiseCriteria, SplitCriteria, StampCriteria, VerdictCriteria
 from .tracks import (
     BudgetCriteria,
@@ -46,6 +47,8 @@ class Criteria:
     intervals: IntervalCriteria = field(default_factory=IntervalCriteria)
     left: LeftCriteria = field(default_factory=LeftCriteria)
     budget: BudgetCriteria = field(default_factory=BudgetCriteria)
+    radii: RadiiCriteria = field(default_factory=RadiiCriteria)
+    packings: PackingCriteria = field(default_factory=PackingCriteria)
 
 
 DEFAULT = Criteria()
