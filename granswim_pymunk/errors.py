@@ -20,7 +20,7 @@ class InputError(ValueError):
         message = " ".join(str(message).split())
         self.message = message
         self.file = None if file is None else "".join(c if c.isprintable() else "?" for c in str(file))
-        self.where = where
+        self.where = where = None if where is None else " ".join(str(where).split())
         super().__init__(": ".join(part for part in (self.file, where, message) if part))
 
 

@@ -216,8 +216,7 @@ def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
         refuse_links(folder, [SCENE, REPORT, TRAJECTORY, CHECKPOINT, PICTURES, *VIDEO_NAMES])
         with run.timed("setting up"):
             sim, _, note = resume(folder / CHECKPOINT)
-            if "total" not in note:
-                raise InputError("is not the checkpoint of a run", file=folder / CHECKPOINT)
+            note = _checked(note, folder / CHECKPOINT)
             scene = dataclasses.replace(sim.scene, time=dataclasses.replace(sim.scene.time, dt=sim.dt))
             view = {name: value for name, value in note["view"].items() if value is not None}
             painter = Painter(
@@ -227,6 +226,38 @@ def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
         run.say(f"going on at step {sim.step} of {note['total']}, t = {sim.t:.6g} s")
         run.describe(scene, sim, note["total"], requested=sim.mode)
         return run.go(_Job(scene, sim, plan, painter, folder, note["video"], note), going_on=True)
+
+
+def _checked(note: dict[str, Any], file: Path) -> dict[str, Any]:
+    """What a checkpoint says of its run. Raises InputError where that is not what a run writes."""
+    if "total" not in note:
+        raise InputError("is not the checkpoint of a run", file=file)
+
+    def whole(value: Any, most: float) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= most
+
+    def number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+    view, overlap = note.get("view"), note.get("max_overlap")
+    good = {
+        "total": whole(note["total"], MOST_STEPS),
+        "frames": whole(note.get("frames"), MOST_PICTURES),
+        "color": isinstance(note.get("color"), str) and note["color"] in COLORS,
+        "video": isinstance(note.get("video"), str) and note["video"] in VIDEOS,
+        "max_overlap": "max_overlap" in note and (overlap is None or number(overlap) or overlap == math.inf),
+        "view": isinstance(view, dict) and {"top", "view", "width"} >= set(view),
+    }
+    if good["view"]:
+        assert isinstance(view, dict)
+        box = view.get("view")
+        good["view.top"] = view.get("top") is None or number(view["top"])
+        good["view.width"] = view.get("width") is None or whole(view["width"], 1e9)
+        good["view.view"] = box is None or (isinstance(box, list | tuple) and len(box) == 4 and all(map(number, box)))
+    for name, fits in good.items():
+        if not fits:
+            raise InputError("is not what a run writes: the checkpoint is damaged", file=file, where=name)
+    return note
 
 
 def _above_zero(value: float | None, name: str, file: Path | None) -> float:

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from granswim_pymunk.cli import main
+from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording, film, read_recording, resolve_recording, shipped_names
 from granswim_pymunk.recording.plausible import check_plausible
@@ -564,3 +565,21 @@ class TestFuzz:
             tmp_path_factory.mktemp("f"), **{file: data[:at] + inserted + data[at + removed :]}
         )
         reads_or_says_why(folder)
+
+
+def test_what_hours_of_nonsense_found(tmp_path, capsys):
+    """Each ended in a traceback: cases of ``granswim_pymunk.benchmarks.fuzz``, and a diagnosis of its whole ones."""
+    from granswim_pymunk.benchmarks.fuzz import KINDS, fuzz
+
+    for case in (263, 314, 413, 598, 839, 1445, 2117, 2663, 2714, 4469, 6323, 6741, 8529, 9575):
+        found = fuzz(1, tmp_path, kinds=tuple(KINDS), first=case)
+        assert found.tried == 1 and not found.failures, found.failures
+
+
+def test_a_coordinate_that_moves_by_less_than_its_decimals_was_not_measured():
+    t = np.arange(0.0, 0.8, 0.02)
+    xy = np.stack([np.zeros_like(t), 2.0 - 4.905 * t**2], axis=-1)[:, None]
+    xy[7, 0, 0] = 1e-300
+    scene = Scene((Body("ball", "free", 0.03, 0.06),), gravity=(0.0, -9.81))
+    case = prepare(Recording("fall", scene, t, ("ball",), xy), held_out=False, split=False)
+    assert [c.kind for c in case.channels] == ["y"]

@@ -55,6 +55,14 @@ def find_bed(name: str | Path) -> Path:
     return path
 
 
+def _texts(values: np.ndarray, key: str, path: Path) -> list[str]:
+    """An array as texts. Raises InputError where its bytes are no characters."""
+    try:
+        return [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in values.ravel()]
+    except (SystemError, ValueError):  # what Python says of a character beyond the last one
+        raise InputError("holds what is no text", file=path, where=key) from None
+
+
 def _numbers(data: Mapping[str, np.ndarray], key: str, shape: tuple[int, ...], path: Path) -> np.ndarray:
     array = data[key]
     if array.dtype.kind not in "fiu" or array.shape not in (
@@ -75,7 +83,7 @@ def read_bed(name: str | Path) -> StoredBed:
     for key in ("role", "radius", "mass", "start"):
         if key not in data:
             raise InputError(f"has no {key!r}; it needs role, radius, mass, start and after_N", file=path)
-    roles = [r.decode("utf-8", "replace") if isinstance(r, bytes) else str(r) for r in data["role"].ravel()]
+    roles = _texts(data["role"], "role", path)
     n = len(roles)
     for row, role in enumerate(roles):
         if role not in ROLES:
@@ -84,7 +92,7 @@ def read_bed(name: str | Path) -> StoredBed:
             )
     radius, mass = (_numbers(data, key, (n,), path) for key in ("radius", "mass"))
     start = _numbers(data, "start", (n, 4), path)
-    ids = [str(i) for i in data.get("id", np.arange(n)).ravel()]
+    ids = _texts(data.get("id", np.arange(n)), "id", path)
     if len(ids) != n:
         raise InputError(f"should have {n} entries, got {len(ids)}", file=path, where="id")
     inertia = _numbers(data, "inertia", (n,), path) if "inertia" in data else np.full(n, np.nan)

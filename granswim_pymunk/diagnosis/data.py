@@ -147,7 +147,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
             seen = np.isfinite(column)
             if seen.sum() < 4:
                 continue
-            if np.ptp(column[seen]) == 0.0:
+            if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
             sigma = recording.position_noise
             if not sigma:

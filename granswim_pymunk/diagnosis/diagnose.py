@@ -120,10 +120,10 @@ def diagnose(
 
 def _try_to_write(out: Path) -> None:
     """Raise InputError where results could not be written: before the search, not after it. Leaves nothing behind."""
-    if out.exists() and not out.is_dir():
-        raise InputError("is a file; --out should name a folder", file=out)
     made = []
     try:
+        if out.exists() and not out.is_dir():
+            raise InputError("is a file; --out should name a folder", file=out)
         for folder in (*reversed(out.parents), out):
             if not folder.exists():
                 folder.mkdir()

@@ -15,6 +15,7 @@ from ..recording import Recording
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
 FAST_RADII = 2e4  # radii a second; a golf ball that falls 30 m has 1e3, a swimmer's disk 1e2
+NARROW = 1e4  # times as long as wide, where a path cannot be drawn to scale
 FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 
 
@@ -207,6 +208,9 @@ def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:
     if plane is not None:
         plane.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="paths, with the disk at its first place")
         plane.autoscale_view()
+        wide, high = (float(np.ptp(ends)) for ends in (plane.get_xlim(), plane.get_ylim()))
+        if not 1 / NARROW < wide / high < NARROW:  # drawn to scale it would have no height
+            plane.set_aspect("auto")
     courses[0].set(xlabel="t [s]", ylabel="x, y [m]" if placed else "angle [rad]")
     courses[0].set_title(recording.title[:60], parse_math=False)  # a title is no formula
     courses[0].legend(loc="upper right", fontsize=8)

@@ -205,7 +205,9 @@ class Source:
                 found = {}
                 for name in file:
                     kind = file[name].attrs.get("pandas_type", b"")
-                    found[name] = kind.decode() if isinstance(kind, bytes) else str(kind)
+                    kind = kind.decode("utf-8", "replace") if isinstance(kind, bytes) else str(kind)
+                    # names that are no text are bytes
+                    found[name.decode("utf-8", "replace") if isinstance(name, bytes) else name] = kind
                 return found
         except (OSError, RuntimeError, KeyError) as error:
             raise InputError(f"is not an HDF5 file that can be read: {error}", file=self.path) from None
