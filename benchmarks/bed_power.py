@@ -12,13 +12,13 @@ import sys
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.bed.chance import REPLICATES, own_answers
+from granswim_pymunk.diagnosis.bed.chance import own_answers
 from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, signatures_in_time
 from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.diagnosis.fit import basis
-from granswim_pymunk.inference.criteria import DEFAULT
+from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.recording import read_recording
 
 ASKED = 12  # candidates, the first of the search
@@ -27,6 +27,7 @@ MINUTES = 60.0
 
 def main(folder: str, twins: int = TWINS) -> None:
     """Print the table for the recording in ``folder``."""
+    criteria = current().windows.signatures
     notes: list[str] = []
     plan = Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS)
     start = begin([read_recording(folder)], [], MINUTES, 0, twins, None, plan, True, notes)
@@ -34,7 +35,7 @@ def main(folder: str, twins: int = TWINS) -> None:
     signatures = signatures_in_time(search, start.terms, notes)
     bench, few, nuisance = search.bench, search.few, search.few_nuisance
     films = off(nuisance, whole_films(bench.noises, few))
-    drawn = off(nuisance, recombined(bench.noises, few, REPLICATES, np.random.default_rng(1)))
+    drawn = off(nuisance, recombined(bench.noises, few, criteria.replicates, np.random.default_rng(1)))
     plain = np.max([s.best(drawn)[1] for s in signatures], axis=0)
     trials, by_chance = screened(search, signatures, np.random.default_rng(2), notes)
     null = by_chance.null(trials[0])

@@ -56,14 +56,10 @@ NAMED = {
 # numbers that stand outside inference/criteria: constants of a module, and literals that something is compared with
 # (others than 0 to 3). Some are of the arithmetic (where doubles end, a division by nearly nothing) and decide nothing
 CONSTANTS = {
-    "diagnosis.bed.candidates": 5, "diagnosis.bed.chance": 7, "diagnosis.bed.cut": 3, "diagnosis.bed.driver": 4,
-    "diagnosis.bed.experiment": 2, "diagnosis.bed.hidden": 8, "diagnosis.bed.judge": 2, "diagnosis.bed.places": 3,
-    "diagnosis.bed.plan": 3, "diagnosis.bed.search": 4, "diagnosis.bed.signatures": 5, "diagnosis.bed.starts": 6,
-    "diagnosis.bed.sums": 4, "diagnosis.bed.trial": 4, "diagnosis.bed.verdict": 1, "diagnosis.bed.weigh": 2,
-    "diagnosis.bed.windows": 5, "diagnosis.bed.work": 3, "diagnosis.hypothesis": 2, "diagnosis.innovations": 1,
-    "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.candidates": 1, "diagnosis.unseen.checks": 1,
-    "diagnosis.unseen.conclude": 2, "diagnosis.unseen.model": 3, "diagnosis.unseen.response": 2,
-    "diagnosis.unseen.runs": 8, "diagnosis.unseen.search": 7, "diagnosis.unseen.summaries": 5, "inference.noise": 1,
+    "diagnosis.bed.cut": 3, "diagnosis.bed.hidden": 1, "diagnosis.bed.plan": 3, "diagnosis.bed.starts": 2,
+    "diagnosis.bed.sums": 4, "diagnosis.bed.windows": 5, "diagnosis.bed.work": 3, "diagnosis.hypothesis": 2,
+    "diagnosis.innovations": 1, "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.model": 3,
+    "diagnosis.unseen.runs": 8, "diagnosis.unseen.search": 3, "diagnosis.unseen.summaries": 4, "inference.noise": 1,
     "inference.significance": 1,
 }  # fmt: skip
 LITERALS = {

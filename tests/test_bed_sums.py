@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.bed.places import FARTHEST, Map, _of_one, locate_law
+from granswim_pymunk.diagnosis.bed.places import Map, _of_one, locate_law
 from granswim_pymunk.diagnosis.bed.sums import MOMENTS, Sums, size_of, sums_of
+from granswim_pymunk.inference.criteria import current
 
 SIGMA = 2.0e-5
 AT = {name: k for k, name in enumerate(MOMENTS)}
@@ -102,6 +103,7 @@ def test_grains_are_near_across_the_ends_of_a_periodic_bed():
 
 def test_places_among_grains_do_not_stand_out_by_chance_though_some_are_thrown_far():
     """Squares with the tails of a few violent grains: twins tell how much chance there is in them."""
+    criteria = current().windows.places
     rng = np.random.default_rng(5)
     twins, windows, disks = 8, 26, 7
     bodies = [SimpleNamespace(id=str(k)) for k in range(disks)]
@@ -111,7 +113,7 @@ def test_places_among_grains_do_not_stand_out_by_chance_though_some_are_thrown_f
     )  # fmt: skip
 
     def heavy(*shape: int) -> np.ndarray:
-        return np.minimum(rng.standard_t(4.0, (*shape, 2, 2)) ** 2 / 2, FARTHEST**2).mean(axis=(-2, -1))
+        return np.minimum(rng.standard_t(4.0, (*shape, 2, 2)) ** 2 / 2, criteria.farthest**2).mean(axis=(-2, -1))
 
     alarms = 0
     for _ in range(60):

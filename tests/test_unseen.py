@@ -24,7 +24,6 @@ from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness,
 from granswim_pymunk.diagnosis.unseen.search import (
     LEAST_SHOWN,
     MOST_SHOWN,
-    PROBES,
     Amount,
     Bank,
     Sizes,
@@ -43,6 +42,7 @@ from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditio
 from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.engine.advice import contact_duration
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import current
 from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
@@ -199,7 +199,7 @@ def test_an_amount_between_too_little_and_too_much_is_found():
 
     for first in (0.01, 0.1, 0.6, 30.0):
         amount = Amount(factor=first)
-        while not amount.settled and len(amount.tried) < PROBES:
+        while not amount.settled and len(amount.tried) < current().packings.probes:
             amount.add(response(amount.factor), False)
         assert amount.settled and LEAST_SHOWN <= response(amount.best) <= MOST_SHOWN, first
     bound = Amount()

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ...inference.criteria import current
 from ...inference.mechanisms import RESTITUTION
 from ...laws import Law, all_laws
 from ...laws.base import AUTOMATIC
@@ -27,11 +28,6 @@ from .hidden import NAME
 
 KINDS = ("body", "pair", "constraint")
 APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 4e-3}  # a smaller shift drowns in chaos
-SPEED = 0.05  # m/s, of the grains that move
-LEAST_SCALE = 3e-3  # of a picture: less may be what a force does that squeezes or stretches the links
-COARSE_SCALE = 2e-3  # standard error above which links say too little
-FEWEST_SIGHTS = 10  # of a link
-ACCELERATION = 0.5  # m/s^2: shows after a window of 16 ms
 
 
 def bed_terms(cases: Sequence[Case]) -> list[Term]:
@@ -78,7 +74,7 @@ class PictureScale:
     @property
     def wrong(self) -> bool:
         """Whether by more than forces on the links do."""
-        return self.off and abs(self.value - 1.0) > LEAST_SCALE
+        return self.off and abs(self.value - 1.0) > current().windows.candidates.least_scale
 
 
 def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
@@ -100,14 +96,14 @@ def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
                         d = np.hypot(*(xy[:, column[j]] - xy[:, column[i]]).T)
                         found.append((d - sigma**2 / np.maximum(d, 1e-12)) / length)
     seen = [q[np.isfinite(q)] for q in found]
-    seen = [q for q in seen if len(q) > FEWEST_SIGHTS]
+    seen = [q for q in seen if len(q) > current().windows.candidates.sights]
     term = next((t for t in camera_terms(cases) if t.mechanism == "camera_scale"), None)
     if len(seen) < 2 or term is None:
         return None
     value = float(np.mean([q.mean() for q in seen]))
     # between links, too: a disk whose radius is not what it is believed to be is no scale
     error = float(np.hypot(np.std([q.mean() for q in seen], ddof=1), 1e-4) / math.sqrt(len(seen)))
-    if error > COARSE_SCALE:
+    if error > current().windows.candidates.coarse_scale:
         return None
     return PictureScale(value, error, term)
 
@@ -163,12 +159,16 @@ def mean_grain_mass(scene: Scene) -> float:
 
 def size_of(law: Law, name: str, unit: str, scene: Scene) -> float:
     """A strength of the law that shows in a window without overturning it."""
+    criteria = current().windows.candidates
     mass = mean_grain_mass(scene)
-    force = mass * ACCELERATION
+    force = mass * criteria.acceleration
     parameter = law.parameter(name)
     if parameter.in_bed is not None:
-        return parameter.in_bed * {"force": force, "drag": force / SPEED}.get(parameter.in_bed_times, 1.0)
-    by_unit = {"kg/s": force / SPEED, "kg/m": 2 * force / SPEED**2, "N": force, "m/s^2": ACCELERATION, "1/s": 1e2}
+        return parameter.in_bed * {"force": force, "drag": force / criteria.speed}.get(parameter.in_bed_times, 1.0)
+    by_unit = {
+        "kg/s": force / criteria.speed, "kg/m": 2 * force / criteria.speed**2, "N": force,
+        "m/s^2": criteria.acceleration, "1/s": 1e2,
+    }  # fmt: skip
     return by_unit.get(unit, abs(parameter.typical or 1.0))
 
 
@@ -212,7 +212,7 @@ def law_terms(
         pushed = ""
         if vector:
             pushed = vector[0].name
-            size = mean_grain_mass(scene) * ACCELERATION
+            size = mean_grain_mass(scene) * current().windows.candidates.acceleration
             free += [Free(f"{law.name}.force_{k}", "N", -math.inf, math.inf, 0.0, size) for k in "xy"]
             groups.append((pushed, (1, 2)))
         label = law.name + "".join(f" {k} = {v:g}" for k, v in choice.items() if len(combinations) > 1)
@@ -296,25 +296,26 @@ def flexible_terms(
     places : (k, 2) where bodies are seen [m];  speeds : (k,) how fast they go [m/s];  bodies : on which they act, all
     that move where not given
     """
+    criteria = current().windows.candidates
     scene = case.recording.scene
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
     centre, size = places.mean(axis=0), float(max(np.ptp(places, axis=0).max() / 2, 1e-6))
-    force = mean_grain_mass(scene) * ACCELERATION
+    force = mean_grain_mass(scene) * criteria.acceleration
     laws = all_laws()
     place: dict[str, Any] = {"centre": (float(centre[0]), float(centre[1])), "size": size}
     linear = [f"{axis}{k}" for axis in "ab" for k in range(3)]
     arms: list[tuple[str, str, dict[str, Any], Sequence[str], float]] = [
         ("flexible_place", "a force smooth in place", {**place, "q": 0}, linear, force),
-        ("flexible_place", "an acceleration smooth in place", {**place, "q": 1}, linear, ACCELERATION),
+        ("flexible_place", "an acceleration smooth in place", {**place, "q": 1}, linear, criteria.acceleration),
         (
             "flexible_speed", "a drag smooth in speed", {"top": float(1.2 * np.quantile(speeds, 0.99))},
-            [f"c{k}" for k in range(5)], force / SPEED,
+            [f"c{k}" for k in range(5)], force / criteria.speed,
         ),
     ]  # fmt: skip
     cycle = _cycle(scene)
     if cycle:
         names = ["c0", "a1", "b1", "a2", "b2"]
-        arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / SPEED))
+        arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / criteria.speed))
     return [
         _nameless(laws[name], label, fixed, numbers, scale, mobile, bodies)
         for name, label, fixed, numbers, scale in arms
@@ -342,7 +343,7 @@ def nameless_terms(cases: Sequence[Case]) -> list[Term]:
     scene = cases[0].recording.scene
     mass, mobile = mean_grain_mass(scene), tuple(b.id for b in scene.bodies if b.mobile)
     laws = all_laws()
-    scale = mass * ACCELERATION / SPEED
+    scale = mass * current().windows.candidates.acceleration / current().windows.candidates.speed
     across, label = laws["flexible_across"], "a force across the motion"
     terms = [
         _nameless(across, label, {}, ["s"], scale, mobile),

@@ -18,14 +18,7 @@ from ...inference.significance import Null
 from ..fit import basis
 from .bench import Bench, Windows
 from .signatures import BedSignature, coherence, off, recombined, to_values, whole_films
-from .trial import SURE, BedTrial, first_order, surplus
-
-REPLICATES = 499
-SCANTY = 60  # windows of twins, less one of each
-LEANING = 4  # leaders that are held against what twins give them, and how many more where others come to lead
-MORE, MOST = 2, 8
-ONE_WINDOW = 0.5  # share of a gain that one window of several may bring where a law is named
-ALIKE = 21  # degrees of freedom that the middle of all leaders is worth for the spread of one
+from .trial import BedTrial, first_order, surplus
 
 
 @dataclass(frozen=True)
@@ -33,7 +26,7 @@ class Chance:
     """What candidates gain in twins.
 
     spreads : of each by its label, the mean gain of one of its numbers: 1 where noise is white and known
-    best : (REPLICATES,) the most that one of them is ahead there, see ``BedTrial.ahead``; without the window that
+    best : (replicates,) the most that one of them is ahead there, see ``BedTrial.ahead``; without the window that
         brings most of it, there as in the film
     """
 
@@ -51,7 +44,7 @@ class Chance:
 
     def beyond(self, trial: BedTrial) -> bool:
         """Whether a trial gains more to first order than chance gives it, and enough to be sure of."""
-        return trial.linear >= SURE and trial.firm >= self.threshold(trial)
+        return trial.linear >= current().windows.search.sure and trial.firm >= self.threshold(trial)
 
     def null(self, leader: BedTrial | None) -> Null:
         """The nulls in chi2 of the trial that leads."""
@@ -63,18 +56,19 @@ def chance(
     rng: np.random.Generator,
 ) -> Chance:  # fmt: skip
     """Of windows of twins in new order; the spread of a spread is that of a few twins with columns of their own."""
-    drawn = off(nuisance, recombined(bench.noises, windows, REPLICATES, rng))
+    criteria = current().windows.signatures
+    drawn = off(nuisance, recombined(bench.noises, windows, criteria.replicates, rng))
     films = off(nuisance, whole_films(bench.noises, windows))
     coherent = coherence(signatures, films, drawn)
     spreads: dict[str, float] = {}
-    best = np.zeros(REPLICATES)
+    best = np.zeros(criteria.replicates)
     for s in signatures:
         q = basis(s.clear)
         number = max(q.shape[1], 1)
         alone = float(np.mean(np.sum((q.T @ drawn) ** 2, axis=0))) / number
         spreads[s.term.label] = max(coherent * alone, 1.0)
-        known = ALIKE + number * (films.shape[1] - 1)
-        ratio = s.firm(drawn) / max(alone, 1e-12) * known / rng.chisquare(known, REPLICATES)
+        known = criteria.alike + number * (films.shape[1] - 1)
+        ratio = s.firm(drawn) / max(alone, 1e-12) * known / rng.chisquare(known, criteria.replicates)
         best = np.maximum(best, surplus(ratio, number))
     return Chance(spreads, best * unsure(bench, rng))
 
@@ -85,15 +79,16 @@ def share_of_most(trial: BedTrial) -> float:
 
 
 def unsure(bench: Bench, rng: np.random.Generator) -> np.ndarray:
-    """(REPLICATES,) factors on gains of nulls: the spread along one direction is known from few samples.
+    """(replicates,) factors on gains of nulls: the spread along one direction is known from few samples.
 
     nu/chi2_nu with nu = (twins - 1) windows, what makes chi2 with a known spread Hotelling's T^2 with a measured one.
-    Source: Hotelling 1931, Ann. Math. Stat. 2, 360. Fewer than ``SCANTY`` tell one direction, but not the covariance
+    Source: Hotelling 1931, Ann. Math. Stat. 2, 360. Few of them tell one direction, but not the covariance
     of some hundred numbers: a budget that leaves no more has to see an effect twice as strong.
     """
+    criteria = current().windows.signatures
     known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
     known = max(known, 3)
-    return known / rng.chisquare(known, REPLICATES) * (4.0 if known < SCANTY else 1.0)
+    return known / rng.chisquare(known, criteria.replicates) * (4.0 if known < criteria.scanty else 1.0)
 
 
 def own_answers(
@@ -139,15 +134,16 @@ def as_in_twins(
     A start has errors, and columns made of it have them too: where it is too fast, a loss gains. In twins, which lack
     nothing, the mean amount is that bias, and the scatter about it tells the spread; what the middle one of the
     leaders has counts beside it, as few twins tell little. It goes on until what leads was held against twins,
-    ``MOST`` were, or it is ``late``.
+    ``criteria.windows.search.most`` were, or it is ``late``.
     Raises Failed.
     Source: Fuller 1987, Measurement Error Models, ch. 1 (errors in the regressors).
     """
+    criteria = current().windows
     films = off(nuisance, whole_films(bench.noises, windows))
     rest = sorted(trials, key=lambda t: -t.ahead)
     done: list[BedTrial] = []  # without their spreads in twins
     ratios: list[float] = []
-    count = LEANING
+    count = criteria.search.leaning
     while True:
         leading, rest = rest[:count], rest[count:]
         for t, (answers, shapes) in zip(leading, own_answers(bench, leading, windows, nuisance, members), strict=True):
@@ -161,13 +157,14 @@ def as_in_twins(
             ratios.append((_size(shapes, away) + 2 / (len(away) - 1) * _size(shapes, own)) / (len(bias) * t.spread))
         alike = max(float(np.median(ratios)), 1.0)
         weights = [(films.shape[1] - 1) * len(t.amounts) for t in done]
-        wider = [(ALIKE * alike + w * r) / (ALIKE + w) for w, r in zip(weights, ratios, strict=True)]
+        many = criteria.signatures.alike
+        wider = [(many * alike + w * r) / (many + w) for w, r in zip(weights, ratios, strict=True)]
         held = [replace(t, spread=t.spread * max(w, 1.0)) for t, w in zip(done, wider, strict=True)]
         others = [replace(t, spread=t.spread * alike) for t in rest]
         every = sorted([*held, *others], key=lambda t: -t.ahead)
-        if any(every[0] is t for t in held) or len(held) + MORE > MOST or late():
+        if any(every[0] is t for t in held) or len(held) + criteria.search.more > criteria.search.most or late():
             return every
-        count = MORE
+        count = criteria.search.more
 
 
 def _size(shapes: Sequence[np.ndarray], answers: np.ndarray) -> float:

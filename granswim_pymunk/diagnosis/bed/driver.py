@@ -20,9 +20,9 @@ from ..name import special_cases
 from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
-from .chance import ONE_WINDOW, REPLICATES, Chance, as_in_twins, chance, share_of_most
+from .chance import Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
-from .judge import UNEXPLAINED, Strayed, held_gain
+from .judge import Strayed, held_gain
 from .places import Place, locate, locate_law
 from .plan import LEADERS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
@@ -36,16 +36,11 @@ from .search import (
     second_law,
     thinned,
 )
-from .signatures import SEVERAL, BedSignature, make_signature, off, recombined
-from .trial import CLEARLY, SURE, BedTrial, beyond_nothing, first_order, moved_to
+from .signatures import BedSignature, make_signature, off, recombined
+from .trial import BedTrial, beyond_nothing, first_order, moved_to
 from .weigh import NOTHING, held_verdict, like_twins, looks_like, remains_in
 from .windows import MEMBERS, MOST_WINDOWS, BedCase, bed_case
 from .work import CORES, Work
-
-CLEAR_GAIN = 400.0  # chi2 that tells candidates apart; windows beyond those that hold so much are for later
-DOUBTFUL = 400.0  # chi2 below which the leaders' gains are held against what twins give them
-TRIES = 3  # laws that are fitted to the end, one after the other, until one stands
-GAUGE = 4  # windows that show whether the scene can be run
 
 
 @dataclass
@@ -128,7 +123,7 @@ def begin(
 
     # what a member of a window costs decides how many there are
     bench = Bench(beds, 1, 1, cut=cut)
-    gauge = [w[:GAUGE] for w in bench.every]
+    gauge = [w[:current().windows.search.gauge] for w in bench.every]
     check_runs(bench.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
     gc.freeze()  # what imports and the compiler left is not walked through again and again
     clock = Clock(minutes, Work())
@@ -181,6 +176,7 @@ def recalibrated(
     start: Beginning, rng: np.random.Generator, progress: Progress
 ) -> tuple[Search, Prediction, NoiseChi2]:
     """Adjustables first, with twins of the recalibrated scene; also the naive scene's prediction, and null chi2."""
+    criteria = current().windows
     bench, hypothesis, values = start.bench, start.hypothesis, start.naive_values
     used = bench.training
     progress("recalibrating", 0.04)
@@ -199,10 +195,10 @@ def recalibrated(
         naive_base = bench.predict_surely([(start.naive, start.naive_values)], used)[0]
 
     # where very much is left, fewer windows tell the candidates apart
-    chi2 = np.sum(off(nuisance, recombined(bench.noises, used, REPLICATES, rng)) ** 2, axis=0)
+    chi2 = np.sum(off(nuisance, recombined(bench.noises, used, criteria.signatures.replicates, rng)) ** 2, axis=0)
     noise = NoiseChi2(float(chi2.mean()), float(chi2.std()))
     surplus = float(left @ left) - noise.mean - 2.0 * noise.spread
-    few = thinned(used, CLEAR_GAIN / surplus if surplus > CLEAR_GAIN else 1.0)
+    few = thinned(used, criteria.search.clear_gain / surplus if surplus > criteria.search.clear_gain else 1.0)
     at = positions(bench, used, few)
     search = Search(bench, hypothesis, values, base, nuisance, used, few, at, start.plan, start.clock, progress)
     return search, naive_base, noise
@@ -236,7 +232,7 @@ def screened(
     by_chance = chance(search.bench, search.few, search.few_nuisance, signatures, rng)
     trials = [first_order(s, left, by_chance.spreads[s.term.label]) for s in signatures]
     trials.sort(key=lambda t: -t.ahead)
-    if trials and 0.0 < trials[0].linear < DOUBTFUL and not search.clock.late(0.6):
+    if trials and 0.0 < trials[0].linear < current().windows.search.doubtful and not search.clock.late(0.6):
         search.progress("leaders in twins", 0.64)
         try:
             trials = as_in_twins(
@@ -252,18 +248,20 @@ def leading_laws(
     search: Search, trials: list[BedTrial], by_chance: Chance, p: float, notes: list[str]
 ) -> tuple[list[BedTrial], list[BedTrial]]:
     """Leaders refitted by simulation, best first; and those among them that are beyond the nulls."""
+    criteria = current().windows
     if p <= 0.1:
         trials = search.leaders(trials, search.bench.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
     if p > current().verdict.alarm:
         return trials, []
     # the lowest of several simulations flatters: what first order does not show either is not named
-    sure = [t for t in trials if t.gain is not None and t.gain - t.lent >= SURE]
+    sure = [t for t in trials if t.gain is not None and t.gain - t.lent >= criteria.search.sure]
     named = []
     for t in sure:
         if not by_chance.beyond(t):
             continue
-        if t.linear < DOUBTFUL and len(t.signature.windows) >= SEVERAL and share_of_most(t) > ONE_WINDOW:
+        several = len(t.signature.windows) >= criteria.signatures.several
+        if t.linear < criteria.search.doubtful and several and share_of_most(t) > criteria.search.one_window:
             notes.append(f"{t.term.label} is not named: a single window brings most of what it gains")
         else:
             named.append(t)
@@ -290,6 +288,7 @@ def refined(
     ``trials``: all that were tried, among them simpler laws that one may turn out to be.
     ``alone``: False where the camera's scale is already one of two.
     """
+    criteria = current().windows.search
     bench, clock, used = search.bench, search.clock, search.used
     adjusted = len(search.values)
 
@@ -308,7 +307,7 @@ def refined(
         rest = off(search.nuisance, answer.judge.white(rows, used))
         return replace(answer, rows=rows, unexplained=noise.above(rest))
 
-    for found in leading[:TRIES]:
+    for found in leading[:criteria.tries]:
         values = readjusted(bench, search.hypothesis, search.values, search.nuisance, found, used)
         first = polished(plain, values, found, 0.85)
         named = first.found
@@ -321,11 +320,12 @@ def refined(
                     notes.append(f"{found.term.label} is {plainer.term.label}: its other numbers are none")
                     first, found, named = other, plainer, other.found
             break
-        notes.append(f"{found.term.label}: in the last fit its numbers are within {CLEARLY:g} standard errors of none")
+        within = f"within {criteria.clearly:g} standard errors of none"
+        notes.append(f"{found.term.label}: in the last fit its numbers are {within}")
     else:
         return plain
     first = left(first)
-    more = first.unexplained > UNEXPLAINED and alone and found.mechanism != "unknown"
+    more = first.unexplained > criteria.unexplained and alone and found.mechanism != "unknown"
     if not more or first.columns is None or first.rows is None or clock.late(0.8):
         return first
     search.progress("a second law", 0.80)
@@ -381,7 +381,7 @@ def beyond_names(
         left = off(search.nuisance, search.white)
         rest = off(search.nuisance, search.bench.white(first.rows, search.used))
         best_named = max(best_named, float(left @ left - rest @ rest))
-    if arm is not None and arm.worth < max(best_named + SURE, 1.15 * best_named):
+    if arm is not None and arm.worth < max(best_named + current().windows.search.sure, 1.15 * best_named):
         notes.append(
             f"a flexible arm ({arm.term.label}) gains {arm.gain:.0f} in chi2, no more than the laws with a name"
         )
@@ -426,7 +426,7 @@ def on_held_out(
     if answer.found is None or not any_held or not {"recalibrated", "revised"} <= set(predicted):
         return answer, predicted, None, None
     before, after = (bench.white(predicted[k], bench.held) for k in ("recalibrated", "revised"))
-    if (answer.found.gain or 0.0) < CLEAR_GAIN:
+    if (answer.found.gain or 0.0) < current().windows.search.clear_gain:
         moved = _foreseen(bench, search, answer)
         after = after if moved is None else before - moved
     gain = 0.5 * float(before @ before - after @ after)

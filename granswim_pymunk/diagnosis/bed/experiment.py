@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...inference.criteria import current
 from ...inference.model import Proposal
 from ..hypothesis import Failed, Hypothesis, Term
 from .bench import Bench, Windows
@@ -15,9 +16,6 @@ from .windows import HALF, POOL
 
 if TYPE_CHECKING:
     from .trial import BedTrial
-
-SETTLE = 0.02  # s, a film under a new drive is not looked at before
-ENOUGH = 3.0  # d' that is asked of the next recording
 
 
 def _drive(key: str, factor: float) -> Term:
@@ -65,7 +63,7 @@ def propose(
                 rows.append(own(plain, np.clip(moved, free.low, free.high), chosen))
         except Failed:
             return None
-        late = bed.times[chosen] > bed.film.t[HALF] + SETTLE
+        late = bed.times[chosen] > bed.film.t[HALF] + current().windows.places.settle
         means = [r.mean(axis=1) for r in rows]
 
         def white(difference: np.ndarray) -> np.ndarray:
@@ -81,8 +79,8 @@ def propose(
     found_d = list(POOL.map(weigh, options))
     tried = [(text, d) for (text, _), d in zip(options, found_d, strict=True) if d is not None]
     apart = math.sqrt(max((found.gain or found.linear) - (rival.gain or rival.linear), 0.0))
-    if 0 < apart < ENOUGH:
-        times = min(math.ceil((ENOUGH / apart) ** 2), 10)
+    if 0 < apart < current().windows.places.enough:
+        times = min(math.ceil((current().windows.places.enough / apart) ** 2), 10)
         tried.append((f"film {times} times as long, drive as before", apart * math.sqrt(times)))
     if not tried:
         return None

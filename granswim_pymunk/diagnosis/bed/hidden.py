@@ -14,18 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from ...inference.criteria import current
 from ...recording import Recording
 from ...scene import Body
 
 NAME = "hidden grain "  # with a number, of a grain that the film does not show
 NEAREST = 9  # bodies about a void, of which three touch its circle
-CARRIERS = 5  # bodies with which a void goes from frame to frame
-BEGINNINGS = 9  # frames from which voids are followed
-OPEN = 0.95  # of the frames in which the circle is as large as the smallest grain
-FARTHEST = 0.5  # mean radii that its centre may move against the bodies about it from frame to frame
-STRIDE = 2e-3  # s, between the frames at which voids are followed; between them their centres go straight
-STRAINED = 1.0  # least radii, how far bodies about a void move against it where it would have closed
-SIZE = 0.1  # quantile of the circle's radius over time that the grain has: it is never larger than its cage
 TRIPLES = np.array(list(itertools.combinations(range(NEAREST), 3)))
 
 
@@ -149,8 +143,8 @@ def follow(
     has ``least`` [m] about it in all but a few. From frame to frame a void goes with the bodies about it, then to where
     there is room.
     """
-    period, step = frames[begin].period, FARTHEST * frames[begin].usual
-    allowed = (1 - OPEN) * early.sum()
+    period, step = frames[begin].period, current().windows.hidden.farthest * frames[begin].usual
+    allowed = (1 - current().windows.hidden.open) * early.sum()
 
     def wrapped(points: np.ndarray) -> np.ndarray:
         return np.column_stack([points[:, 0] % period, points[:, 1]]) if period else points
@@ -164,7 +158,7 @@ def follow(
             on = np.flatnonzero(missed <= allowed)
             if not len(on):
                 break
-            carriers = frames[k].bodies[frames[k].about(wrapped(centre[k, on]))[:, :CARRIERS]]
+            carriers = frames[k].bodies[frames[k].about(wrapped(centre[k, on]))[:, :current().windows.hidden.carriers]]
             carried = centre[k, on] + np.median((xy[k + way] - xy[k])[carriers], axis=1)
             k += way
             places, size[k, on] = frames[k].void(wrapped(carried), np.full(len(on), step))
@@ -182,7 +176,7 @@ def _strain(xy: np.ndarray, centre: np.ndarray, frame: _Frame, begin: int) -> np
     points = centre[begin].copy()
     if frame.period:
         points[:, 0] %= frame.period
-    about = frame.bodies[frame.about(points)[:, :CARRIERS]]
+    about = frame.bodies[frame.about(points)[:, :current().windows.hidden.carriers]]
     moved = (xy - xy[begin])[:, about] - (centre - centre[begin])[:, :, None]
     largest: np.ndarray = np.sqrt(np.mean(np.sum(moved**2, axis=-1), axis=-1)).max(axis=0)
     return largest
@@ -196,6 +190,7 @@ def hidden_grains(
     xy : (T, n, 2) of all bodies [m], unwrapped, NaN where not seen;  sigma : of a sighting [m];  off : relative error
     of radii;  learnt : so many frames, the first ones, tell whether a void stays open
     """
+    criteria = current().windows.hidden
     grains = [k for k, b in enumerate(bodies) if b.role == "grain"]
     none: tuple[list[Body], np.ndarray] = [], np.zeros((len(t), 0, 2))
     places = _filled(t, xy)
@@ -209,12 +204,12 @@ def hidden_grains(
     radius = np.array([b.radius for b in bodies])[there]
     places = places[:, there]
     least = float(sizes.min()) * (1 - 2.0 * off) - 2.0 * sigma
-    step = max(round(STRIDE / float(np.median(np.diff(t)))), 1)
+    step = max(round(criteria.stride / float(np.median(np.diff(t)))), 1)
     looks = np.unique(np.append(np.arange(0, len(t), step), len(t) - 1))
     early = looks < learnt
     frames = [_Frame(places[k], radius, period) for k in looks]
     found: list[Voids] = []
-    for begin in np.unique(np.linspace(0, early.sum() - 1, BEGINNINGS).astype(int)):
+    for begin in np.unique(np.linspace(0, early.sum() - 1, criteria.beginnings).astype(int)):
         first = _voids_of(frames[begin], least, float(sizes.max()))
         if len(first):
             found.append(follow(frames, places[looks], first, int(begin), early, least))
@@ -222,9 +217,9 @@ def hidden_grains(
         return none
     centre = np.concatenate([v.centre for v in found], axis=1)
     strain = np.concatenate([v.strain for v in found])
-    sized = np.quantile(np.concatenate([v.radius for v in found], axis=1)[early], SIZE, axis=0)
+    sized = np.quantile(np.concatenate([v.radius for v in found], axis=1)[early], criteria.size, axis=0)
     chosen = np.flatnonzero(
-        (sized >= least) & (sized <= sizes.max() * (1 + 2.0 * off) + 2.0 * sigma) & (strain > STRAINED * least)
+        (sized >= least) & (sized <= sizes.max() * (1 + 2.0 * off) + 2.0 * sigma) & (strain > criteria.strained * least)
     )
     density = float(np.median([bodies[k].mass / bodies[k].radius ** 3 for k in grains]))
     made: list[Body] = []
@@ -258,7 +253,7 @@ def _voids_of(frame: _Frame, least: float, most: float) -> np.ndarray:
     start = start[good]
     if not len(start):
         return start
-    found, room = frame.void(start, np.full(len(start), FARTHEST * least))
+    found, room = frame.void(start, np.full(len(start), current().windows.hidden.farthest * least))
     found = found[room > 0.9 * least]
     kept = np.sort(np.unique(np.round(found / (0.2 * least)), axis=0, return_index=True)[1])
     result: np.ndarray = found[kept]

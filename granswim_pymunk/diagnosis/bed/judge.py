@@ -13,11 +13,8 @@ from ...inference.criteria import current
 from .bench import Bench, Prediction, Windows
 from .places import Place
 from .search import Search
-from .trial import CHAOS, SURE, BedTrial
+from .trial import BedTrial
 from .windows import BedCase
-
-UNEXPLAINED = 5.0  # standard deviations of the nulls' chi2 that are left before arms without a name are tried
-LEAST_SPREAD = 0.05  # of the logarithm of the pace of twins: few of them know it badly
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ def _beside_twins(seen: float, twins: np.ndarray) -> tuple[float, float]:
     if number < 3 or not (seen > 0 and (twins > 0).all()):
         return 0.0, 1.0
     logs = np.log(twins)
-    spread = max(float(logs.std(ddof=1)), LEAST_SPREAD) * math.sqrt(1 + 1 / number)
+    spread = max(float(logs.std(ddof=1)), current().windows.search.pace) * math.sqrt(1 + 1 / number)
     away = (math.log(seen) - float(logs.mean())) / spread
     return away, 2.0 * float(stats.t.sf(abs(away), number - 1))
 
@@ -135,7 +132,7 @@ def moved_away(search: Search, naive_base: Prediction, naive_values: np.ndarray,
     improved = float(naive @ naive - after @ after)
     spread = np.sqrt(np.diag(covariance))
     moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
-    return improved > SURE + 2 * len(values) and moved > 4.0
+    return improved > current().windows.search.sure + 2 * len(values) and moved > 4.0
 
 
 def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:
@@ -152,5 +149,5 @@ def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[
             continue
         seen.add(key)
         names.add(t.mechanism)
-        rivals.append((t, bool(score - t.worth < current().verdict.same + CHAOS)))
+        rivals.append((t, bool(score - t.worth < current().verdict.same + current().windows.search.chaos)))
     return rivals

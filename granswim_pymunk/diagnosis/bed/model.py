@@ -20,7 +20,6 @@ from ...scene import Scene
 from ..hypothesis import Term
 from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction
-from .chance import REPLICATES
 from .driver import (
     Answer,
     begin,
@@ -39,11 +38,11 @@ from .driver import (
     without_law,
 )
 from .experiment import propose
-from .judge import UNEXPLAINED, Strayed, astray, errors, moved_away, noise_floor, rivals_of
+from .judge import Strayed, astray, errors, moved_away, noise_floor, rivals_of
 from .plan import TWINS, Plan
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
-from .weigh import RIVALS, before_of, closest_of, explained_by_scale, rival_gains, weighed
+from .weigh import before_of, closest_of, explained_by_scale, rival_gains, weighed
 from .windows import BedCase
 
 
@@ -66,6 +65,11 @@ class BedFinding:
     @property
     def beds(self) -> list[BedCase]:
         return self.bench.beds
+
+
+def _least_p() -> float:
+    """What a replicate more than there are would show."""
+    return 1 / (current().windows.signatures.replicates + 1)
 
 
 class Windows(ObservationModel):
@@ -118,7 +122,7 @@ class Windows(ObservationModel):
             search, self.alone, leading, self.trials, self.signatures, self.noise, self.start.wrong is None, self.rng,
             self.notes,
         )  # fmt: skip
-        if answer.unexplained > UNEXPLAINED and p <= current().verdict.alarm:
+        if answer.unexplained > current().windows.search.unexplained and p <= current().verdict.alarm:
             self.arm, ahead = beyond_names(search, answer, self.trials, self.notes)
             if self.arm is not None and ahead:
                 self.trials = [self.arm, *self.trials]
@@ -141,8 +145,8 @@ class Windows(ObservationModel):
 
     @property
     def _p_left(self) -> float:
-        """p of what recalibration leaves, as a whole: none of the nulls leaves as much, or 1 (see ``UNEXPLAINED``)."""
-        return 1 / (REPLICATES + 1) if self.alone.unexplained > 2 * UNEXPLAINED else 1.0
+        """p of what recalibration leaves, as a whole: none of the nulls leaves as much, or 1."""
+        return _least_p() if self.alone.unexplained > 2 * current().windows.search.unexplained else 1.0
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         self.progress("held-out windows", 0.88)
@@ -216,7 +220,7 @@ class Windows(ObservationModel):
         laws = [t for t in (judged.claim.laws or judged.withdrawn) if t is not self.scale]
         beside = rivals_of(laws[0] if laws else None, [t for t in self.trials if t is not self.scale])
         beside = [(t, same) for t, same in beside if all(t.mechanism != law.mechanism for law in laws[1:])]
-        leading = list({t.label: t for t, _ in (*judged.closest, *beside)}.values())[:RIVALS]
+        leading = list({t.label: t for t, _ in (*judged.closest, *beside)}.values())[:current().windows.search.rivals]
         gains = {} if late(0.95) else rival_gains(search, self.predicted.get("recalibrated"), leading)
         closest = judged.closest
         if judged.verdict == "unmodelled" and not closest and not judged.withdrawn and not late(0.95):
@@ -251,7 +255,7 @@ class Windows(ObservationModel):
 
     def false_alarm(self, course: Course) -> float:
         p = self.null.p if course.judged.claim.laws else min(self.null.p, self._p_left)
-        return p if self.strayed is None else min(p, max(self.strayed.place.p, 1 / (REPLICATES + 1)))
+        return p if self.strayed is None else min(p, max(self.strayed.place.p, _least_p()))
 
     def revised(self, course: Course) -> dict[str, Scene]:
         values = course.judged.claim.fit.values[: len(self.state.values)]

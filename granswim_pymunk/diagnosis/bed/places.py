@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ...inference.significance import after_looks
 from .bench import Bench, Prediction, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
 
-BINS = 8  # of the cycle
 GRAINS = ("grains within two diameters of the swimmer", "grains farther from the swimmer")
-LEVEL = 0.01
-FARTHEST = 5.0  # standard deviations: how far a sum of grains strays beyond that hangs on a single violent one
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,7 @@ class Map:
 
 def maps(bench: Bench, predicted: Prediction) -> list[Map]:
     """One map for each recording, of all its windows."""
+    criteria = current().windows.places
     found = []
     for bed, noise, rows, seen in zip(bench.beds, bench.noises, bench.innovations(predicted), bench.seen, strict=True):
         spread = np.sqrt(np.maximum(np.mean(np.square(np.nan_to_num(noise.residuals)), axis=(0, 1)), 1e-18))
@@ -75,7 +74,8 @@ def maps(bench: Bench, predicted: Prediction) -> list[Map]:
             shape = values.shape[:-1]
             if bed.size == bed.swimmer_size:
                 return np.zeros((*shape, 2)), np.zeros((*shape, s))
-            cut = np.minimum(values[..., bed.swimmer_size :], FARTHEST**2).reshape(*shape, looks - 1, size_of(s))
+            cut = np.minimum(values[..., bed.swimmer_size :], criteria.farthest**2)
+            cut = cut.reshape(*shape, looks - 1, size_of(s))
             moments, cells = np.split(cut, [2 * len(MOMENTS)], axis=-1)
             groups = moments.reshape(*shape, looks - 1, 2, len(MOMENTS)).mean(axis=(-3, -1))
             return groups, cells.reshape(*shape, looks - 1, 2, s, 2)[..., 0, :, :].mean(axis=(-3, -1))
@@ -96,7 +96,7 @@ def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -
     places = []
     for place, p_one in candidates:
         z, p = after_looks(p_one, looked)
-        if p < LEVEL:
+        if p < current().windows.places.level:
             places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, p))
     return sorted(places, key=lambda q: -q.z)
 
@@ -126,7 +126,7 @@ def locate_law(
     looked = max(len(candidates), 1)
     scored = [(where, *after_looks(float(stats.norm.sf(z)), looked)) for where, z in candidates]
     found = [replace(where, z=z, p=p) for where, z, p in scored]
-    return sorted((q for q in found if q.p < LEVEL), key=lambda q: (q.phase is not None, -q.z))
+    return sorted((q for q in found if q.p < current().windows.places.level), key=lambda q: (q.phase is not None, -q.z))
 
 
 def _role(disk: int, disks: int) -> str:
@@ -135,11 +135,12 @@ def _role(disk: int, disks: int) -> str:
 
 def _by_phase(bed: BedCase, chosen: np.ndarray) -> list[tuple[np.ndarray, tuple[float, float]]]:
     """Of each part of the cycle, which of the chosen windows (w,) are in it; nothing where nothing is driven."""
+    criteria = current().windows.places
     phases = bed.phases()
     if phases is None:
         return []
-    part = np.floor(BINS * phases[chosen]).astype(int) % BINS
-    return [(part == k, (k / BINS, (k + 1) / BINS)) for k in np.unique(part)]
+    part = np.floor(criteria.bins * phases[chosen]).astype(int) % criteria.bins
+    return [(part == k, (k / criteria.bins, (k + 1) / criteria.bins)) for k in np.unique(part)]
 
 
 def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> list[tuple[Place, tuple[Any, ...]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .chance import LEANING
+from ...inference.criteria import current
 from .windows import MEMBERS, MOST_WINDOWS
 from .work import CORES, Work
 
@@ -64,7 +64,7 @@ def make_plan(
         every, used = windows * part, max(training * part, 1.0)
         runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
         runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
-        runs += plan.twins * used * plan.screening * 2.5 * LEANING
+        runs += plan.twins * used * plan.screening * 2.5 * current().windows.search.leaning
         runs += (
             (plan.leaders - 2) * 4 * used * plan.members
             + 3 * every * plan.members

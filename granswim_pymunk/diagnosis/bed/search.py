@@ -19,15 +19,8 @@ from .candidates import flexible_terms, siblings
 from .chance import chance
 from .plan import Clock, Plan
 from .signatures import BedSignature, limits, make_signature, off, to_values
-from .trial import CHAOS, SURE, BedTrial, first_order, smooth_minimum, trial_of
+from .trial import BedTrial, first_order, smooth_minimum, trial_of
 from .windows import BedCase
-
-# rms of the change that a signature is made of, in standard deviations: well above the 0.2 to 0.4 that chaos adds
-# whatever the amount (columns of a force across the motion at 0.4 were mostly chaos, and had a tenth of the gain), yet
-# near linear (taken to one side, and three times as far as need be, they had a tenth, too)
-RESPONSE = (0.8, 2.5)
-ROUGH, FINE = (0.7, 1.5, 3.0), (0.8, 1.0, 1.25)  # of the amounts so far, simulated when a leader is refitted
-SECONDS = 6  # laws that are tried beside the one that was found
 
 Progress = Callable[[str, float], None]
 
@@ -55,6 +48,7 @@ def signature_of(
         found = bench.predict(wanted, windows, members, bench.members)
         return found if all(amounts) else [*found, base]
 
+    weak, strong = current().windows.search.response
     tried, other, columns = [], [], []
     for k in range(len(term.free)):
         sign = 1.0 if high[k] > 1e-9 else -1.0
@@ -77,10 +71,10 @@ def signature_of(
             change = bench.change(after, before, windows)
             kept = there, back, change / (there - back)
             size = float(np.sqrt(np.mean(change**2)))
-            if size < RESPONSE[0]:
-                factor = 8.0 if size < 0.3 * RESPONSE[0] else 3.0
-            elif size > RESPONSE[1]:
-                factor = 0.25 if size > 3 * RESPONSE[1] else 0.5
+            if size < weak:
+                factor = 8.0 if size < 0.3 * weak else 3.0
+            elif size > strong:
+                factor = 0.25 if size > 3 * strong else 0.5
             else:
                 break
             wider = min(amount * factor, most, 0.9 * smallest_failed)
@@ -184,6 +178,7 @@ class Search:
 
     def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials with the gains of those that were refitted, in all training windows."""
+        criteria = current().windows.search
         self.progress("siblings of the leaders", 0.64)
         trials = self.with_siblings(trials, bed)
         span = basis(np.column_stack([t.signature.clear for t in trials]))
@@ -195,7 +190,7 @@ class Search:
             self.progress(f"refitting {t.term.label}", 0.66 + 0.04 * k / len(chosen))
             if k >= 2 and self.clock.late(0.78):
                 break
-            rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, ROUGH, span))
+            rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, criteria.rough, span))
         rough.sort(key=lambda t: -t.worth)
         best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth]
         best = best[: max(self.plan.leaders - 2, 2)]
@@ -205,7 +200,7 @@ class Search:
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
             if k < 1 or not self.clock.late(0.84):
                 mine = span if self.whole else None
-                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, FINE, mine))
+                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, criteria.fine, mine))
         done = no_narrower(done)
         # the best form of each is kept; gains in few windows are not comparable
         known = {t.term.label for t in done}
@@ -311,6 +306,7 @@ def second_law(
 
     ``search``: about the scene with that law; its ``nuisance`` has the columns of adjustables and law.
     """
+    criteria = current().windows.search
     left = search.few_left
     others = [
         make_signature(s.term, s.tried, s.columns, search.few_nuisance, s.other, s.windows)
@@ -324,7 +320,7 @@ def second_law(
     except Failed:
         return None
     trials = []
-    for rough in order[:SECONDS]:
+    for rough in order[: criteria.seconds]:
         if rough.ahead < 0.5 * by_chance.level or search.clock.late(0.82):
             break
         search.progress(f"beside it: {rough.term.label}", 0.80)
@@ -333,8 +329,8 @@ def second_law(
             trials.append(first_order(signature, left, rough.spread))
     span = basis(np.column_stack([s.clear for s in others])) if others and search.whole else None
     trials = sorted((t for t in trials if by_chance.beyond(t)), key=lambda t: -t.worth)[:3]
-    done = [search.refit(t, search.used, search.nuisance, search.bench.members, FINE, span) for t in trials]
-    done = [t for t in done if (t.gain or 0.0) > max(by_chance.threshold(t), SURE)]
+    done = [search.refit(t, search.used, search.nuisance, search.bench.members, criteria.fine, span) for t in trials]
+    done = [t for t in done if (t.gain or 0.0) > max(by_chance.threshold(t), criteria.sure)]
     return max(done, key=lambda t: t.worth, default=None)
 
 
@@ -407,7 +403,7 @@ def plainer_first(trials: list[BedTrial]) -> list[BedTrial]:
     first = trials[0].mechanism
     names = {t.mechanism for t in trials} - {first} if first == "unknown" else set(special_cases(first))
     plain = next((t for t in trials if t.mechanism in names and t.gain is not None), None)
-    if plain is None or trials[0].worth - plain.worth > current().verdict.same + CHAOS:
+    if plain is None or trials[0].worth - plain.worth > current().verdict.same + current().windows.search.chaos:
         return trials
     return [plain, *(t for t in trials if t is not plain)]
 
@@ -417,6 +413,6 @@ def clock_before_motor(trials: list[BedTrial]) -> list[BedTrial]:
     if not trials or trials[0].gain is None or not has_role(trials[0].mechanism, "late"):
         return trials
     offset = next((t for t in trials if t.mechanism == "time_offset" and t.gain is not None), None)
-    if offset is None or trials[0].worth - offset.worth > current().verdict.same + CHAOS:
+    if offset is None or trials[0].worth - offset.worth > current().verdict.same + current().windows.search.chaos:
         return trials
     return [offset, *(t for t in trials if t is not offset)]

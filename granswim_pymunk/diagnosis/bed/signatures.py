@@ -12,14 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from ...inference.criteria import current
 from ..fit import basis
 from ..hypothesis import Term
-
-FINEST = 1e-8  # m, a spread below this is not believed
-UNKNOWN = 1.0  # m, a spread that nobody knows
-FEWEST = 8  # windows of twins that tell a spread
-SEVERAL = 6  # windows, of which one may be left out
-SHRUNK = 0.5  # with a tenth, laws show 1.1 to 1.25 times more weakly (benchmarks/bed_numbers.py)
 
 
 @dataclass(frozen=True)
@@ -90,6 +85,7 @@ def twin_noise(innovations: np.ndarray) -> Noise:
 
     NaN where nothing was seen; a number that hardly ever was gets no weight.
     """
+    criteria = current().windows.signatures
     number, count, size = innovations.shape
     bias = mean_of_twins(innovations)
     known = np.isfinite(innovations).sum(axis=0)
@@ -98,10 +94,11 @@ def twin_noise(innovations: np.ndarray) -> Noise:
     flat = np.where(valid, left, 0.0).reshape(-1, size)
     share = np.maximum(valid.reshape(-1, size).mean(axis=0), 1.0 / len(flat))
     flat = flat / np.sqrt(share)
-    covariance = _shrunk(flat.T @ flat / len(flat), len(flat) * (number - 1) / number) + FINEST**2 * np.eye(size)
-    rare = share * len(flat) < FEWEST
+    covariance = _shrunk(flat.T @ flat / len(flat), len(flat) * (number - 1) / number)
+    covariance = covariance + criteria.finest**2 * np.eye(size)
+    rare = share * len(flat) < criteria.windows
     covariance[rare] = covariance[:, rare] = 0.0
-    covariance[rare, rare] = UNKNOWN**2
+    covariance[rare, rare] = criteria.unknown**2
     root = np.linalg.cholesky(covariance)
     white = solve_triangular(root, flat.T, lower=True).T.reshape(number, count, size)
     # some phases of the cycle are noisier than others
@@ -117,7 +114,7 @@ def _shrunk(covariance: np.ndarray, samples: float) -> np.ndarray:
     One covariance serves windows that are not alike: what is fine in it belongs to none of them.
     """
     size = len(covariance)
-    share = max(size / (size + 3.0 * samples), SHRUNK)
+    share = max(size / (size + 3.0 * samples), current().windows.signatures.shrunk)
     return (1 - share) * covariance + share * np.diag(np.diag(covariance))
 
 
@@ -166,11 +163,12 @@ class BedSignature:
         """The fall in chi2 (m,) without the window that brings most of it, for whitened innovations (n, m).
 
         A bed that jams or slips once looks like any law that pushes there; what is missing shows in all windows in
-        which it acts. As ``best`` gives it where ``SEVERAL`` windows are not there to be told apart.
+        which it acts. As ``best`` gives it where windows are too few to be told apart.
         Source: Hampel et al. 1986, Robust Statistics, ch. 2 (the influence of one observation).
         """
+        criteria = current().windows.signatures
         gain = self.best(white)[1]
-        if len(self.windows) < SEVERAL or self.surviving < 0.05:
+        if len(self.windows) < criteria.several or self.surviving < 0.05:
             return gain
         low, high = limits(self.term)
         parts = np.split(np.arange(len(white)), np.cumsum(self.windows)[:-1])

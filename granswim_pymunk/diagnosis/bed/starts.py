@@ -16,14 +16,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from ...compiled import njit
+from ...inference.criteria import current
 from ...scene import Scene
 
 HALF = 2  # frames on either side of the start; more smooth the velocities, fewer leave them twice as wide
-WIDEST = 6  # frames on either side, where a body is missing in some
 CLEAR = 5.0e-7  # m, overlaps and joint lengths are put right to below this
-ROUNDS = 400
-ROOM = 4.0e-4  # m, pairs nearer than this are watched while overlaps are taken out
-SMOOTHER = 0.2  # of the squares that a smooth motion leaves: what is better than that belongs together
 
 
 @dataclass(frozen=True)
@@ -47,11 +44,11 @@ def local_quadratic(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> 
     n = xy.shape[1]
     mean, root = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
     todo = np.arange(n)
-    for half in range(HALF, WIDEST + 1):
+    for half in range(HALF, current().windows.starts.widest + 1):
         low, high = max(frame - half, 0), min(frame + half + 1, len(t))
         piece = xy[low:high][:, todo]
         seen = np.isfinite(piece[..., 0])
-        enough = seen.sum(axis=0) >= (4 if half < WIDEST else 3)
+        enough = seen.sum(axis=0) >= (4 if half < current().windows.starts.widest else 3)
         if enough.any():
             _solve(t[low:high] - t[frame], piece[:, enough], seen[:, enough], sigma, todo[enough], mean, root)
         todo = todo[~enough]
@@ -137,11 +134,13 @@ def take_apart(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
     Gauss-Seidel on the pairs, each moved by half of what is wrong (walls stay).
     Source: Jakobsen 2001, Advanced character physics (position projection).
     """
+    criteria = current().windows.starts
     xy = np.array(xy)
     for _ in range(4):
         pairs = _near(xy, shapes)
         left = _relax(
-            xy, shapes.radius, shapes.mobile, pairs, shapes.joints, shapes.lengths, shapes.period, ROUNDS, CLEAR
+            xy, shapes.radius, shapes.mobile, pairs, shapes.joints, shapes.lengths, shapes.period,
+            criteria.rounds, CLEAR,
         )
         if left <= CLEAR:
             break
@@ -149,7 +148,7 @@ def take_apart(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
 
 
 def _near(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
-    reach = 2 * float(shapes.radius.max()) + ROOM
+    reach = 2 * float(shapes.radius.max()) + current().windows.starts.room
     if shapes.period:
         wrapped = np.column_stack([np.mod(xy[:, 0], shapes.period), xy[:, 1] - xy[:, 1].min() + reach])
         wrapped[wrapped[:, 0] >= shapes.period, 0] = 0.0
@@ -162,7 +161,7 @@ def _near(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
     d = xy[j] - xy[i]
     if shapes.period:
         d[:, 0] -= shapes.period * np.round(d[:, 0] / shapes.period)
-    close = np.hypot(*d.T) < shapes.radius[i] + shapes.radius[j] + ROOM
+    close = np.hypot(*d.T) < shapes.radius[i] + shapes.radius[j] + current().windows.starts.room
     apart = (shapes.group[i] == 0) | (shapes.group[i] != shapes.group[j])
     chosen = pairs[close & apart & (shapes.mobile[i] | shapes.mobile[j])]
     return np.ascontiguousarray(chosen[np.lexsort((chosen[:, 1], chosen[:, 0]))].astype(np.int64))
@@ -206,7 +205,7 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
     that frame, if their tracks are much smoother so, the next two frames included: a body that is hit strays, too.
     Source: Crocker & Grier 1996, J. Colloid Interface Sci. 179, 298 (linking); Munkres 1957 (assignment).
     """
-    out = np.array(xy)
+    out, smoother = np.array(xy), current().windows.starts.smoother
     put_back = left_out = 0
     second = np.hypot(*np.moveaxis(np.diff(out, n=2, axis=0), -1, 0))
     found = np.isfinite(second)
@@ -262,7 +261,7 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
                 now = np.sum([_bend(*path(b, column[b], k)) for b in mine])
                 then = np.sum([_bend(*path(b, c, k)) for b, c in zip(mine, others, strict=True)])
                 once = np.sum([_bend(*path(b, c, k, column[b])) for b, c in zip(mine, others, strict=True)])
-                if min(then, once) < SMOOTHER * now:
+                if min(then, once) < smoother * now:
                     if then < once:  # who has another's label keeps it until shown otherwise
                         column[mine] = others
                     else:
@@ -278,7 +277,7 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
                     continue
             times, places = path(b, column[b], k)
             rest = times != t[k]
-            if rest.sum() >= 4 and _bend(times[rest], places[rest]) < SMOOTHER**2 * _bend(times, places):
+            if rest.sum() >= 4 and _bend(times[rest], places[rest]) < smoother**2 * _bend(times, places):
                 here[b] = np.nan  # one sighting apart from a smooth track
                 left_out += 1
         out[k] = here

@@ -8,13 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ..hypothesis import Term
 from .signatures import BedSignature, to_values
-
-SURE = 25.0  # chi2 that a law must gain, besides being beyond the nulls: five standard errors
-CLEARLY = 3.0  # standard errors, as few twins and windows widen them, that the last fit has to be from none
-FURTHER = 3.0  # by which every further number moves the tail of chi2, about one in a thousand
-CHAOS = 16.0  # chi2 by which the gain of the same law differs when it is simulated again: the bed's own chaos
 
 
 @dataclass(frozen=True)
@@ -65,13 +61,13 @@ class BedTrial:
 
     def gain_at(self, ahead: np.ndarray) -> np.ndarray:
         """The gains at which this trial would be so far ahead."""
-        gains: np.ndarray = self.spread * (ahead + FURTHER * (len(self.term.free) - 1))
+        gains: np.ndarray = self.spread * (ahead + current().windows.search.further * (len(self.term.free) - 1))
         return gains
 
 
 def surplus(ratio: np.ndarray, numbers: int) -> np.ndarray:
     """Of gains over their spread, what is comparable between laws of one number and of several."""
-    left: np.ndarray = ratio - FURTHER * (numbers - 1)
+    left: np.ndarray = ratio - current().windows.search.further * (numbers - 1)
     return left
 
 
@@ -93,12 +89,13 @@ def trial_of(
 
 
 def beyond_nothing(trial: BedTrial) -> bool:
-    """Whether the numbers of a law are ``CLEARLY`` standard errors from those with which it is absent."""
+    """Whether the numbers of a law are clearly away from those with which it is absent."""
+    criteria = current().windows.search
     away = trial.values - np.array([f.neutral for f in trial.term.free])
     if not np.isfinite(trial.covariance).all():
         return True
     chi2 = float(away @ np.linalg.pinv(trial.covariance) @ away)
-    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(CLEARLY), len(away)))
+    return chi2 > float(stats.chi2.isf(2 * stats.norm.sf(criteria.clearly), len(away)))
 
 
 def moved_to(trial: BedTrial, values: np.ndarray, covariance: np.ndarray) -> BedTrial:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ...inference.mechanisms import RESTITUTION
 from ...inference.result import mechanism_entry, mismatch_entry, with_camera
 from ...laws import all_laws
@@ -21,8 +22,6 @@ from .candidates import LawAdder
 from .hidden import NAME
 from .trial import BedTrial
 from .windows import HALF, BedCase, BedPredictor, placed
-
-MAP_MEMBERS = 6
 
 
 def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
@@ -123,6 +122,7 @@ def body_map(
     predicted : all windows by the hypothesis. The spread is that of a few members and of the noise; NaN where a body
     was not seen.
     """
+    criteria = current().windows.places
     bed = bench.beds[0]
     used = np.flatnonzero(bed.training)
     if not len(used):
@@ -134,14 +134,14 @@ def body_map(
     try:
         simulation, camera = predictor.simulation(hypothesis, values)
         ends = []
-        for member in range(MAP_MEMBERS):
+        for member in range(criteria.members):
             xy, v = predictor.start(window, member, camera)
             simulation.restart(xy, v, float(bed.film.t[frames[0]]))
             ends.append(simulation.sample([float(bed.film.t[frames[-1]])])[0])
     except Failed:
         return None
     stack = np.stack(ends)
-    spread = np.sqrt(stack.var(axis=0, ddof=1).mean(axis=1) * (1 + 1 / MAP_MEMBERS) + bed.film.sigma**2)
+    spread = np.sqrt(stack.var(axis=0, ddof=1).mean(axis=1) * (1 + 1 / criteria.members) + bed.film.sigma**2)
     gone = np.hypot(*(bed.film.xy[frames[-1]] - stack.mean(axis=0)).T)
     z = gone / (math.sqrt(2.0) * spread)
     z[[not b.mobile for b in bed.scene.bodies]] = np.nan

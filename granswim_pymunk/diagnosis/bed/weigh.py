@@ -15,7 +15,7 @@ from ...inference.judge import Remains, paired
 from ...inference.mechanisms import UNKNOWN, nameless, plainly
 from ..hypothesis import Hypothesis
 from .bench import Bench, Prediction, Windows
-from .judge import UNEXPLAINED, disks_of, errors, noise_floor
+from .judge import disks_of, errors, noise_floor
 from .places import maps
 from .search import Search
 from .signatures import Noise, make_signature, off
@@ -24,8 +24,6 @@ from .trial import BedTrial, first_order
 if TYPE_CHECKING:
     from .driver import Answer
 
-FORMS = 2  # forces without a name that are held against names, besides the flexible arm
-RIVALS = 3  # of which held-out windows are predicted
 NOTHING = "nothing that was tried"
 
 
@@ -195,10 +193,11 @@ def weighed(
     arm : the flexible arm that was tried;  trials : all that was, among them forces without a name
     before : of the recalibrated scene
     """
+    criteria = current().windows.search
     if answer.found is None:
         return None, []
     named = explained_by(search, answer, before, rng)
-    others = [t for t in trials if nameless(t.mechanism) and t.gain is not None and t is not arm][:FORMS]
+    others = [t for t in trials if nameless(t.mechanism) and t.gain is not None and t is not arm][:criteria.forms]
     forms: list[tuple[BedTrial, Explained]] = []
     for t in ([] if arm is None else [arm]) + others:
         mine = t.label == answer.found.label
@@ -238,7 +237,7 @@ def like_twins(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, e
     excess : standard deviations of the nulls' chi2, see ``NoiseChi2``
     """
     scores = scores_of(bench, judge, rows, windows)
-    if excess <= UNEXPLAINED or scores.mean <= float(scores.floors.max()):
+    if excess <= current().windows.search.unexplained or scores.mean <= float(scores.floors.max()):
         return True
     matters = [bed.recording.tolerance for bed in bench.beds if bed.training.any()]
     rms, floor = errors(judge, rows, windows).rms, noise_floor(judge, windows)

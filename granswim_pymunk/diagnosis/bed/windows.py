@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 from ...engine import Simulation, advise_dt
 from ...errors import InputError, SimulationError
 from ...inference.criteria import current
+from ...inference.threads import ContextPool
 from ...recording import Recording
 from ...recording.camera import see
 from ...scene import Scene
@@ -40,7 +40,7 @@ COARSE = 3.5  # times the advised step: four steps in the shortest contact. Wind
 # their own, and twins are as coarse; restitution shifts by less than 0.01 (benchmarks/cut_out.py)
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-POOL = ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="granswim-bed")
+POOL = ContextPool(max_workers=THREADS, thread_name_prefix="granswim-bed")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...inference.criteria import current
 from ...inference.mechanisms import APPARATUS
 from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
@@ -18,7 +19,6 @@ from ..swimmer_terms import swimmer_terms, tried_below
 from .summaries import Condition, Shim
 
 KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; those of a chain: ``swimmer_terms``
-INSIDE = 0.95  # of the way to a bound, how far amounts are tried
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,11 @@ class Suspect:
 
     def scaled(self, factor: float) -> Suspect:
         """The same, first tried at another amount, inside its bounds."""
+        criteria = current().packings
         design = self.design * factor
         for k, f in enumerate(self.term.free):
             room = (f.low - f.neutral, f.high - f.neutral)
-            design[:, k] = np.clip(design[:, k], INSIDE * room[0], INSIDE * room[1])
+            design[:, k] = np.clip(design[:, k], criteria.inside * room[0], criteria.inside * room[1])
         return replace(self, design=design)
 
 
@@ -173,8 +174,8 @@ def _inward(free: Free) -> float:
     """The amount of a first try, on the side of neutral with room for it, inside the bounds; 0 where there is none."""
     up, down = free.high - free.neutral, free.neutral - free.low
     if up >= free.scale or up >= down:
-        return min(free.scale, INSIDE * up)
-    return -min(free.scale, INSIDE * down)
+        return min(free.scale, current().packings.inside * up)
+    return -min(free.scale, current().packings.inside * down)
 
 
 Scale = Callable[[Parameter], float]

@@ -19,9 +19,6 @@ from .runs import Job
 from .search import NAIVE, Search, Trial, amount_jobs, amount_label, anchored, jobs_for, label_of, rounded
 from .summaries import Condition, View
 
-SIDE = 1.645  # standard deviations, one-sided 95 %
-
-
 # ---- the revised scene with its own contacts ------------------------------------------------------
 
 
@@ -240,7 +237,8 @@ def outcome_of(gain: float, apart: float) -> str:
 
     Half the fall of chi2 varies between packings by the distance ``apart`` of the two predictions, in spreads.
     """
-    return "holds" if gain > SIDE * apart else "fails" if gain < -SIDE * apart else "undecided"
+    criteria = current().packings
+    return "holds" if gain > criteria.side * apart else "fails" if gain < -criteria.side * apart else "undecided"
 
 
 def gain_of(

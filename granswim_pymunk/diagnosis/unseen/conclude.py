@@ -29,9 +29,6 @@ from .search import (
     rounded,
 )
 
-OF_A_CLASS = 0.95  # of what the best gains on speeds alone, from which a law is of its class
-RESAMPLES = 400
-
 
 @dataclass(frozen=True)
 class Spot:
@@ -120,6 +117,7 @@ def named_laws(
 
     No law, and None, where none of them stands beyond the nulls. ``open_``: candidates in question, best first.
     """
+    criteria = current().packings
     leaders = _refitted_leaders(s, open_)
     assert s.nulls is not None
     threshold = max(float(np.quantile(s.nulls.best, 1 - current().verdict.alarm)), 8.0)
@@ -136,14 +134,14 @@ def named_laws(
     names = {f.mechanism for f in found}
     curves = all(c.any_view.curve for c in s.training)
     rivals = [
-        (t, _alike(s, chosen, t) or (curves and t.gain > OF_A_CLASS * chosen.gain))
+        (t, _alike(s, chosen, t) or (curves and t.gain > criteria.of_a_class * chosen.gain))
         for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
     ]  # fmt: skip
     if curves:
         # a few speeds say one thing only: whatever explains it to first order is of the same class
         rivals += [
             (_to_first_order(s, t), True) for t in open_
-            if t.fit is None and t.gain > OF_A_CLASS * open_[0].gain and t.mechanism != chosen.mechanism
+            if t.fit is None and t.gain > criteria.of_a_class * open_[0].gain and t.mechanism != chosen.mechanism
         ]  # fmt: skip
     return found, revised, _once(rivals)
 
@@ -387,6 +385,7 @@ def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
     that of the nulls. The form without a name is the mean shift of all numbers in the other recordings, None where
     there are none.
     """
+    criteria = current().packings
     assert s.nulls is not None
     n = s.base.count
     floor = float(s.nulls.left.mean()) / max(n - len(s.base.u), 1)
@@ -396,7 +395,8 @@ def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
 
     def drawn(mean: float) -> np.ndarray:
         """Mean squares above the floor that other packings would give: of a chi2 that is not central."""
-        return mean - floor + rng.normal(size=RESAMPLES) * math.sqrt(2 + 4 * max(mean - floor, 0.0)) / math.sqrt(n)
+        size = math.sqrt(2 + 4 * max(mean - floor, 0.0))
+        return mean - floor + rng.normal(size=criteria.resamples) * size / math.sqrt(n)
 
     def share(after: np.ndarray | float, before: np.ndarray | float) -> np.ndarray:
         return np.minimum(1 - np.asarray(after) / np.maximum(before, 1e-9), 1.0)

@@ -27,7 +27,6 @@ from .verdict import curve_text, ids_of, parameters_of, place_of, revised_scene,
 
 MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
 CORES = 2
-MORE = 0.2  # p of the search up to which those that lead are run in more packings
 
 
 class Packings(ObservationModel):
@@ -68,7 +67,7 @@ class Packings(ObservationModel):
         self.suspects = try_all(s)
         self.bank = screen(s, self.suspects)
         open_ = self._open()
-        if s.p_search <= MORE and open_ and s.sizes.more:
+        if s.p_search <= current().packings.more and open_ and s.sizes.more:
             chosen = [t.suspect for t in open_ if t.gain > 0.3 * open_[0].gain and not t.suspect.apparatus][:8]
             more_runs(s, chosen, 0.6)
             self.bank = screen(s, self.suspects)

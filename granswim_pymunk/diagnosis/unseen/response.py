@@ -13,12 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from ...inference.criteria import current
 from ..hypothesis import Free
 from .runs import Runner
 from .summaries import Condition
-
-FOLDS = 5
-WILD = 3.0  # mean square of a scene's residuals, in those of the naive scene, beyond which they do not count
 
 Point = tuple[str, bool]  # label of a scene, soft or not
 Sum = dict[Point, float]  # coefficients
@@ -84,7 +82,7 @@ class Means:
                     continue
                 apart = (y - y.mean(axis=0)) * np.sqrt(len(y) / (len(y) - 1))
                 # a law that makes the motion wilder says nothing about the spread of the scene without it
-                if usual is None or float(np.mean(apart**2 / np.maximum(usual, 1e-300))) < WILD:
+                if usual is None or float(np.mean(apart**2 / np.maximum(usual, 1e-300))) < current().packings.wild:
                     left.append(apart)
                     dof += len(y) - 1
             if not left:
@@ -107,11 +105,11 @@ class Means:
             found = covariances(rows, self.dof)
             inside = _mean_square(rows, found)
             outside = 0.0
-            for fold in range(FOLDS):
-                kept = {name: np.delete(r, np.s_[fold::FOLDS], axis=0) for name, r in rows.items()}
-                left = {name: r[fold::FOLDS] for name, r in rows.items()}
-                fewer = {name: max(round(self.dof[name] * (1 - 1 / FOLDS)), 1) for name in names}
-                outside += _mean_square(left, covariances(kept, fewer)) / FOLDS
+            for fold in range(current().packings.folds):
+                kept = {name: np.delete(r, np.s_[fold::current().packings.folds], axis=0) for name, r in rows.items()}
+                left = {name: r[fold::current().packings.folds] for name, r in rows.items()}
+                fewer = {name: max(round(self.dof[name] * (1 - 1 / current().packings.folds)), 1) for name in names}
+                outside += _mean_square(left, covariances(kept, fewer)) / current().packings.folds
             for name in names:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside

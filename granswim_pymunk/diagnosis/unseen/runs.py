@@ -7,7 +7,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 from ...engine import Simulation, advise_dt, softened
 from ...engine.advice import contact_duration
 from ...errors import InputError, SimulationError
+from ...inference.threads import ContextPool
 from ...packing import pack
 from ...scene import Scene
 from ...storage import cache_folder
@@ -92,7 +93,7 @@ class Runner:
         todo = {(*j.key, j.number): j for j in wanted}
         if not todo:
             return
-        with ThreadPoolExecutor(self.workers) as pool:
+        with ContextPool(self.workers) as pool:
             waiting: set[Future[None]] = set()
             done, queue = 0, list(todo.values())[::-1]
             try:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ...errors import InputError
+from ...inference.criteria import current
 from ...scene import Scene
 from ..hypothesis import NO_CAMERA, Term, adjustable_terms
 from .candidates import Suspect, suspects_of
@@ -17,10 +18,6 @@ from .response import Fit, Means, Model, Sum, add, fit
 from .runs import Change, Job, Runner
 from .summaries import Condition, Shim
 
-SURVIVES = 0.02  # of a signature, below which recalibration imitates it
-VISIBLE = 2.0  # a signature has to stand out of the runs' own noise by this factor
-REPLICATES = 299
-PROBES = 5  # amounts of a candidate that are tried at most
 NAIVE = "naive"
 
 Progress = Callable[[str, float], None]
@@ -335,7 +332,7 @@ def scaled_candidates(s: Search) -> list[Suspect]:
     chance = math.sqrt(2.0 * len(probe.numbers))
     covariance = s.means.covariance[probe.name]
     amounts = {x.label: Amount(other=x.other) for x in physical}
-    for attempt in range(PROBES):
+    for attempt in range(current().packings.probes):
         trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
         if not trying:
             break
@@ -505,7 +502,7 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
     Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
     runs. Where there are several recordings each gets its own.
     """
-    replicates = REPLICATES
+    replicates = current().packings.replicates
     drawn = []
     for c in s.training:
         residuals = s.means.residuals[c.name]
@@ -531,7 +528,9 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
 
 
 def counts(bank: Bank, x: Suspect) -> bool:
-    return x.label in bank.directions and bank.surviving[x.label] > SURVIVES and bank.visible[x.label] > VISIBLE
+    criteria = current().packings
+    there = x.label in bank.directions and bank.surviving[x.label] > criteria.survives
+    return there and bank.visible[x.label] > criteria.visible
 
 
 def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
@@ -546,9 +545,9 @@ def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
             s.trials.append(Trial(x, 0.0, 0.0, None, 0, "not run everywhere"))
             continue
         reason = ""
-        if bank.surviving[x.label] <= SURVIVES:
+        if bank.surviving[x.label] <= current().packings.survives:
             reason = "recalibration imitates it"
-        elif bank.visible[x.label] <= VISIBLE:
+        elif bank.visible[x.label] <= current().packings.visible:
             reason = "no amount of it shows in these recordings"
         gain = 0.0 if reason else float(gains(bank, x, bank.left[:, None])[0])
         s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))

@@ -20,7 +20,6 @@ from ...scene import Scene
 from ..data import choose_held_out, estimate_noise
 
 HARMONICS = (1, 3)  # of the angles; a straight symmetric swimmer has no even ones
-LEAST_CYCLES = 1.2  # below this nothing can be told about harmonics
 CURVE_START = 0.5  # s, what a curve's speed leaves out (contract)
 CURVE_END = 1.1  # s, where the recording does not say how long it was
 FRAME = 2e-3  # s, between two looks at a simulated swimmer of a curve
@@ -375,6 +374,7 @@ def _start(recording: Recording, xy: np.ndarray) -> tuple[Scene, bool]:
 
 
 def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.Generator) -> Condition:
+    criteria = current().packings
     scene = recording.scene
     columns = [recording.column(scene.bodies[k].id) for k in scene.chains[0]]
     xy = recording.unwrapped().xy[:, columns]
@@ -395,7 +395,7 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
     begin = float(t[0]) + skip
     cut = float(t[0]) + current().split.training * duration
     masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
-    enough = (t[-1] - cut) * f >= LEAST_CYCLES and (cut - begin) * f >= LEAST_CYCLES
+    enough = (t[-1] - cut) * f >= criteria.cycles and (cut - begin) * f >= criteria.cycles
     before, after = (t >= begin) & (t <= cut), t > cut
     every = t >= begin
     if held:
@@ -413,9 +413,9 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
         if looked is None:
             measured.append(nothing)
             continue
-        if looked.cycles < LEAST_CYCLES:
+        if looked.cycles < criteria.cycles:
             raise InputError(
-                f"shows {looked.cycles:.2g} cycles of {f:g} Hz after the start; {LEAST_CYCLES:g} are needed",
+                f"shows {looked.cycles:.2g} cycles of {f:g} Hz after the start; {criteria.cycles:g} are needed",
                 file=recording.folder,
                 where=recording.name,
             )

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-from .beds import PackingCriteria, RadiiCriteria
+from .beds import RadiiCriteria
 from .general import BlockCriteria, NoiseCriteria, SplitCriteria, StampCriteria, VerdictCriteria
+from .packings import PackingCriteria
 from .tracks import (
     BudgetCriteria,
     CandidateCriteria,
@@ -20,6 +21,7 @@ from .tracks import (
     SetCriteria,
     SignatureCriteria,
 )
+from .windows import WindowCriteria
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Criteria:
     left: LeftCriteria = field(default_factory=LeftCriteria)
     budget: BudgetCriteria = field(default_factory=BudgetCriteria)
     radii: RadiiCriteria = field(default_factory=RadiiCriteria)
+    windows: WindowCriteria = field(default_factory=WindowCriteria)
     packings: PackingCriteria = field(default_factory=PackingCriteria)
 
 

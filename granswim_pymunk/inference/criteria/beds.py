@@ -1,4 +1,4 @@
-"""What decides in beds, seen and unseen."""
+"""What decides about radii of grains in a bed that is seen."""
 
 from __future__ import annotations
 
@@ -42,19 +42,3 @@ class RadiiCriteria:
     told: float = 0.5
     many: int = 20
     density: float = 2e-3
-
-
-@dataclass(frozen=True)
-class PackingCriteria:
-    """How many packings are run where the bed is not seen.
-
-    films : that the budget of a diagnosis is meant for; fewer take their part of it
-    probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
-    pairs : cost of a candidate's run in those of the naive scene. Measured: 1.3 over all candidates
-    spread : packings of the naive scene that tell the spread of some forty numbers, at the least
-    """
-
-    films: int = 4
-    probed: float = 1.5
-    pairs: float = 1.3
-    spread: int = 60
