@@ -46,9 +46,20 @@ def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
         for what, error in errors.items():
             if error:
                 most = min(current().candidates.believed * error, 0.5)
-                free = Free(f"{what}_error[{name}]", "1", -most, most, 0.0, error, where, 0.0, prior=error)
+                free = Free(error_name(what, name), "1", -most, most, 0.0, error, where, 0.0, prior=error)
                 terms.append(Term(f"{what}_error", free.name, (free,), _Off(what, name), (name,), free.name))
     return tuple(terms)
+
+
+def error_name(what: str, body: str) -> str:
+    """The name of the number that says by which share the ``mass`` or ``radius`` of a body is off."""
+    return f"{what}_error[{body}]"
+
+
+def with_error(scene: Scene, what: str, body: str, share: float) -> Scene:
+    """The scene with the ``mass`` or ``radius`` of a body larger by a share."""
+    bodies = tuple(replace(b, **{what: getattr(b, what) * (1.0 + share)}) if b.id == body else b for b in scene.bodies)
+    return replace(scene, bodies=bodies)
 
 
 class _Off:
@@ -58,8 +69,4 @@ class _Off:
         self.what, self.body = what, body
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-        changed = [
-            replace(b, **{self.what: getattr(b, self.what) * (1.0 + float(values[0]))}) if b.id == self.body else b
-            for b in scene.bodies
-        ]
-        return replace(scene, bodies=tuple(changed)), camera
+        return with_error(scene, self.what, self.body, float(values[0])), camera

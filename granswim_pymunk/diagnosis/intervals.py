@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..inference.criteria import current
+from .believed import error_name, with_error
 from .data import Case
 from .fit import Fit, Fitter, information_of, project
 
@@ -138,14 +139,12 @@ def _believed(
     recording = case.recording
     for kind, error in (("mass", recording.mass_error), ("radius", recording.radius_error)):
         for body in recording.scene.bodies if error else ():
-            if (kind == "mass" and not body.mobile) or f"{kind}_error[{body.id}]" in fitted:
+            if (kind == "mass" and not body.mobile) or error_name(kind, body.id) in fitted:
                 continue
             changed = []
             for side in (-1.0, 1.0):
-                factor = 1.0 + side * current().intervals.sizes * float(error or 0.0)
-                other = replace(body, **{kind: getattr(body, kind) * factor})
-                bodies = tuple(other if b is body else b for b in recording.scene.bodies)
-                scene = replace(recording.scene, bodies=bodies)
+                share = side * current().intervals.sizes * float(error or 0.0)
+                scene = with_error(recording.scene, kind, body.id, share)
                 changed.append(replace(case, recording=replace(recording, scene=scene)))
             yield (kind, body.id, body.radius, body.mass), changed[0], changed[1]
 
