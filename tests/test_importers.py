@@ -195,6 +195,25 @@ def tracker_txt(folder):
     return "tracker.txt", {}, ("mass_A", "mass_B")
 
 
+def tracker_norwegian(folder):
+    """The same where commas stand between columns and as decimal sign, and the minus is U+2212."""
+    lines = ["#multi:", ",mass A,,mass B,,", "t,x,y,x,y,"]
+    for k in range(FRAMES):
+        values = [T[k], *XY[k].ravel().tolist()]
+        lines.append(",".join(f"{v:.15E}" if np.isfinite(v) else "" for v in values) + ",")
+    written = [line.replace(".", ",").replace("E+", "E").replace("-", "\u2212") for line in lines[3:]]
+    (folder / "tracker_no.txt").write_text("\n".join(lines[:3] + written) + "\n")
+    return "tracker_no.txt", {}, ("mass_A", "mass_B")
+
+
+def bare_table(folder):
+    """No header: the columns are told by their numbers, a row per frame."""
+    rows = [[T[k].item(), *XY[k].ravel().tolist()] for k in range(FRAMES)]
+    text = [";".join(repr(v) if np.isfinite(v) else "" for v in row) for row in rows]
+    (folder / "bare.csv").write_text("\n".join(text) + "\n")
+    return "bare.csv", {"columns": "t=1,A.x=2,A.y=3,B.x=4,B.y=5"}, ("A", "B")
+
+
 def kinovea_txt(folder):
     lines = ["#Kinovea Trajectory data export", "#T X Y", ""]
     for b, name in enumerate(("left puck", "right puck")):
@@ -335,11 +354,11 @@ def filled():
 
 FILES = (
     trackpy_csv_with_index, trackpy_csv_without_index, trackpy_hdf, trackpy_store, deeplabcut_csv, deeplabcut_h5,
-    sleap_h5, trackmate_csv, trackmate_xml, tracker_txt, kinovea_txt, ethovision_utf16, german_csv, excel, parquet,
-    extended_xyz, lammps_dump, h5md, gsd, wide_table, long_table,
+    sleap_h5, trackmate_csv, trackmate_xml, tracker_txt, tracker_norwegian, kinovea_txt, ethovision_utf16, german_csv,
+    excel, parquet, extended_xyz, lammps_dump, h5md, gsd, wide_table, long_table, bare_table,
 )  # fmt: skip
 NAMES = {"german_csv": "long", "excel": "wide", "parquet": "long", "lammps_dump": "lammps", "extended_xyz": "extxyz",
-         "wide_table": "wide", "long_table": "long"}  # fmt: skip
+         "wide_table": "wide", "long_table": "long", "bare_table": "wide"}  # fmt: skip
 WITHOUT_GAPS = {"h5md", "gsd"}
 
 

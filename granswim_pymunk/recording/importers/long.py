@@ -76,6 +76,8 @@ def clock(table: Table, found: Mapping[str, str], options: Options) -> tuple[np.
 def recognise(source: Source) -> bool:
     if not source.columns or source.table is None:
         return False
+    if any("." in key for key in source.options.column_map()):
+        return False  # BODY.x: a row per frame, a wide table
     found = find_columns(source.table, _given(source.options))
     return ("t" in found or "frame" in found) and any(key in found for key in ("x", "y", "angle"))
 

@@ -13,7 +13,7 @@ from typing import Any
 from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
 from .base import Options, extra_needed
-from .table import Table, find_delimiter, split, table_from_frame, table_from_rows
+from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows
 
 HEAD = 65536  # bytes that decide what a file is
 SIGNATURES = (
@@ -94,7 +94,7 @@ class Source:
             if skipped >= len(lines):
                 raise InputError(f"has {len(lines)} lines, none after {skipped}", file=self.path, where="skip rows")
             text = "\n" * skipped + "\n".join(lines[skipped:])
-        return text
+        return plain_numbers(text)
 
     @cached_property
     def start(self) -> list[str]:
@@ -273,6 +273,7 @@ class Source:
             bare = " (it has no header)" if self.table.bare else ""
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "
-                "which, as --columns t=TIME,x=CX,y=CY,body=NAME"
+                "which, as --columns t=TIME,x=CX,y=CY,body=NAME (a row per body and frame) or "
+                "t=TIME,A.x=AX,A.y=AY,B.x=BX,B.y=BY (a row per frame)"
             )
         return "is a text, but no table of tracks"

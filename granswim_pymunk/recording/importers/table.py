@@ -19,6 +19,9 @@ from .units import is_unit
 
 MISSING = ("", "nan", "na", "n/a", "none", "null", "-", "--", "#n/a")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_MINUS = re.compile("\u2212(?=[\\d.,])")  # U+2212
+_SCIENTIFIC = re.compile(r"([-+]?\d),(\d+[eE][-+]?\d+)")
+_BOTH_COMMAS = re.compile(r"(?:[-+]?\d,\d+[eE][-+]?\d+)?(?:,(?:[-+]?\d,\d+[eE][-+]?\d+)?)+")
 LOOKED_AT = 200  # rows that decide about delimiter, header and decimal sign
 
 
@@ -113,6 +116,20 @@ def _label(text: str) -> str:
 
 
 # ---- from a delimited text --------------------------------------------------------------------
+
+
+def plain_numbers(text: str) -> str:
+    """Numbers as programs of some languages write them, in the form that float() takes.
+
+    The sign of subtraction becomes a hyphen. Where commas stand both between columns and as decimal sign, as Tracker
+    writes them in Norwegian (``1,000000E-2,-1,498701E1``), the exponents tell where a number ends.
+    """
+    text = _MINUS.sub("-", text)
+    lines = [line for line in text.splitlines()[:LOOKED_AT] if line.strip()]
+    both = sum(bool(_BOTH_COMMAS.fullmatch(line.strip())) for line in lines)
+    if both >= 3 and both > 0.5 * len(lines):
+        text = _SCIENTIFIC.sub(r"\1.\2", text)
+    return text
 
 
 def split(text: str, delimiter: str, path: Path) -> list[tuple[int, list[str]]]:
