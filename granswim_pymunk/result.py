@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .inference.result import Diagnosis
 
 MOST_BODIES = 8  # named one by one
+MORE = 1.5  # noise floors from which a held-out error is said to be more than noise
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
 DECIDES = DEFAULT.verdict.decides  # d' above which an experiment is expected to tell two laws apart
 SPOKEN = {
@@ -216,14 +217,26 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
         )
     if left:
         lines.append(
-            f"the best approximation so far: {left['times_floor']:.2g} times the noise is left, most on "
+            f"the best approximation so far: {_times(left['times_floor'])} times the noise is left, most on "
             f"{', '.join(left['bodies'][:MOST_BODIES])}; it looks like {left['looks_like']}"
         )
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")
     if verdict.get("heldout"):
-        lines.append(f"held-out data: {verdict['heldout']}")
+        lines.append(f"held-out data: {verdict['heldout']}{_left_there(verdict['fit']['heldout'])}")
     return lines
+
+
+def _left_there(errors: Mapping[str, float | None]) -> str:
+    """What the revised scene leaves of held-out data, where it is more than the noise."""
+    revised, floor = errors.get("revised"), errors.get("noise_floor")
+    if not revised or not floor or revised < MORE * floor:
+        return ""
+    return f", {_times(revised / floor)} times the noise is left there"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g}" if ratio < 10 else f"{ratio:.0f}"
 
 
 def _percent(share: float) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..inference.criteria import current
-from ..inference.judge import paired
+from ..inference.judge import Remains, paired
 from ..scene import Scene
 from .blocks import cut
 from .data import Case
@@ -57,6 +57,31 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
                     blocks[0].append(first[part, c] ** 2)
                     blocks[1].append(second[part, c] ** 2)
     return paired(*blocks, rng)
+
+
+def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None) -> Remains:
+    """What held-out data show beyond noise where the training part shows nothing: of whom, and when most.
+
+    floor : [m or rad, rms] of the held-out errors
+    """
+    sizes: dict[str, list[float]] = {}
+    worst, when = 0.0, None
+    for case in cases:
+        scored = (errors.scored or {}).get(case.name)
+        if scored is None:
+            continue
+        for c, channel in enumerate(case.channels):
+            if np.isfinite(scored[:, c]).any():
+                sizes.setdefault(channel.body, []).append(float(np.nanmean(scored[:, c] ** 2)))
+        for rows in np.array_split(np.flatnonzero(np.isfinite(scored).any(axis=1)), current().blocks.held_out):
+            size = float(np.nanmean(scored[rows] ** 2)) if len(rows) else 0.0
+            if size > worst:
+                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
+    means = {body: float(np.mean(m)) for body, m in sizes.items()}
+    least = 1.0 + current().verdict.bodies * (max(means.values()) - 1.0)  # one: the noise
+    bodies = tuple(body for body, mean in means.items() if mean > least) or tuple(means)
+    times = errors.rms / floor if errors.rms is not None and floor else None
+    return Remains(errors.rms, times, bodies, when, None, "physics that the training part does not show")
 
 
 def meets_when_scored(case: Case) -> bool:

@@ -22,6 +22,7 @@ from ..inference.judge import (
     Mismatch,
     Remains,
     Weighed,
+    as_large_by_chance,
     best_form,
     completeness,
     remains_of,
@@ -47,6 +48,7 @@ from .held_out import (
     carried_on,
     held_out_errors,
     learn_memory,
+    left_of_held_out,
     meets_when_scored,
     noise_floor,
     paired_verdict,
@@ -371,9 +373,16 @@ class Tracks(ObservationModel):
         complete = self.completeness(judged.claim.fit).passes
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
         complete = complete and not self._more_to_see(judged.claim.fit)
+        if complete and judged.claim.laws and self._more_held_out():
+            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1]))
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None)
         return Left(False, self._remains(judged.claim))
+
+    def _more_held_out(self) -> bool:
+        """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
+        rms = self.held["revised"].rms
+        return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from .criteria import Criteria, current
 from .explained import Explained, Scores
@@ -29,6 +30,19 @@ def completeness(residuals: Sequence[np.ndarray], criteria: Criteria | None = No
     noise = fit_noise(residuals, criteria.noise)
     chance = chance_of(residuals, noise)
     return Completeness(noise, chance, chance >= criteria.noise.alarm)
+
+
+def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
+    """Probability that one more repeat is as far off as ``error`` [m or rad, rms]; 1 where repeats (n,) are too few.
+
+    Logarithms of such errors are taken for normal, with mean and spread from the repeats themselves, hence Student's
+    t with n - 1 degrees of freedom (a prediction interval: Hahn 1969, J. Qual. Technol. 1, 168).
+    """
+    logs = np.log(repeats[repeats > 0])
+    if len(logs) < current().left.repeats:
+        return 1.0
+    spread = float(logs.std(ddof=1)) * float(np.sqrt(1 + 1 / len(logs)))
+    return float(stats.t.sf((np.log(error) - logs.mean()) / max(spread, 1e-12), len(logs) - 1))
 
 
 @dataclass(frozen=True)

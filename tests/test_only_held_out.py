@@ -1,0 +1,44 @@
+"""Physics that acts in the held-out part alone: what was named of the rest is not called complete."""
+
+import numpy as np
+import pytest
+
+import granswim_pymunk as gs
+from granswim_pymunk.inference.judge import as_large_by_chance
+
+
+def test_an_error_is_held_against_repeats_of_the_right_law():
+    rng = np.random.default_rng(1)
+    repeats = 1e-3 * np.exp(0.2 * rng.normal(size=10))
+    assert as_large_by_chance(1e-3, repeats) > 0.2
+    assert as_large_by_chance(2.5e-3, repeats) < 0.005
+    # too few to tell, or none
+    assert as_large_by_chance(1.0, repeats[:3]) == 1.0
+    assert as_large_by_chance(1.0, np.zeros(0)) == 1.0
+    # by chance one in twenty is beyond its 5 %
+    drawn = np.exp(0.2 * rng.normal(size=(2000, 11)))
+    below = np.mean([as_large_by_chance(row[0], row[1:]) < 0.05 for row in drawn])
+    assert below == pytest.approx(0.05, abs=0.02)
+
+
+def _glide(late: float) -> tuple[np.ndarray, np.ndarray]:
+    """A puck of 20 g with a drag of 0.01 kg/s; from t = 1.5 s on a wind pushes it across [m/s^2]."""
+    t = np.arange(0, 2.0, 0.02)
+    k, v = 0.01 / 0.02, 0.5
+    x = v / k * (1 - np.exp(-k * t))
+    after = np.maximum(t - 1.5, 0.0)
+    y = late * (after - (1 - np.exp(-k * after)) / k) / k
+    noise = np.random.default_rng(7).normal(size=(len(t), 1, 2))
+    return t, np.stack([x, y], axis=-1)[:, None, :] + 3e-4 * noise
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_complete_is_not_said_where_only_held_out_data_show_more(late):
+    t, xy = _glide(late)
+    verdict = gs.diagnose(t, xy, radius=0.01, mass=0.02).to_dict()
+    assert [m["name"] for m in verdict["mechanisms"]] == ["linear_drag"]
+    assert verdict["complete"] == (late == 0.0)
+    if late:
+        left = verdict["remains"]
+        assert left["times_floor"] > 5 and left["when"]["t"][0] >= 1.5
+        assert left["looks_like"] == "physics that the training part does not show"
