@@ -35,7 +35,7 @@ LONG = {
     "engine.callbacks._contacts_text": 163, "engine.callbacks._step_text": 124,
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
-    "diagnosis.bed.starts.followed": 93, "recording.camera.film": 98,
+    "diagnosis.bed.starts.followed": 93, "recording.camera.film": 90,
     "scene.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89, "api.make_recording": 87,
     "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
 }  # fmt: skip
@@ -48,7 +48,7 @@ WIDE = {
 }  # fmt: skip
 # how often a law is named by a literal in the diagnosis
 NAMED = {
-    "diagnosis.bed.candidates": 6, "diagnosis.candidates": 2, "diagnosis.data": 2, "diagnosis.driven_terms": 2,
+    "diagnosis.bed.candidates": 6, "diagnosis.candidates": 1, "diagnosis.data": 2, "diagnosis.driven_terms": 2,
     "diagnosis.experiment": 8, "diagnosis.fit": 5, "diagnosis.segments": 1, "diagnosis.start": 25,
     "diagnosis.swimmer_terms": 1, "diagnosis.unseen.candidates": 3, "diagnosis.unseen.summaries": 2,
 }  # fmt: skip

@@ -13,7 +13,8 @@ from two_arms import two_arms
 from granswim_pymunk.cli import main
 from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verdict
 from granswim_pymunk.diagnosis.believed import believed_terms
-from granswim_pymunk.diagnosis.candidates import camera_terms, flexible_terms, named_terms
+from granswim_pymunk.diagnosis.camera_terms import camera_terms
+from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
 from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined

@@ -127,6 +127,24 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     return np.clip(moved, low, high)
 
 
+def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor) -> np.ndarray:
+    """Values (p,) of a fit from all data but a block: by one Gauss-Newton step, or by a fit of its own.
+
+    Of a law that has a shape (an exponent, a range) strength and shape lie along a bent valley: one step along its
+    tangent leaves it. Such a law is fitted to what is left, where recordings are followed in one.
+
+    cases : those that were fitted
+    """
+    shaped = any(f.inner for f in fit.hypothesis.free)
+    if not shaped or any(len(segments) > 1 for segments in fit.segments.values()):
+        return without(fit, block)
+    frames = {c.name: c.training & ~block.frames if c.name == block.case.name else c.training for c in cases}
+    if not any(part.any() for part in frames.values()):
+        return without(fit, block)
+    rest = Fitter(cases, predictor, frames, whole=True)
+    return rest.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().blocks.evaluations).values
+
+
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The step d (p,) with the least d'Id/2 - g'd within its bounds.
 
@@ -185,9 +203,11 @@ def score(
     residuals: dict[int, np.ndarray] = {}
     floor: list[np.ndarray] = []
     failed: list[str] = []
+    cases = list({block.case.name: block.case for block in blocks}.values())
     for b, block in enumerate(blocks):
         try:
-            left, raw, whiten, answer = _predicted(fit, block, predictor, criteria)
+            values = outside(fit, block, cases, predictor)
+            left, raw, whiten, answer = _predicted(fit, values, block, predictor, criteria)
         except Failed as error:
             failed.append(f"{block.case.name}: {error}")
             continue
@@ -225,15 +245,15 @@ def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> 
     return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
 
 
-def _predicted(fit: Fit, block: Block, predictor: Predictor, criteria: BlockCriteria):
+def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor, criteria: BlockCriteria):
     """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed.
 
+    values : (p,) of the fit, found without the block
     Of the residuals first without the memory of the noise (``Case.white``), then with it.
     """
     case = block.case
     spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
     fitter = Fitter([case], predictor, {case.name: block.start}, whole=True, spin=spin)
-    values = without(fit, block)
     found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
     numbers = found.starts[case.name]
     here, _ = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)

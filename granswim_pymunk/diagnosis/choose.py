@@ -11,7 +11,8 @@ from scipy import stats
 
 from ..inference.criteria import current
 from ..laws import all_laws
-from .candidates import camera_terms, for_bodies, owners
+from .camera_terms import camera_terms
+from .candidates import for_bodies, owners
 from .data import Case
 from .fit import Fit, Fitter
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
@@ -97,7 +98,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
     forms = [t.term for t in same]
-    chosen = min(same, key=lambda t: (t.used, not is_apparatus(t), is_part(t.term, forms), -t.gain))
+    chosen = min(same, key=lambda t: (t.used, not is_apparatus(t), t.term.special, is_part(t.term, forms), -t.gain))
     return of_the_apparatus(chosen, trials, spread)
 
 

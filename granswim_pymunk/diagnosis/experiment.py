@@ -92,6 +92,7 @@ def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) ->
     tools = {
         "camera_scale": ("camera.scale", "film a ruler in the same frame"),
         "camera_tilt": ("camera.tilt", "film a plumb line in the same frame"),
+        "camera_foreshortening": ("camera.foreshortening", "film a ruler along x and along y in the same frame"),
         "time_offset": ("camera.time_offset", "film a flash that the apparatus triggers"),
     }
     for name in names:

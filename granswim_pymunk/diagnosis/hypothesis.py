@@ -25,6 +25,7 @@ from .start import StartBody, numbers_at, states, turning_angle
 
 NO_CAMERA: dict[str, Any] = {
     "scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0, "middle": (0.0, 0.0),
+    "foreshortening": 1.0, "direction": 0.0,
 }  # fmt: skip
 
 
@@ -60,6 +61,7 @@ class Term:
     law: str = ""  # name of the law that it is made of
     suited: bool = False  # its law is declared for an apparatus that the recordings have: it goes before its equals
     fixed: Mapping[str, tuple[Any, str]] = field(default_factory=dict)  # value and unit of what the recording gives
+    special: bool = False  # a special fault of the apparatus: of equals with as many numbers the plain one is named
 
 
 @dataclass(frozen=True)
@@ -279,7 +281,7 @@ class Predictor:
             why = f"a body is not within {ESCAPED:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
-        seen = see(xy, **{key: camera[key] for key in ("scale", "tilt", "bias", "distortion", "middle")})
+        seen = see(xy, **{key: value for key, value in camera.items() if key != "time_offset"})
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):

@@ -12,7 +12,9 @@ import numpy as np
 from .setups import Setup
 from .world import Camera, Effect, World
 
-APPARATUS = ("camera_scale", "camera_tilt", "time_offset", "tracking_bias", "lens_distortion")
+APPARATUS = (
+    "camera_scale", "camera_tilt", "time_offset", "tracking_bias", "lens_distortion", "camera_foreshortening",
+)  # fmt: skip
 OUTSIDE = ("attraction", "cubic_drag", "transverse_force", "shaking", "phase_drag")
 
 # name -> the number that makes it strong or weak, and the numbers that a fit may move

@@ -1,5 +1,6 @@
-"""What a simulation looks like filmed: seen = s R(+angle) L(true) + b, at the frame's time plus an offset.
+"""What a simulation looks like filmed: seen = s R(+angle) L(F true) + b, at the frame's time plus an offset.
 
+F is a view at an angle: F true = true - (1 - f) (true . e) e.
 L is the lens: L(true) = o + (true - o)(1 + k |true - o|^2).
 """
 
@@ -27,6 +28,18 @@ def bent(xy: np.ndarray, k: float, middle: Sequence[float]) -> np.ndarray:
     return np.asarray(middle) + away * (1.0 + k * np.sum(away**2, axis=-1, keepdims=True))
 
 
+def foreshortened(xy: np.ndarray, f: float, direction: float) -> np.ndarray:
+    """Positions (..., 2) [m] as a camera shows them that looks at an angle: true - (1 - f) (true . e) e.
+
+    f [1] : what is left of lengths along e = (cos direction, sin direction), direction [rad]; the cosine of the angle
+    between the line of sight and the normal of the plane of motion, above one where lengths were set by a ruler along e
+    Source: the parallel projection of a plane (Hartley & Zisserman 2004, Multiple View Geometry, section 6.3).
+    """
+    e = np.array([math.cos(direction), math.sin(direction)])
+    xy = np.asarray(xy, dtype=float)
+    return xy - (1.0 - f) * (xy @ e)[..., None] * e
+
+
 def see(
     xy: np.ndarray,
     *,
@@ -35,13 +48,18 @@ def see(
     bias: Sequence[float] = (0.0, 0.0),
     distortion: float = 0.0,
     middle: Sequence[float] = (0.0, 0.0),
+    foreshortening: float = 1.0,
+    direction: float = 0.0,
 ) -> np.ndarray:
-    """Positions as the camera shows them: seen = s R(+tilt) L(true) + b.
+    """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b.
 
     xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
-    bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``. Returns (..., 2) [m].
+    bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``
+    foreshortening [1] and direction [rad] of a view F at an angle, see ``foreshortened``. Returns (..., 2) [m].
     Source: the contract's camera_scale, camera_tilt, tracking_bias.
     """
+    if foreshortening != 1.0:
+        xy = foreshortened(xy, foreshortening, direction)
     if distortion:
         xy = bent(xy, distortion, middle)
     c, s = scale * math.cos(tilt), scale * math.sin(tilt)
@@ -63,6 +81,31 @@ def rod_angle(xy: np.ndarray, anchor: Sequence[float], gravity: Sequence[float] 
     return np.arctan2(down_x * dy - down_y * dx, down_x * dx + down_y * dy)
 
 
+def _angles(
+    scene: Scene, rows: np.ndarray, true: np.ndarray, asked: Sequence[int], sampled: np.ndarray
+) -> np.ndarray:
+    """Angles (T, n) [rad] of pinned and hinged bodies among ``rows``, not a number of the others.
+
+    true : (T, n, 2) places of these;  sampled : (T, m, 2) of the rows ``asked``, all that hinges need among them
+    """
+    angle = np.full(true.shape[:2], np.nan)
+    at = {scene.bodies[row].id: column for column, row in enumerate(rows)}
+    for pin in scene.laws_named("pin"):
+        for body in pin.bodies or ():
+            if body in at:
+                angle[:, at[body]] = np.unwrap(rod_angle(true[:, at[body]], pin.values["anchor"], scene.gravity))
+    turning = [scene.ids.index(name) for name in hinged(scene)]
+    if turning:
+        whole = np.array([body.initial for body in scene.bodies], dtype=float)[:, :2]
+        whole = np.repeat(whole[None], len(true), axis=0)
+        whole[:, list(asked)] = sampled
+        turned = np.unwrap(angles_of(scene, whole, np.zeros_like(whole))[0], axis=0)
+        for row in turning:
+            if scene.ids[row] in at:
+                angle[:, at[scene.ids[row]]] = turned[:, row]
+    return angle
+
+
 def film(
     source: Any,
     times: Sequence[float] | np.ndarray,
@@ -76,6 +119,8 @@ def film(
     bias: Sequence[float] = (0.0, 0.0),
     distortion: float = 0.0,
     middle: Sequence[float] | None = None,
+    foreshortening: float = 1.0,
+    direction: float = 0.0,
     drop: float | np.ndarray = 0.0,
     positions: bool = True,
     wrap: bool = False,
@@ -89,6 +134,7 @@ def film(
     noise [m], angle_noise [rad] : one standard deviation, drawn from ``rng``
     scale, tilt [rad], bias (2,) [m] : as in ``see``; a pinned body's angle is seen turned by the tilt too
     distortion [1/m^2], middle (2,) [m] : of the lens; its middle is the mean of all true places where not given
+    foreshortening [1], direction [rad] : of a view at an angle, as in ``see``
     drop : share of sightings that are lost at random, or (T, n) True where a body is not seen
     positions : False leaves angles only (an encoder);  wrap : fold x into the periodic box
     Raises InputError where nothing is observed or random numbers are asked for without a generator.
@@ -112,22 +158,11 @@ def film(
     if distortion and scene.periodic_x:
         raise InputError("a lens does not show unwrapped positions", where=f"recording {name}")
     about = tuple(true.reshape(-1, 2).mean(axis=0).tolist()) if middle is None and true.size else middle or (0.0, 0.0)
-    xy = see(true, scale=scale, tilt=tilt, bias=bias, distortion=distortion, middle=about)
-    angle = np.full(shape, np.nan)
-    at = {scene.bodies[row].id: column for column, row in enumerate(rows)}
-    for pin in scene.laws_named("pin"):
-        for body in pin.bodies or ():
-            if body in at:
-                rod = rod_angle(true[:, at[body]], pin.values["anchor"], scene.gravity)
-                angle[:, at[body]] = np.unwrap(rod) + tilt
-    if turning:
-        whole = np.array([body.initial for body in scene.bodies], dtype=float)[:, :2]
-        whole = np.repeat(whole[None], len(times), axis=0)
-        whole[:, asked] = sampled
-        turned = np.unwrap(angles_of(scene, whole, np.zeros_like(whole))[0], axis=0)
-        for row in turning:
-            if scene.ids[row] in at:
-                angle[:, at[scene.ids[row]]] = turned[:, row] + tilt
+    xy = see(
+        true, scale=scale, tilt=tilt, bias=bias, distortion=distortion, middle=about, foreshortening=foreshortening,
+        direction=direction,
+    )  # fmt: skip
+    angle = _angles(scene, rows, true, asked, sampled) + tilt
     if rng is not None:
         if noise > 0:
             xy = xy + rng.normal(0.0, noise, xy.shape)

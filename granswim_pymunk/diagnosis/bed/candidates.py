@@ -20,7 +20,8 @@ from ...inference.mechanisms import RESTITUTION
 from ...laws import Law, all_laws
 from ...laws.base import AUTOMATIC
 from ...scene import Scene, use
-from ..candidates import applies, camera_terms
+from ..camera_terms import camera_terms
+from ..candidates import applies
 from ..data import Case
 from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms

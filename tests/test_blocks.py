@@ -1,0 +1,42 @@
+"""Unseen blocks of the training part: with which numbers they are predicted."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from granswim_pymunk.diagnosis.blocks import make_blocks, score
+from granswim_pymunk.diagnosis.candidates import named_terms
+from granswim_pymunk.diagnosis.data import prepare_all
+from granswim_pymunk.diagnosis.fit import Fitter
+from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.steps import time_steps
+from granswim_pymunk.inference.explained import explained
+from granswim_pymunk.inference.noise import Noise
+from granswim_pymunk.recording import film
+from granswim_pymunk.scene import Body, Scene, use
+
+
+def test_strength_and_exponent_are_refitted_without_the_block():
+    """A bob that swings past a magnet: strength and exponent are known only together, along a bent valley.
+
+    One step along its tangent lands where the force throws the bob out of the picture; fitted to what is left they
+    explain what the law does.
+    """
+    bob = Body("bob", "free", 0.02, 0.1, initial=(0.4 * math.sin(0.5), -0.4 * math.cos(0.5), 0.0, 0.0))
+    magnet = Body("magnet", "wall", 0.01, 0.05, initial=(0.05, -0.48, 0.0, 0.0))
+    pin = use("pin", bodies=["bob"], anchor=(0.0, 0.0), length=0.4)
+    true = Scene((bob, magnet), (pin, use("distance_force", s=-0.4, n=3.0)), gravity=(0.0, -9.81))
+    seen = film(true, np.arange(0.0, 7.0, 1 / 50), rng=np.random.default_rng(2), noise=1e-4)
+    bodies = (replace(bob, initial=None), magnet)
+    seen = replace(seen, scene=replace(true, bodies=bodies, laws=(pin,)), angle=None)
+    cases, rng = prepare_all([seen], ()), np.random.default_rng(1)
+    predictor = Predictor(time_steps(cases))
+    fitter = Fitter(cases, predictor)
+    naive = fitter.fit(Hypothesis(), (), None)
+    term = next(t for t in named_terms(cases) if t.mechanism == "distance_force")
+    fit = fitter.fit(Hypothesis((term,)), (-0.4, 3.0), naive.starts, evaluations=60)
+    assert fit.chi2 < 1.2 * fit.count < 0.5 * naive.chi2
+    blocks = make_blocks(cases)
+    share = explained(score(fit, blocks, predictor, Noise(), rng), score(naive, blocks, predictor, Noise(), rng), rng)
+    assert share.share > 0.5 and share.low > 0.0  # what the contract asks of a name
