@@ -18,6 +18,7 @@ from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.candidates import dimension, suspects_of
 from granswim_pymunk.diagnosis.unseen.checks import confirm, gain_of, predicted_by
 from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer
+from granswim_pymunk.diagnosis.unseen.local import near, scatter_of
 from granswim_pymunk.diagnosis.unseen.model import planned_sizes
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
@@ -577,6 +578,42 @@ def test_a_weak_law_is_run_where_it_shows(world):
         both = anchored(s, found.model, [x], found.u, label, soft=False)
         joined = s.means.predict(conditions[0], both.sums(name, found.u))[1]
         assert joined < min(here, 1 / 4) and joined == pytest.approx(1 / (1 / here + 4), rel=1e-6)
+
+
+@pytest.mark.parametrize("wilder", [0.0, 2.0])
+def test_a_strong_law_is_known_by_its_slope_and_by_its_packings(world, monkeypatch, wilder):
+    """A law that saturates: its slope there is not the chord from its absence; packings spread more under it."""
+    monkeypatch.setattr(World, "saturates", 1.5)
+    monkeypatch.setattr(World, "wilder", wilder)
+    x = world["linear_drag"]
+    first, a = float(x.design[0, 0]), 0.8
+    conditions = conditions_of(filmed({x.label: [a * first]}, 7, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    recalibrate(s)
+    s.runner.do([j for k in range(2) for j in amount_jobs(x, x.design[0], conditions, [k])])
+    s.means.refresh()
+    screen(s, [x])
+    found, *_ = refit(s, [x], 0.5, 2, 12)
+    here = rounded(found.u)
+    label = label_of(s.adjust, here[:-1], [(x.term, here[-1:])])
+    s.runner.do(jobs_for(conditions, s.adjust, here[:-1], [(x.term, here[-1:])], 8, False, label))
+    s.means.refresh()
+    chord = anchored(s, found.model, [x], here, label, soft=False)
+    there, points = near(s, chord, [x])
+    sizes = []
+    for model in (chord, there):
+        slope = s.means.predict(conditions[0], model.slopes[-1][conditions[0].name])[0]
+        sizes.append(math.sqrt(slope @ np.linalg.solve(s.means.covariance[conditions[0].name], slope)))
+    at = here[-1] / first
+    true = math.exp(-1.5 * at) / ((1 - math.exp(-1.5 * at)) / (1.5 * at))
+    assert sizes[1] / sizes[0] == pytest.approx(true, rel=0.5 if wilder else 0.2) and true < 0.6
+    fitted = fit(there, s.means, s.training)
+    scatter, dof = scatter_of(s, fitted, points | {(label, True), (label, False)})
+    assert scatter[-1] == pytest.approx((1 + wilder * at) ** 2, rel=0.5) and dof > 20
+    told = replace(fitted, scatter=scatter)
+    low, high = told.interval(len(told.u) - 1)
+    before = np.diff(fitted.interval(len(fitted.u) - 1))[0]
+    assert (high - low > 1.2 * before) == bool(wilder) and high - low >= before
 
 
 def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, monkeypatch):

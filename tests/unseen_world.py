@@ -90,6 +90,8 @@ class World(Runner):
 
     candidates: Mapping[str, Suspect] = {}
     shuffle: int | None = None
+    saturates: float = 0.0  # of laws: their first amount does (1 - exp(-saturates))/saturates of what it would
+    wilder: float = 0.0  # by how much more packings spread under the first amount of a law
 
     def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
         return 0.2 if soft else 0.3
@@ -129,8 +131,9 @@ def swum(
     frequency: float, laws: Mapping[str, Sequence[float]], rng: np.random.Generator,
     candidates: Mapping[str, Suspect], *, soft: bool = False, noise: float = 0.0, t: np.ndarray = T,
 ) -> np.ndarray:  # fmt: skip
-    """(T, 7, 2) tracks of one packing under these laws."""
-    numbers = _usual(frequency) + SD * (MIX @ rng.normal(size=len(NAMES)))
+    """(T, 7, 2) tracks of one packing under these laws, see ``World`` for how they act."""
+    packing, wilder = SD * (MIX @ rng.normal(size=len(NAMES))), 1.0
+    numbers = _usual(frequency)
     numbers = numbers + 0.05 * soft * _change("softness", 1.0, frequency)
     for label, values in laws.items():
         if label == "stiffness":
@@ -140,8 +143,12 @@ def swum(
         for k, (value, f) in enumerate(zip(values, x.term.free, strict=True)):
             # a flow without speed is drag
             way = "linear_drag/0" if (label, k) == ("ambient_flow", 0) else f"{label}/{k}"
-            numbers = numbers + _change(way, (value - f.neutral) / np.abs(x.design[:, k]).max(), frequency)
-    return _tracks(numbers, frequency, noise, rng, t)
+            amount = (value - f.neutral) / np.abs(x.design[:, k]).max()
+            wilder += World.wilder * abs(amount)
+            if World.saturates:
+                amount = math.copysign(1 - math.exp(-World.saturates * abs(amount)), amount) / World.saturates
+            numbers = numbers + _change(way, amount, frequency)
+    return _tracks(numbers + wilder * packing, frequency, noise, rng, t)
 
 
 def filmed(laws: Mapping[str, Sequence[float]], seed: int, films: int = 4) -> list[Recording]:

@@ -9,18 +9,21 @@ chosen, not drawn: what is drawn and sealed is scored by ``granswim prove``.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
+import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import granswim_pymunk
 from granswim_pymunk.files import written_whole
 from granswim_pymunk.proof.bed_cases import seen_recording, shown
 from granswim_pymunk.proof.beds import BedSetup, digits, draw_bed, packed
@@ -159,17 +162,38 @@ def recorded(row: Row, setup: BedSetup, seed: int, folder: Path) -> None:
 
 
 def diagnosed(recordings: Sequence[Path], out: Path, minutes: float) -> dict[str, Any]:
-    """The verdict of ``granswim diagnose`` on recordings of one folder, in a process of its own."""
-    began = time.monotonic()
+    """The verdict of ``granswim diagnose`` on recordings of one folder, in a process of its own.
+
+    ``seconds``: by the clock;  ``cpu``: of a core, which other work beside it hardly changes;  ``code``: see ``code``
+    """
+    began, before, stamp = time.monotonic(), _children(), code()
     done = subprocess.run(
         [sys.executable, "-m", "granswim_pymunk", "diagnose", *(r.name for r in recordings), "--out",
          str(out.resolve()), "--minutes", f"{minutes:g}"],
         cwd=recordings[0].parent, capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
-        return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"]}
+        return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"], "code": stamp}
     verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text())
-    return {"verdict": verdict, "seconds": round(time.monotonic() - began)}
+    spent = {"seconds": round(time.monotonic() - began), "cpu": round(_children() - before)}
+    return {"verdict": verdict, **spent, "code": stamp}
+
+
+def _children() -> float:
+    """Seconds of a core that finished processes of this one took."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def code() -> str:
+    """Of the package's sources, comments and all: results of other code do not stand in one table with these."""
+    folder = Path(granswim_pymunk.__file__).parent
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        name = file.relative_to(folder).as_posix()
+        if not name.startswith(("validation/", "benchmarks/", "scenarios/")):
+            total.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return total.hexdigest()[:12]
 
 
 def judged(row: Row, verdict: Mapping[str, Any]) -> tuple[str, str]:
@@ -233,8 +257,9 @@ def table(
         "",
         *about,
         "",
-        "| concealed | verdict | named | number, 95 % | first place | naive, recalibrated, revised, floor | p | s | |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| concealed | verdict | named | number, 95 % | first place | naive, recalibrated, revised, floor | p | s | "
+        "s of a core | |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     count = {"right": 0, "class": 0, "wrong": 0}
     inside = total = 0
@@ -243,7 +268,7 @@ def table(
         if result is None:
             continue
         if "verdict" not in result:
-            lines.append(f"| {told(row)} | failed: {result['failed'][0]} | | | | | | | wrong |")
+            lines.append(f"| {told(row)} | failed: {result['failed'][0]} | | | | | | | | wrong |")
             count["wrong"] += 1
             continue
         v = result["verdict"]
@@ -262,10 +287,11 @@ def table(
         p = v["null"]["p_false_alarm"]
         lines.append(
             f"| {told(row)} | {v['verdict']} | {named} | {said or '–'} | {where(v)} | {errors} | {p:.3f} | "
-            f"{result['seconds']} | {how} |"
+            f"{result['seconds']} | {result['cpu']} | {how} |"
         )
     lines += [
         "",
+        f"Lines of one code only (`{code()}`, of the package's sources). "
         f"Right: {count['right']} of {sum(count.values())}; right class: {count['class']}; wrong: {count['wrong']}. "
         f"Intervals that hold the truth: {inside} of {total}.",
         "",
@@ -282,21 +308,46 @@ def keep(file: Path, result: Mapping[str, Any]) -> None:
 def run_rows(
     args: argparse.Namespace, rows: Sequence[Row], make: Callable[[Row, int, Path], list[Path]],
     say: Callable[[str], None],
-) -> dict[str, dict[str, Any]]:  # fmt: skip
-    """Results of the wanted rows, by their keys; those that are there are not run again."""
-    out, results = Path(args.out), {}
+) -> Iterator[dict[str, dict[str, Any]]]:  # fmt: skip
+    """Results by the rows' keys: those that this code left in the folder, then again after each that is run.
+
+    Lines of other code do not count, and are run again where they are wanted.
+    """
+    out, stamp = Path(args.out), code()
+    files = {row.key: out / "results" / f"{row.key.replace(' ', '_').replace(',', '')}.json" for row in rows}
+    stored = {key: json.loads(file.read_text()) for key, file in files.items() if file.exists()}
+    results = {key: result for key, result in stored.items() if result.get("code") == stamp}
+    yield results
     for number, row in enumerate(rows):
-        file = out / "results" / f"{row.key.replace(' ', '_').replace(',', '')}.json"
-        if file.exists():
-            results[row.key] = json.loads(file.read_text())
-        elif not args.names or row.key in args.names:
-            recordings = make(row, number, out / "recordings")
-            result = diagnosed(recordings, out / "reports" / f"{number:02d}", args.minutes)
-            keep(file, result)
-            results[row.key] = result
-            how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
-            say(f"{row.key}: {how} ({result.get('seconds', 0)} s)")
-    return results
+        if row.key in results or (args.names and row.key not in args.names):
+            continue
+        recordings = make(row, number, out / "recordings")
+        result = diagnosed(recordings, out / "reports" / f"{number:02d}", args.minutes)
+        keep(files[row.key], result)
+        results[row.key] = result
+        how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
+        say(f"{row.key}: {how} ({result.get('seconds', 0)} s, {result.get('cpu', 0)} s of a core)")
+        yield results
+
+
+def run_table(
+    args: argparse.Namespace, rows: Sequence[Row], make: Callable[[Row, int, Path], list[Path]], title: str,
+    module: str, about: Sequence[str], say: Callable[[str], None],
+) -> int:  # fmt: skip
+    """Run the wanted rows; the page is written after every one of them, so that an interruption loses none."""
+    text = ""
+    for results in run_rows(args, rows, make, say):
+        text = table(rows, results, title, module, about)
+        if args.page:
+            Path(args.page).write_text(text)
+    return tell(text, None, say)
+
+
+def tell(text: str, page: str | None, say: Callable[[str], None]) -> int:
+    if page:
+        Path(page).write_text(text)
+    say(text)
+    return 0
 
 
 def table_parser(doc: str | None, minutes: float) -> argparse.ArgumentParser:
@@ -308,16 +359,9 @@ def table_parser(doc: str | None, minutes: float) -> argparse.ArgumentParser:
     return parser
 
 
-def tell(text: str, page: str | None, say: Callable[[str], None]) -> int:
-    if page:
-        Path(page).write_text(text)
-    say(text)
-    return 0
-
-
 def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
     args = table_parser(__doc__, 10.0).parse_args(argv)
-    return tell(table(ROWS, run_rows(args, ROWS, make, say), TITLE, "bed_effects", ABOUT), args.page, say)
+    return run_table(args, ROWS, make, TITLE, "bed_effects", ABOUT, say)
 
 
 if __name__ == "__main__":

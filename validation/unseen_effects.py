@@ -24,7 +24,7 @@ from granswim_pymunk.proof.packings import tracks
 from granswim_pymunk.proof.suspects import camera_of, physics_of
 from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.validation import bed_effects
-from granswim_pymunk.validation.bed_effects import Row, adjustable, effects_of, run_rows, table, table_parser, tell
+from granswim_pymunk.validation.bed_effects import Row, adjustable, effects_of, run_table, table_parser
 
 TITLE = "Known effects in full beds of which only the swimmer is seen"
 ABOUT = (
@@ -79,7 +79,7 @@ def make(row: Row, number: int, folder: Path, small: bool = False, only: int | N
 
 
 def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    parser = table_parser(__doc__, 40.0)
+    parser = table_parser(__doc__, 15.0)
     parser.add_argument("--film", type=int, metavar="K", help="of each row film K alone; results go to OUT/film-K")
     parser.add_argument("--small", action="store_true", help="small beds of softer grains, two films of 0.5 s a row")
     args = parser.parse_args(argv)
@@ -92,7 +92,7 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
 
     seen = "four films" if args.film is None else f"film {args.film} of four"
     about = (ABOUT[0].replace("four films", seen), *ABOUT[1:])
-    return tell(table(ROWS, run_rows(args, ROWS, wanted, say), TITLE, "unseen_effects", about), args.page, say)
+    return run_table(args, ROWS, wanted, TITLE, "unseen_effects", about, say)
 
 
 if __name__ == "__main__":

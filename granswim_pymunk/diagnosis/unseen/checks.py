@@ -14,7 +14,8 @@ from ...inference.model import Proposal
 from ...inference.significance import normal_score
 from ...laws import has_role
 from .conclude import Finding, Spot, extra_of
-from .response import Fit, Means, add, fit, spread_of
+from .local import near, scatter_of
+from .response import Fit, Means, Point, add, fit, spread_of
 from .runs import Job
 from .search import NAIVE, Search, Trial, amount_jobs, amount_label, anchored, jobs_for, label_of, rounded
 from .summaries import Condition, View
@@ -55,7 +56,14 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
         )
         soft = f.revised
         model = anchored(s, soft.model, [t.suspect for t in f.found], here, label, soft=False)
+        points: set[Point] = {(label, True), (label, False)}
+        if f.found:
+            model, beside = near(s, model, [t.suspect for t in f.found])
+            points |= beside
         f.revised = fit(model, s.means, s.training)
+        found = scatter_of(s, f.revised, points)
+        if found is not None:
+            f.revised = replace(f.revised, scatter=found[0], dof=min(f.revised.dof, found[1]))
         _softness_said(f, soft)
 
 

@@ -83,7 +83,7 @@ class Finding:
         }
 
     def own(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-        """A found law's numbers in the revised fit, and their covariance, widened where the fit is poor."""
+        """A found law's numbers in the revised fit, and their covariance, see ``Fit.told``."""
         at = len(self.search.adjust)
         for t in self.found:
             if t is trial:
@@ -91,9 +91,8 @@ class Finding:
             at += t.suspect.size
         n = trial.suspect.size
         f = self.revised
-        wide = max(f.chi2 / max(f.count - len(f.u), 1), 1.0)
         student = float(stats.t.ppf(0.975, max(f.dof, 2))) / 1.96
-        return f.u[at : at + n], f.covariance[at : at + n, at : at + n] * wide * student**2
+        return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
 
 
 def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
@@ -154,14 +153,19 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
+    for k, t in enumerate(leaders):
+        if not _in_reach(s, leaders[0], t) and not _is_there(s, t) and _may_yet_lead(leaders[0], t):
+            # its runs were not where its fit is: what it gains there is not known yet
+            again(s, t, 0.72 + 0.02 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
+    leaders.sort(key=lambda t: -t.worth)
     settled: set[str] = set()
     while leaders:
         # whoever comes near the best has to be known as well as the best
-        near = [t for t in leaders if leaders[0].worth - t.worth < 0.2 * leaders[0].worth + current().verdict.same]
+        near = [t for t in leaders if _in_reach(s, leaders[0], t)]
         rest = [t for t in near[: s.sizes.leaders] if t.suspect.label not in settled]
         if not rest:
             break
-        again(s, rest[0], 0.72 + 0.06 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
+        again(s, rest[0], 0.74 + 0.04 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
         settled.add(rest[0].suspect.label)
         leaders.sort(key=lambda t: -t.worth)
     dueled: set[str] = set()
@@ -173,6 +177,24 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
                     again(s, one, 0.79, 1, s.sizes.duel)
                     dueled.add(one.suspect.label)
     return sorted(leaders, key=lambda t: -t.worth)
+
+
+def _in_reach(s: Search, best: Trial, other: Trial) -> bool:
+    """Whether the error of the runs may be what keeps a law below the best: three standard deviations."""
+    return best.worth - other.worth < current().verdict.same + 3 * _noise(s, best, other)
+
+
+def _may_yet_lead(best: Trial, other: Trial) -> bool:
+    return best.worth - other.worth < 0.2 * best.worth + current().verdict.same
+
+
+def _is_there(s: Search, t: Trial) -> bool:
+    """Whether a law was run at the numbers that it is fitted with, to half a standard error or a tenth of them."""
+    if t.fit is None or t.suspect.apparatus:
+        return True
+    k = slice(len(s.adjust), None)
+    off, away = np.abs(t.fit.u - t.fit.model.centre)[k], np.abs(t.values() - t.suspect.neutral)
+    return bool(np.all(off <= np.maximum(0.5 * np.sqrt(np.diag(t.fit.covariance)[k]), 0.1 * away)))
 
 
 def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:
@@ -235,6 +257,7 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
         return 0.0
 
     def own(t: Trial) -> float:
+        """Variance of what its own runs put into chi2, in units of 4: chi2 times that of the mean."""
         assert t.fit is not None
         shares = []
         for c in s.training:
@@ -243,10 +266,9 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
             # what both share, the naive runs and those of the recalibrated scene, drops out of the difference
             apart = [p for p in points if p[0] not in (NAIVE, base_point(s))]
             shares.append(sum(points[p] ** 2 / found[p][1] for p in apart))
-        return float(np.mean(shares))
+        return t.fit.chi2 * float(np.mean(shares))
 
-    left = min(a.fit.chi2, b.fit.chi2)
-    return 2.0 * math.sqrt(max(left * (own(a) + own(b)), 0.0))
+    return 2.0 * math.sqrt(max(own(a) + own(b), 0.0))
 
 
 def _one_and_the_same(a: str, b: str) -> bool:

@@ -286,6 +286,7 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
     def seconds(z: Sizes) -> float:
         screened = known.probed * candidates * part[training[0].name] * known.pairs
         runs = z.soft + adjustables * z.adjustable + 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
+        runs += 2 * (1 + adjustables) * z.leader  # near what was found
         parts = known.pairs * (candidates * z.screen + 8 * z.more) + max(z.spread / len(training) - z.soft, 0.0)
         held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
         inside = sum(soft[c.name] * runs + part[c.name] * parts + true[c.name] * (z.true + z.final) for c in training)

@@ -7,7 +7,7 @@ spread between packings is sum k_i^2/n_i. All runs of all scenes together give t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,6 +43,7 @@ class Means:
     test: bool = False
     mean: dict[str, dict[Point, tuple[np.ndarray, int]]] = field(default_factory=dict)
     residuals: dict[str, np.ndarray] = field(default_factory=dict)  # (k, p), leverage taken out
+    single: dict[str, dict[Point, np.ndarray]] = field(default_factory=dict)  # (n, p) of every run
     covariance: dict[str, np.ndarray] = field(default_factory=dict)
     dof: dict[str, int] = field(default_factory=dict)
     inflation: dict[str, float] = field(default_factory=dict)
@@ -59,6 +60,7 @@ class Means:
                 continue
             self.mean[condition.name] = {}
             values: dict[Point, np.ndarray] = {}
+            self.single[condition.name] = values
             # sorted: the order in which threads finish must not show in the last digits
             for (name, label, soft), runs in sorted(self.runner.tracks.items()):
                 if name != condition.name or (name, label, soft) in self.runner.failures:
@@ -80,7 +82,7 @@ class Means:
                 self.mean[condition.name][point] = (y.mean(axis=0), len(y))
                 if len(y) < 2:
                     continue
-                apart = (y - y.mean(axis=0)) * np.sqrt(len(y) / (len(y) - 1))
+                apart = _apart(y)
                 # a law that makes the motion wilder says nothing about the spread of the scene without it
                 if usual is None or float(np.mean(apart**2 / np.maximum(usual, 1e-300))) < current().packings.wild:
                     left.append(apart)
@@ -114,6 +116,12 @@ class Means:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside
 
+    def apart(self, condition: Condition, points: Collection[Point]) -> tuple[np.ndarray, int]:
+        """(k, p) runs of some scenes less the mean of each, leverage taken out, and their degrees of freedom."""
+        found = [y for point, y in self.single[condition.name].items() if point in points and len(y) > 1]
+        empty = np.zeros((0, len(self.view(condition).numbers())))
+        return np.concatenate([empty, *map(_apart, found)]), sum(len(y) - 1 for y in found)
+
     def predict(self, condition: Condition, coefficients: Mapping[Point, float]) -> tuple[np.ndarray, float]:
         """Predicted numbers (p,) and their variance in units of the spread. KeyError where a scene was not run."""
         found = self.mean[condition.name]
@@ -124,6 +132,12 @@ class Means:
             total = total + k * mean
             variance += k * k / n
         return total, variance
+
+
+def _apart(y: np.ndarray) -> np.ndarray:
+    """(n, p) less the mean, such that the mean square is the variance."""
+    found: np.ndarray = (y - y.mean(axis=0)) * np.sqrt(len(y) / (len(y) - 1))
+    return found
 
 
 def covariances(rows: Mapping[str, np.ndarray], dof: Mapping[str, int]) -> dict[str, np.ndarray]:
@@ -192,6 +206,7 @@ class Fit:
 
     objective : chi2 + log det of the covariance, summed over conditions;  chi2 : the first part
     covariance : (k, k) of the numbers;  left : for each condition the innovation (p,) and its covariance (p, p)
+    scatter : (k,) variance by the runs near the fit, in units of ``covariance``, where such were done
     """
 
     model: Model
@@ -202,13 +217,19 @@ class Fit:
     left: dict[str, tuple[np.ndarray, np.ndarray]]
     count: int
     dof: int  # of the spread's estimate
+    scatter: np.ndarray | None = None
+
+    @property
+    def told(self) -> np.ndarray:
+        """(k, k) covariance that intervals are told by: wider where the fit is poor, or runs near it scatter more."""
+        wide = np.full(len(self.u), max(self.chi2 / max(self.count - len(self.u), 1), 1.0))
+        wide = np.sqrt(wide if self.scatter is None else np.maximum(wide, self.scatter))
+        return self.covariance * np.outer(wide, wide)
 
     def interval(self, k: int) -> tuple[float, float]:
-        """Central 95 % of number k, by Student's t with the dof of the spread, wider where the fit is poor."""
+        """Central 95 % of number k, by Student's t with the dof of the spread."""
         free = self.model.free[k]
-        freedom = max(self.count - len(self.u), 1)
-        wide = max(self.chi2 / freedom, 1.0)
-        half = float(stats.t.ppf(0.975, max(self.dof, 2))) * float(np.sqrt(max(self.covariance[k, k], 0.0) * wide))
+        half = float(stats.t.ppf(0.975, max(self.dof, 2))) * float(np.sqrt(max(self.told[k, k], 0.0)))
         return max(float(self.u[k]) - half, free.low), min(float(self.u[k]) + half, free.high)
 
 

@@ -433,14 +433,14 @@ def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
     r = np.concatenate(left)
     adjust = np.zeros((len(r), 0))
     if s.base.model.free:
-        adjust = _basis(_columns(s, s.base.model, s.base.u, factors))
+        adjust = _basis(columns_of(s, s.base.model, s.base.u, factors))
     bank = Bank(factors, r, adjust, {}, {}, {}, {}, {})
     n = len(s.base.u)
     for x in suspects:
         model = model_of(s, [x])
         if model is None:
             continue
-        a = _columns(s, model, model.centre, factors)[:, n:]
+        a = columns_of(s, model, model.centre, factors)[:, n:]
         after = a - adjust @ (adjust.T @ a)
         scale = np.array([f.scale for f in model.free[n:]])
         before, behind = float(np.linalg.norm(a * scale)), float(np.linalg.norm(after * scale))
@@ -481,7 +481,7 @@ def _basis(a: np.ndarray) -> np.ndarray:
     return u[:, w > 1e-8 * max(w[0], 1e-300)] if len(w) else u
 
 
-def _columns(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.ndarray]) -> np.ndarray:
+def columns_of(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.ndarray]) -> np.ndarray:
     """(n, k) whitened derivatives of the prediction by the model's numbers."""
     blocks = []
     for c in s.training:

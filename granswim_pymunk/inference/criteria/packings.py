@@ -19,6 +19,7 @@ class PackingCriteria:
     resamples : of the frames of a curve, for the share that is explained
     folds : into which pairs of packings are cut where a regression is tested on others
     wild : mean square of a scene's residuals, in those of the naive scene, beyond which they do not count. Choice
+    aside : of a found amount, how far on both sides of it runs tell its slope. Choice: curvature cancels to first order
     cycles : below which nothing can be told about harmonics
     films : that the budget of a diagnosis is meant for; fewer take their part of it
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
@@ -37,6 +38,7 @@ class PackingCriteria:
     resamples: int = 400
     folds: int = 5
     wild: float = 3.0
+    aside: float = 0.4
     cycles: float = 1.2
     films: int = 4
     probed: float = 1.5

@@ -1,0 +1,69 @@
+"""Tables of known effects in beds: every line is kept as it is done, and stands beside lines of the same code only."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from granswim_pymunk.inference.result import empty_verdict
+from granswim_pymunk.validation import bed_effects, unseen_effects
+from granswim_pymunk.validation.bed_effects import Row
+
+ROWS = (Row("linear_drag", {"c": 6e-5}, number=("c", 6e-5)), Row("nothing", {}, "no_mismatch"))
+
+
+@pytest.fixture
+def diagnosed(monkeypatch) -> list[str]:
+    """Diagnoses that take no time: which recordings were asked for. The second one that is asked is interrupted."""
+    asked: list[str] = []
+
+    def fake(recordings, out, minutes):
+        asked.append(recordings[0].name)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        verdict = empty_verdict("no_mismatch", "m rms") | {"null": {"p_false_alarm": 0.5, "replicates": 299}}
+        return {"verdict": verdict, "seconds": 900, "cpu": 212, "code": bed_effects.code()}
+
+    monkeypatch.setattr(bed_effects, "diagnosed", fake)
+    return asked
+
+
+def run(out: Path, *names: str) -> None:
+    args = bed_effects.table_parser("", 15.0).parse_args([*names, "--out", str(out), "--page", str(out / "page.md")])
+    made = lambda row, number, folder: [folder / row.name]  # noqa: E731
+    bed_effects.run_table(args, ROWS, made, "Title", "bed_effects", ("About.",), lambda text: None)
+
+
+def test_an_interrupted_table_goes_on_where_it_stopped(diagnosed, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path)
+    page = (tmp_path / "page.md").read_text()
+    assert "| linear drag (c = 6e-05) | no_mismatch |" in page and "nothing" not in page and "| 900 | 212 |" in page
+    run(tmp_path)
+    assert diagnosed == ["linear_drag", "nothing", "nothing"]
+    page = (tmp_path / "page.md").read_text()
+    assert "Right: 1 of 2" in page and "wrong: 1" in page
+
+
+def test_lines_of_other_code_are_run_again_and_stand_in_no_page(diagnosed, tmp_path, monkeypatch):
+    diagnosed.append("so that none is interrupted")
+    diagnosed.append("so that none is interrupted")
+    run(tmp_path, "linear_drag")
+    file = tmp_path / "results" / "linear_drag.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"code": "earlier"}))
+    run(tmp_path, "nothing")
+    assert "linear drag" not in (tmp_path / "page.md").read_text()
+    run(tmp_path)
+    assert diagnosed[2:] == ["linear_drag", "nothing", "linear_drag"]
+    assert "linear drag" in (tmp_path / "page.md").read_text()
+
+
+def test_a_swimmer_alone_is_asked_for_every_effect_that_acts_on_it(diagnosed, tmp_path, monkeypatch):
+    made = lambda row, number, folder, small, only: [folder / f"{number:02d}" / f"film-{only}"]  # noqa: E731
+    monkeypatch.setattr(unseen_effects, "make", made)
+    diagnosed += ["", ""]
+    assert unseen_effects.main(["cohesion", "--film", "2", "--out", str(tmp_path)], lambda text: None) == 0
+    assert [f.name for f in tmp_path.glob("film-2/results/*")] == ["cohesion.json"] and diagnosed[-1] == "film-2"
+    assert len({row.name for row in unseen_effects.ROWS if row.verdict == "missing_physics"}) >= 14
