@@ -21,6 +21,7 @@ from .search import (
     Bank,
     Search,
     Trial,
+    arrived,
     base_point,
     counts,
     extended,
@@ -180,21 +181,23 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
 
 
 def _in_reach(s: Search, best: Trial, other: Trial) -> bool:
-    """Whether the error of the runs may be what keeps a law below the best: three standard deviations."""
-    return best.worth - other.worth < current().verdict.same + 3 * _noise(s, best, other)
+    """Whether the error of the runs may be what keeps a law below the best."""
+    reach = current().packings.reach * _noise(s, best, other)
+    return best.worth - other.worth < current().verdict.same + reach
 
 
 def _may_yet_lead(best: Trial, other: Trial) -> bool:
-    return best.worth - other.worth < 0.2 * best.worth + current().verdict.same
+    behind = current().packings.behind * best.worth
+    return best.worth - other.worth < behind + current().verdict.same
 
 
 def _is_there(s: Search, t: Trial) -> bool:
-    """Whether a law was run at the numbers that it is fitted with, to half a standard error or a tenth of them."""
+    """Whether a law was run at the numbers that it is fitted with."""
     if t.fit is None or t.suspect.apparatus:
         return True
-    k = slice(len(s.adjust), None)
-    off, away = np.abs(t.fit.u - t.fit.model.centre)[k], np.abs(t.values() - t.suspect.neutral)
-    return bool(np.all(off <= np.maximum(0.5 * np.sqrt(np.diag(t.fit.covariance)[k]), 0.1 * away)))
+    own = slice(len(s.adjust), None)
+    off, away = np.abs(t.fit.u - t.fit.model.centre)[own], t.values() - t.suspect.neutral
+    return arrived(off, np.sqrt(np.diag(t.fit.covariance)[own]), away)
 
 
 def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:

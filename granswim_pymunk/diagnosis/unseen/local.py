@@ -14,10 +14,9 @@ import numpy as np
 from ...inference.criteria import current
 from .candidates import Suspect
 from .response import Fit, Means, Model, Point, Sum, add
+from .runs import Job
 from .search import Search, columns_of, jobs_for, label_of, rounded
 from .summaries import Condition
-
-PRIOR = 4  # runs that the spread of all scenes counts for, beside those near what was found
 
 
 def near(s: Search, model: Model, suspects: Sequence[Suspect]) -> tuple[Model, set[Point]]:
@@ -28,7 +27,8 @@ def near(s: Search, model: Model, suspects: Sequence[Suspect]) -> tuple[Model, s
     """
     sides = _sides(s, model, suspects)
     count = max(s.sizes.leader // max(len(sides) - 1, 1), 2)
-    jobs, labels = [], {}
+    jobs: list[Job] = []
+    labels: dict[int, list[str]] = {}
     for k, ends in sides.items():
         where = [c for c in s.training if c.name in model.slopes[k]]
         labels[k] = []
@@ -62,9 +62,10 @@ def _sides(s: Search, model: Model, suspects: Sequence[Suspect]) -> dict[int, tu
         u = model.centre
         away = 0.5 * f.scale if k < len(s.adjust) else current().packings.aside * abs(u[k] - neutral[k])
         away = min(away, current().packings.inside * min(u[k] - f.low, f.high - u[k]))
-        if away > 1e-3 * abs(f.scale):
-            step = np.where(np.arange(len(u)) == k, away, 0.0)
-            found[k] = rounded(u - step), rounded(u + step)
+        step = np.where(np.arange(len(u)) == k, away, 0.0)
+        low, high = rounded(u - step), rounded(u + step)
+        if low[k] < high[k]:
+            found[k] = low, high
     return found
 
 
@@ -106,10 +107,11 @@ def scatter_of(s: Search, found: Fit, points: set[Point]) -> tuple[np.ndarray, i
     """(k,) variance of the numbers by how runs near what was found scatter, in what the fit says; degrees of freedom.
 
     With H = J' V^-1 J and W = H^-1 J' V^-1 the numbers scatter by W S W', S the covariance of runs of these scenes;
-    their few degrees of freedom lean on PRIOR of the spread of all. None where nothing but means was seen.
+    their few degrees of freedom lean on some of the spread of all. None where nothing but means was seen.
     """
     columns = columns_of(s, found.model, found.u, {n: np.linalg.cholesky(v) for n, (_, v) in found.left.items()})
     inverse = np.linalg.pinv(columns.T @ columns)
+    lean = current().packings.lean
     at, said, seen, runs = 0, np.zeros(len(found.u)), np.zeros(len(found.u)), 0
     for c in s.training:
         factor = np.linalg.cholesky(found.left[c.name][1])
@@ -123,9 +125,9 @@ def scatter_of(s: Search, found: Fit, points: set[Point]) -> tuple[np.ndarray, i
         # these runs are among those that the weights were made of: other packings scatter more
         own = s.means.inflation[c.name] * np.sum((w @ rows.T) ** 2, axis=1) / max(len(rows), 1)
         said += usual
-        seen += (dof * own + PRIOR * usual) / (dof + PRIOR)
+        seen += (dof * own + lean * usual) / (dof + lean)
         runs += dof
     whole = np.diag(inverse)
     if not runs or not np.all(whole > 0):
         return None
-    return (whole - said + seen) / whole, runs + PRIOR
+    return (whole - said + seen) / whole, runs + int(lean)

@@ -147,8 +147,8 @@ def covariances(rows: Mapping[str, np.ndarray], dof: Mapping[str, int]) -> dict[
     scaled = []
     for name, r in rows.items():
         # few runs of one recording lean on the others of the same kind
-        n = dof[name]
-        s2 = (n * deviations[name] ** 2 + 4 * typical**2) / (n + 4)
+        n, lean = dof[name], current().packings.lean
+        s2 = (n * deviations[name] ** 2 + lean * typical**2) / (n + lean)
         deviations[name] = np.maximum(np.sqrt(s2), 1e-12)
         scaled.append(r / deviations[name])
     z = np.concatenate(scaled)

@@ -610,9 +610,15 @@ def refit(
         before = found.u
         found = fit(model, s.means, s.training)
         wide = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-        if np.all(np.abs(found.u - before) <= np.maximum(0.5 * wide, 0.1 * np.abs(before - _absent(s, suspects)))):
+        if arrived(np.abs(found.u - before), wide, before - _absent(s, suspects)):
             break
     return found, done, ""
+
+
+def arrived(off: np.ndarray, wide: np.ndarray, away: np.ndarray) -> bool:
+    """Whether numbers that are ``off`` by so much need no other run: little beside their errors, or what they are."""
+    errors, share = current().packings.settled
+    return bool(np.all(off <= np.maximum(errors * wide, share * np.abs(away))))
 
 
 def run_at(s: Search, found: Fit, suspects: Sequence[Suspect]) -> np.ndarray:

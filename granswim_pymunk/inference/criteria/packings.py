@@ -20,6 +20,10 @@ class PackingCriteria:
     folds : into which pairs of packings are cut where a regression is tested on others
     wild : mean square of a scene's residuals, in those of the naive scene, beyond which they do not count. Choice
     aside : of a found amount, how far on both sides of it runs tell its slope. Choice: curvature cancels to first order
+    lean : runs that the spread of all scenes counts for, beside those of one scene. Choice
+    settled : of a number's standard error, or of the number, by how much it may be off where it was run. Choice
+    reach : standard deviations of the runs' error, from which a law that is behind cannot be the best. Theory: 1 in 700
+    behind : of the best gain, within which a law is run where it is fitted before it is left behind. Choice
     cycles : below which nothing can be told about harmonics
     films : that the budget of a diagnosis is meant for; fewer take their part of it
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
@@ -38,7 +42,11 @@ class PackingCriteria:
     resamples: int = 400
     folds: int = 5
     wild: float = 3.0
+    settled: tuple[float, float] = (0.5, 0.1)
+    reach: float = 3.0
+    behind: float = 0.2
     aside: float = 0.4
+    lean: float = 4.0
     cycles: float = 1.2
     films: int = 4
     probed: float = 1.5
