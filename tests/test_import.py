@@ -14,7 +14,7 @@ from granswim_pymunk.diagnosis.start import describe_starts, first_numbers, stat
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording, resolve_recording, shipped, shipped_names
-from granswim_pymunk.recording.importers import import_recording, import_to
+from granswim_pymunk.recording.importers import import_all, import_recording, import_to
 from granswim_pymunk.scene import Time
 
 NAMED = {
@@ -290,3 +290,17 @@ class TestWide:
         )
         assert capsys.readouterr().err.count("\n") == 1
         assert [p.name for p in tmp_path.iterdir()] == ["wide.csv"]
+
+
+def test_an_impact_is_no_wrong_point_of_the_tracker(tmp_path):
+    t = np.arange(80) / 100
+    noise = 2e-4 * np.random.default_rng(3).normal(size=(80, 2))
+    # a puck that is slowed down between two frames, and one of which a frame is wrong
+    x = np.where(t < 0.405, 0.6 * t, 0.6 * 0.405 + 0.1 * (t - 0.405)) + noise[:, 0]
+    wrong = 0.3 * t + noise[:, 1]
+    wrong[50] += 0.03
+    for name, track, found in (("impact", x, 0), ("wrong", wrong, 1)):
+        (tmp_path / f"{name}.csv").write_text("t,x\n" + "\n".join(f"{a},{b}" for a, b in zip(t, track, strict=True)))
+        (done,) = import_all(tmp_path / f"{name}.csv", tmp_path / name, bodies=["*:1cm:179.3g"], picture=False)
+        assert done.look.jumps == found
+        assert "mass = 0.1793 " in (tmp_path / name / "recording.toml").read_text()

@@ -86,9 +86,11 @@ def look(recording: Recording) -> Look:
         noises += [noise_of(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
         change = np.hypot(*np.diff(velocity, axis=0).T) * dt[1:]
         usual = float(np.median(change)) + 1e-3 * float(np.median(np.hypot(*steps.T)))
-        # a jump there and back changes the velocity twice; a bounce only once
+        # a wrong point changes the velocity there and back, in three steps; an impact between two frames does not
+        turns = np.pad(np.diff(velocity, axis=0) * dt[1:, None], ((0, 1), (0, 0)))
         wild = change > JUMP * usual
-        both = wild[1:] & wild[:-1] & (np.sum(velocity[1:-1] * np.diff(velocity, axis=0)[1:], axis=1) < 0)
+        back = np.hypot(*(turns[:-2] + turns[1:-1] + turns[2:]).T) < 0.5 * np.maximum(change[1:], change[:-1])
+        both = wild[1:] & wild[:-1] & back
         if usual > 0 and both.any():
             jumps += int(np.count_nonzero(np.diff(both.astype(int), prepend=0) == 1))
             jump_at = jump_at or f"{name} at t = {t[at[int(np.argmax(both)) + 2]]:.4g} s"

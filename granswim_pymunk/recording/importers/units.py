@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from decimal import Decimal
 
 from ...errors import InputError
 
@@ -43,16 +44,14 @@ def quantity(text: str | float, units: Mapping[str, float], *, per: tuple[str, .
     number, unit, divisor = match.groups()
     if divisor is not None and divisor.lower() not in per:
         return None
-    value = 1.0
-    if number is not None:
-        above, _, below = number.partition("/")
-        if below and float(below) == 0.0:
-            return None
-        value = float(above) / (float(below) if below else 1.0)
+    above, _, below = (number or "1").partition("/")
+    if below and float(below) == 0.0:
+        return None
     if not unit or unit.lower() in per:
-        return value if number is not None else None
+        return None if number is None else float(above) / float(below or 1)
     size = units.get(unit, units.get(unit.lower()))
-    return None if size is None else value * size
+    # in decimals: 179.3 g are 0.1793 kg and not 0.17930000000000001
+    return None if size is None else float(Decimal(above) * Decimal(repr(size))) / float(below or 1)
 
 
 def factor(text: str | float, units: Mapping[str, float], what: str) -> float:
