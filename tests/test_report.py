@@ -8,6 +8,7 @@ import warnings
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -424,3 +425,27 @@ def test_words():
     assert listed(list("abcdefg"), 4) == "a, b, c and 4 others"
     assert prefixed("m", 2e-3) == (1e3, "mm") and prefixed("kg/s", 1e-5) == (1.0, "kg/s")
     assert prefixed("rad", 1.5) == (1.0, "rad") and prefixed("m", 47.0) == (1.0, "m")
+
+
+def test_a_curve_is_drawn_of_a_number_at_its_bound():
+    """Its slope is found inside the bounds: a law refuses what is outside."""
+
+    class Guess:
+        bounds = np.array([0.0, 0.2]), np.array([np.inf, 6.0])
+
+        @staticmethod
+        def scene(case, numbers):
+            c, n = numbers
+            return replace(case.recording.scene, laws=(use("flexible_power", top=1.0, c=c, n=n, p=0),)), {}
+
+    body = Body("a", "free", radius=0.01, mass=0.1)
+    tracks = 1e-4 * np.random.default_rng(0).normal(size=(60, 1, 2))
+    seen = Recording(name="one", scene=Scene((body,)), ids=("a",), t=np.arange(60) / 60, xy=tracks, sampling=60.0)
+    case = prepare(seen, held_out=False, split=True)
+    fit: Any = SimpleNamespace(hypothesis=Guess, values=np.array([0.5, 6.0]), covariance=np.diag([1e-4, 1e-2]))
+    best, half, mass = draw._forces(SimpleNamespace(spread=1.0), fit, case, 2, [{"vx": 0.9}])
+    assert mass == 0.1
+    assert best[0] == pytest.approx([-0.5 * 0.9**6, 0.0])
+    # dF/dc = -v^n, dF/dn = -c v^n ln v
+    expected = 1.96 * np.hypot(0.9**6 * 1e-2, 0.5 * 0.9**6 * np.log(0.9) * 0.1)
+    assert half[0] == pytest.approx([expected, 0.0], rel=0.02)

@@ -1053,9 +1053,12 @@ def _forces(
     best = forces(fit.values)
     # to first order its covariance follows from that of its numbers
     base = len(fit.values) - count
+    _, highest = fit.hypothesis.bounds
     slopes = []
     for k in range(base, len(fit.values)):
         step = 0.01 * max(abs(fit.values[k]), float(np.sqrt(fit.covariance[k, k])), 1e-12)
+        if fit.values[k] + step > highest[k]:
+            step = -step  # a number at its bound can only go back
         moved = fit.values.copy()
         moved[k] += step
         slopes.append((forces(moved) - best) / step)
