@@ -113,6 +113,32 @@ def test_an_outlier_is_one_sighting_and_a_collision_is_none():
     assert np.flatnonzero(outliers(t, seen, 1e-4)).tolist() == [20, 60, 64]
 
 
+def test_an_outlier_on_a_curved_path_is_told_from_both_sides():
+    t = np.arange(90) / 30
+    seen = 0.05 * np.cos(2 * np.pi * t / 0.7) + np.random.default_rng(2).normal(size=90) * 1e-4
+    smooth = np.ones(90, dtype=bool)
+    assert not outliers(t, seen, 1e-4, smooth).any()
+    seen[[31, 65]] += [2e-3, -2e-3]
+    assert np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist() == [31, 65]
+    seen = np.where(t < 1.4, 0.5 * t, 1.4 - 0.5 * t) + np.random.default_rng(2).normal(size=90) * 1e-4
+    smooth[36:49] = False  # something was hit there
+    assert not outliers(t, seen, 1e-4, smooth).any()
+
+
+def test_a_size_that_is_off_by_two_is_refuted_by_a_single_short_channel():
+    rng = np.random.default_rng(5)
+    body = Body("a", "free", 0.01, 0.1)
+    scene = Scene((body,), (), gravity=(0.0, 0.0))
+    t = np.arange(70) / 50
+    xy = np.stack([0.1 * t, np.zeros(70)], axis=1)[:, None] + 1e-4 * rng.normal(size=(70, 1, 2))
+    xy[:, :, 1] = 0.0  # one coordinate was measured
+    film = Recording("short", scene, t, ("a",), xy, position_noise=2e-4)
+    case = prepare(film, held_out=False, split=True)
+    assert not case.sigma_known and case.sigma[0] == pytest.approx(1e-4, rel=0.25)
+    right = prepare(replace(film, position_noise=1.1e-4), held_out=False, split=True)
+    assert right.sigma_known
+
+
 def test_a_stated_noise_is_held_against_neighbouring_frames():
     from dataclasses import replace
 
@@ -347,6 +373,22 @@ def test_errors_of_the_stamps_are_told_from_white_noise():
     kinked = film(0.0)
     kinked[60:] += 3.0 * np.maximum(t[60:] - t[60], 0.0)[:, None]  # a collision is no error of a stamp
     assert timing(t, kinked, sigma)[0] == 0.0
+
+
+@pytest.mark.parametrize("axes", [slice(0, 1), slice(0, 2)])
+def test_late_stamps_do_not_enlarge_the_white_part(axes):
+    """A pendulum: where it turns the middle of nine frames stands still, and its neighbours are late all the same."""
+    ratios = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        t = np.arange(0.0, 4.0, 0.025)
+        moments = t + 1.2e-3 * rng.normal(size=len(t))
+        angle = 0.3 * np.cos(4 * moments)
+        way = np.column_stack([np.sin(angle), -np.cos(angle)])[:, axes] + 4e-5 * rng.normal(size=(len(t), 2))[:, axes]
+        tau, larger = timing(t, way, np.full(way.shape[1], 4e-5), stated=1.2e-3)
+        assert tau == 1.2e-3
+        ratios.append(larger)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.3)
 
 
 def test_a_start_is_fitted_by_the_noise_as_it_is():

@@ -15,6 +15,7 @@ from ..inference.criteria import current
 from ..inference.noise import Noise, coloured, outliers, slopes, timing, whitened
 from ..joints import hinged
 from ..recording import Recording
+from ..walls import gap_to_wall
 
 
 @dataclass(frozen=True)
@@ -173,8 +174,9 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     values = np.column_stack(columns)
     notes, lost, tau = list[str](), 0, 0.0
     if clean:
-        values, lost = _without_outliers(t, values, channels, sigmas)
-        sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise)
+        smooth = _without_meetings(recording, channels, values)
+        values, lost = _without_outliers(t, values, channels, sigmas, smooth)
+        sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
         sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
         known = known and not refuted
         if tau:
@@ -201,10 +203,11 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
 
 def _timed_noise(
     t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
-    stated: float | None,
+    stated: float | None, smooth: np.ndarray,
 ) -> tuple[list[float], float]:  # fmt: skip
     """Sizes of the white noise beside an error of the stamps [s], 0 where none shows.
 
+    smooth : (T,) frames in which nothing meets.
     Where no size was given, one camera has one: that of the channel that shows least.
     """
     base = list(sigmas)
@@ -215,15 +218,41 @@ def _timed_noise(
                 base[k] = min(sigmas[m] for m in mine)
     if min(base) <= 0:
         return list(sigmas), 0.0
-    tau, larger = timing(t, values, np.array(base), stated)
+    tau, larger = timing(t, values, np.array(base), stated, known, smooth)
     if not tau:
         return list(sigmas), 0.0
     off = abs(np.log(larger)) > current().noise.stated_off
     return [b * larger if off or not known else b for b in base], tau
 
 
+def _without_meetings(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> np.ndarray:
+    """(T,) frames with no meeting of two bodies, or of one and a wall, within the frames of a polynomial about them.
+
+    All of them where that leaves less than half: bodies that go on touching press, and do not kink.
+    """
+    scene, every = recording.scene, np.ones(len(values), dtype=bool)
+    place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
+    bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
+    if not scene.laws_as("contact"):
+        return every
+    paths = {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
+    paths |= {b.id: np.array([b.initial[:2]]) for b in scene.bodies if not b.mobile and b.initial is not None}
+    near = np.zeros(len(values), dtype=bool)
+    for k, (name, xy) in enumerate(paths.items()):
+        radius = scene.body(name).radius
+        gaps = [(r := radius + scene.body(other).radius, np.linalg.norm(xy - at, axis=1) - r)
+                for other, at in list(paths.items())[k + 1 :] if len(xy) > 1 or len(at) > 1]  # fmt: skip
+        gaps += [(radius, gap_to_wall(xy, radius, wall, scene.periodic_x)) for wall in scene.walls if len(xy) > 1]
+        for size, gap in gaps:
+            # as near as it gets between two frames
+            step = np.abs(np.diff(gap, prepend=gap[:1]))
+            near |= gap < np.fmax(step, np.append(step[1:], 0.0)) + current().segments.near * size
+    around = np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
+    return every if around.sum() > len(values) / 2 else ~around
+
+
 def _without_outliers(
-    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], smooth: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """The numbers (T, c) without single sightings that are no positions, and how many were taken out.
 
@@ -233,7 +262,7 @@ def _without_outliers(
     for c, sigma in enumerate(sigmas):
         seen = values[np.isfinite(values[:, c]), c]
         estimate = estimate_noise(t[np.isfinite(values[:, c])], seen)
-        found[:, c] = outliers(t, values[:, c], max(sigma, estimate))
+        found[:, c] = outliers(t, values[:, c], max(sigma, estimate), smooth)
     for body in dict.fromkeys(channel.body for channel in channels):
         mine = [c for c, channel in enumerate(channels) if channel.body == body]
         found[:, mine] = found[:, mine].any(axis=1, keepdims=True)
@@ -261,10 +290,10 @@ def _weighed_noise(
                 if estimate > 0:
                     ratios.append(np.log(estimate / sigmas[c]))
                     told += int(seen.sum())
-        if not ratios or told < current().noise.frames_in_all:
+        if not ratios:
             continue
         off = float(np.median(ratios))
-        if abs(off) > current().noise.stated_off:
+        if abs(off) > max(current().noise.stated_off, current().noise.refutes / np.sqrt(2 * told)):
             refuted = True
             mine = [c for c, channel in enumerate(channels) if channel.kind in kinds]
             for c in mine:

@@ -104,76 +104,109 @@ def coloured(series: np.ndarray, frames: np.ndarray, noise: Noise) -> np.ndarray
 
 
 def slopes(t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Rates of change (T, c) of values (T, c) [1/s] by lines through seven sightings, 0 where too few were seen."""
+    """Rates of change (T, c) of values (T, c) [1/s] by cubics through some sightings, 0 where too few were seen.
+
+    A straight line through as many is steadier, but where a pendulum turns it points past the way that it takes.
+    """
     found = np.zeros(values.shape)
+    count = current().stamps.sightings
+    window, half = np.lib.stride_tricks.sliding_window_view, count // 2
     for c in range(values.shape[1]):
         seen = np.flatnonzero(np.isfinite(values[:, c]))
-        if len(seen) < current().stamps.sightings:
+        if len(seen) < count:
             continue
-        window = np.lib.stride_tricks.sliding_window_view
-        s, v = window(t[seen], current().stamps.sightings), window(values[seen, c], current().stamps.sightings)
-        s = s - s.mean(axis=1, keepdims=True)
-        slope = np.sum(s * v, axis=1) / np.sum(s**2, axis=1)
-        middle = t[seen][current().stamps.sightings // 2 : len(seen) - current().stamps.sightings // 2]
-        found[:, c] = np.interp(t, middle, slope)
+        s = window(t[seen], count)
+        s = s - s[:, half : half + 1]
+        span = np.maximum(np.abs(s).max(axis=1), 1e-300)
+        design = np.power((s / span[:, None])[..., None], np.arange(4))
+        fitted = np.einsum("wkl,wl->wk", np.linalg.pinv(design), window(values[seen, c], count))
+        slope, at = fitted[:, 1] / span, t[seen][half : len(seen) - half]
+        found[:, c] = np.interp(t, at, slope)
+        for end, rows in ((0, t < at[0]), (-1, t > at[-1])):  # by the first and the last cubic
+            x = (t[rows] - at[end]) / span[end]
+            inside = np.clip(x, -1.0, 1.0)
+            found[rows, c] = (fitted[end, 1:] @ np.array([x**0, 2 * inside, 3 * inside**2])) / span[end]
     return found
 
 
 def timing(
-    t: np.ndarray, values: np.ndarray, sigma: np.ndarray, stated: float | None = None
-) -> tuple[float, float]:
+    t: np.ndarray, values: np.ndarray, sigma: np.ndarray, stated: float | None = None, known: bool = True,
+    smooth: np.ndarray | None = None,
+) -> tuple[float, float]:  # fmt: skip
     """Error of the stamps [s], one standard deviation, and by how much the white noise is larger than sigma (c,).
 
-    values : (T, c). A stamp that is off by d moves all bodies of its frame along their ways by v d: the covariance of a
-    frame is a^2 diag(sigma^2) + tau^2 v v'. Both by maximum likelihood with Student's t, from what polynomials of fifth
-    degree over nine frames leave of their middle. 0 and 1 where no timing error shows.
+    values : (T, c);  known : whether sigma was stated, and not told from these values;  smooth : (T,) mask of the
+    frames about which nothing is hit: a kink of a path is no error of a stamp
+
+    A stamp that is off by d moves all bodies of its frame along their ways by v d: the covariance of a frame is
+    a^2 diag(sigma^2) + tau^2 v v'. Both by maximum likelihood with Student's t, from what polynomials of fifth degree
+    over some frames leave of their middle. 0 and 1 where no timing error shows.
     """
-    width = 9
-    if len(t) < max(current().stamps.frames, width):
+    if len(t) < max(current().stamps.frames, current().stamps.window):
         return (stated or 0.0), 1.0
-    window = np.lib.stride_tricks.sliding_window_view
-    s = window(t, width) - t[width // 2 : len(t) - width // 2, None]
-    left = np.full(values.shape, np.nan)
-    design = np.power((s / np.maximum(np.ptp(s, axis=1, keepdims=True), 1e-300))[..., None], np.arange(6))
-    q, _ = np.linalg.qr(design)
-    keep = 1.0 - np.sum(q[:, width // 2, :] ** 2, axis=1)
-    inside = slice(width // 2, len(t) - width // 2)
-    for c in range(values.shape[1]):
-        v = window(values[:, c], width)
-        fitted = np.einsum("wk,wlk,wl->w", q[:, width // 2, :], q, v)
-        left[inside, c] = (values[inside, c] - fitted) / np.sqrt(np.maximum(keep, 1e-6)) / sigma[c]
-    along = slopes(t, values) / sigma
-    seen = np.isfinite(left)
-    rows = seen.any(axis=1)
-    if rows.sum() < current().stamps.frames // 2:
+    left, spread = _left_of_middles(t, values, sigma)
+    rows = np.flatnonzero(np.isfinite(left).any(axis=1) & (True if smooth is None else smooth))
+    if len(rows) < current().stamps.frames // 2:
         return (stated or 0.0), 1.0
-    left, along, seen = np.where(seen, left, 0.0)[rows], np.where(seen, along, 0.0)[rows], seen[rows]
+    rows = rows[:: -(-len(rows) // current().stamps.rows)]
+    seen = np.isfinite(left[rows])
     count = seen.sum(axis=1)
-    squares, inner, speed = np.sum(left**2, axis=1), np.sum(left * along, axis=1), np.sum(along**2, axis=1)
+    along, axes = np.linalg.eigh(spread[rows] * (seen[:, :, None] & seen[:, None]))
+    along = np.maximum(along, 0.0)
+    squares = np.einsum("kcd,kc->kd", axes, np.where(seen, left[rows], 0.0)) ** 2
+    missing = seen.shape[1] - count
+    off = math.log(current().stamps.stated_off if known else current().stamps.unstated_off)
 
     def loss(a: float, tau: float) -> float:
-        inflated = a**2 + tau**2 * speed
-        distance = (squares - tau**2 * inner**2 / inflated) / a**2
-        half = 2 * (count - 1) * math.log(a) + np.log(inflated)
-        return float(np.sum(half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)))
+        variances = a**2 + tau**2 * along
+        half = np.sum(np.log(variances), axis=1) - 2 * missing * math.log(a)
+        distance = np.sum(squares / variances, axis=1)
+        told = half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)
+        # where the stamps hide the white part, it is as large as was believed, within what that may be off
+        return float(np.sum(told)) + (math.log(a * WIDER) / off) ** 2
 
     # Student's t of unit scale is wider than the Gaussian that it stands for: the size that is likeliest is rescaled
-    sizes = np.geomspace(0.2, 5.0, 41)
+    sizes = np.geomspace(0.02, 5.0, 70)
     alone = min(loss(float(a), 0.0) for a in sizes)
-    fastest = math.sqrt(float(np.quantile(speed / count, 0.9)))
+    fastest = math.sqrt(float(np.quantile(along.sum(axis=1) / count, 0.9)))
     if fastest <= 0:
         return 0.0, 1.0
     taus = np.geomspace(0.1, 100.0, 41) / fastest
     table = np.array([[loss(float(a), float(tau)) for tau in taus] for a in sizes])
     i, j = np.unravel_index(int(np.argmin(table)), table.shape)
     if stated:
-        near = int(np.argmin(np.abs(np.log(taus * WIDER / stated))))
-        if table[:, near].min() < table[i, j] + current().stamps.refuted:
-            return stated, float(sizes[int(np.argmin(table[:, near]))]) * WIDER
+        told = [loss(float(a), stated / WIDER) for a in sizes]
+        if min(told) < table[i, j] + current().stamps.refuted:
+            return stated, float(sizes[int(np.argmin(told))]) * WIDER
     if table[i, j] > alone - current().stamps.sure:
         return 0.0, 1.0
     return float(taus[j]) * WIDER, float(sizes[i]) * WIDER
 
+
+def _left_of_middles(t: np.ndarray, values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What polynomials over some frames leave of their middle (T, c), and its covariance by stamps (T, c, c) [1/s^2].
+
+    Both in units of the white part of what is left. With w the weights of the frames in it, sum w^2 of the noise
+    is left; what a stamp does to each of them, not to the middle alone, counts as much: where a pendulum turns, the
+    middle stands still, and its neighbours are late.
+    """
+    window, wide = np.lib.stride_tricks.sliding_window_view, current().stamps.window
+    half = wide // 2
+    s = window(t, wide) - t[half : len(t) - half, None]
+    design = np.power((s / np.maximum(np.ptp(s, axis=1, keepdims=True), 1e-300))[..., None], np.arange(6))
+    q, _ = np.linalg.qr(design)
+    weights = np.eye(wide)[half] - np.einsum("wk,wlk->wl", q[:, half], q)
+    weights /= np.sqrt(np.maximum(np.sum(weights**2, axis=1, keepdims=True), 1e-6))
+    width = values.shape[1]
+    left, spread = np.full(values.shape, np.nan), np.zeros((len(t), width, width))
+    inside = slice(half, len(t) - half)
+    along = slopes(t, values) / sigma
+    for c in range(width):
+        left[inside, c] = np.einsum("wl,wl->w", weights, window(values[:, c], wide)) / sigma[c]
+    for k in range(wide):
+        mine = along[k : len(t) - wide + 1 + k]
+        spread[inside] += weights[:, k, None, None] ** 2 * mine[:, :, None] * mine[:, None]
+    return left, spread
 
 WIDER = 1.09  # scale of Student's t with six degrees of freedom that Gaussian noise is fitted by, the other way round
 
@@ -329,11 +362,15 @@ def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
     return min(1.0, least * len(bands))
 
 
-def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCriteria | None = None) -> np.ndarray:
+def outliers(
+    t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.ndarray | None = None,
+    criteria: NoiseCriteria | None = None,
+) -> np.ndarray:  # fmt: skip
     """(T,) True where a single sighting is off the line through the frames before it and off that through those after.
 
     t (T,) [s], values (T,), NaN where not seen. A kink, as in a collision, continues one of the two; a jump that
-    stays continues the other.
+    stays continues the other.  smooth : (T,) mask of frames about which nothing is hit: there a curve through the
+    frames on both sides tells far more than what is extrapolated from one.
     """
     criteria = criteria or current().noise
     found = np.zeros(len(t), dtype=bool)
@@ -345,6 +382,8 @@ def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCri
         before = _extrapolated(t[seen], values[seen], k, sigma)
         after = _extrapolated(-t[seen][::-1], values[seen][::-1], k, sigma)[::-1]
         off = np.minimum(np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after))
+        if smooth is not None:
+            off = np.where(smooth[seen], np.fmax(off, _off_both_sides(t[seen], values[seen], sigma)), off)
         new = seen[np.nan_to_num(off) > criteria.outlier]
         # of neighbours that accuse one another the worst goes first
         if len(new):
@@ -356,6 +395,31 @@ def outliers(t: np.ndarray, values: np.ndarray, sigma: float, criteria: NoiseCri
     if found.sum() > criteria.share_most * np.isfinite(values).sum():
         return np.zeros(len(t), dtype=bool)
     return found
+
+
+def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
+    """|value - polynomial of fifth degree through five frames on either side| over its standard deviation.
+
+    NaN for the first and last five. Half of these frames would be left by a jump that stays: the curve then fits badly,
+    and what it leaves of the others is counted as their noise.
+    """
+    count, half = 11, 5
+    result = np.full(len(t), np.nan)
+    if len(t) < count:
+        return result
+    window = np.lib.stride_tricks.sliding_window_view
+    others = [k for k in range(count) if k != half]
+    s = window(t, count) - t[half : len(t) - half, None]
+    span = np.maximum(np.abs(s).max(axis=1, keepdims=True), 1e-300)
+    design = np.power((s[:, others] / span)[..., None], np.arange(6))
+    inverse = np.linalg.pinv(design)
+    v = window(values, count)[:, others]
+    left = v - np.einsum("nkd,ndl,nl->nk", design, inverse, v)
+    own = np.maximum(np.sum(left**2, axis=1) / (len(others) - 6), sigma**2)
+    weights = inverse[:, 0]  # of the curve where the middle lies
+    off = values[half : len(t) - half] - np.sum(weights * v, axis=1)
+    result[half : len(t) - half] = np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1)))
+    return result
 
 
 def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np.ndarray:

@@ -15,8 +15,8 @@ class NoiseCriteria:
     stated_off : ln of stated over estimated noise from which the estimate is believed. Choice: the estimate of 100
         frames is good to a tenth, and laboratories state sizes that are off by two
     frames : of a channel, from which its noise can be told. Theory: the relative error of a size is 1/sqrt(2 n), a
-        ninth;  frames_in_all : from which a stated noise can be refuted. Theory: the error is a seventeenth, which
-        ``stated_off`` is four times
+        ninth;  refutes : over sqrt(2 n) of the n frames of all channels, how far off in ln a stated noise has to be as
+        well to be refuted. Theory: 3.5 standard errors, that of ``data.estimate_noise`` is 1.35/sqrt(2 n)
     outlier : standard deviations, from both sides, from which a single sighting is no position. Theory: of 1e5
         sightings of Gaussian noise 2e-4 are farther off than 6
     outlier_frames : frames on each side that an outlier is held against
@@ -38,7 +38,7 @@ class NoiseCriteria:
     alarm: float = 0.005
     stated_off: float = 0.25
     frames: int = 40
-    frames_in_all: int = 150
+    refutes: float = 4.7
     outlier: float = 6.0
     outlier_frames: int = 4
     hides: float = 6.0
@@ -54,19 +54,28 @@ class NoiseCriteria:
 class StampCriteria:
     """When the stamps of frames are said to be off, each by an error of its own.
 
-    sightings : that a speed is told from, by a line. Choice
+    window : frames, through which polynomials of fifth degree tell the noise of the middle one. Choice
+    sightings : that a speed is told from, by a cubic. Theory: its error is that of a line through six
     tail : degrees of freedom of Student's t. Choice: impacts and single outliers make no error of stamps
     sure : of -2 ln L, by which an error has to be likelier than none. Theory: chance gives as much one time in six
         hundred (chi2 of one number), and a wrong model of the noise often more
     refuted : of -2 ln L, by which the likeliest error has to be ahead of a stated one. Theory: three standard errors
-    frames : from which an error of stamps can be told. Choice
+    frames : from which an error of stamps can be told. Choice;  rows : of at most so many. Theory: a size is known to a
+        sixtieth from them
+    stated_off : factor, one standard deviation, by which a stated white part may be off. Choice: laboratories state
+        sizes that are off by two;  unstated_off : by which one told from the same frames may be, which late stamps
+        enlarge
     """
 
-    sightings: int = 7
+    window: int = 9
+    sightings: int = 11
     tail: float = 6.0
     sure: float = 10.0
     refuted: float = 9.0
     frames: int = 40
+    rows: int = 2000
+    stated_off: float = 2.0
+    unstated_off: float = 4.0
 
 
 @dataclass(frozen=True)
