@@ -258,10 +258,12 @@ def joints_by_body(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:
 def _is_simple(law: Law) -> bool:
     """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body.
 
-    Not a field, which has a direction: a tilt or a stream is that of the place, not of the body.
+    More inertia, too: of several carts one may be heavier than it is believed to be. Not a field, which has a
+    direction: a tilt or a stream is that of the place, not of the body.
     """
     fitted = [p for p in law.parameters if p.typical is not None]
-    return law.kind == "body" and {p.name for p in fitted} == set(law.strength) and all(p.size == 1 for p in fitted)
+    single = law.kind in ("body", "constraint") and all(p.size == 1 for p in fitted)
+    return single and {p.name for p in fitted} == set(law.strength)
 
 
 def _is_push(law: Law) -> bool:

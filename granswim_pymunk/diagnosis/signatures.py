@@ -94,7 +94,18 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
         columns.append(column)
         rms = float(np.sqrt(np.mean(column**2)))
         scales.append(1.0 / rms if rms > 0 else abs(step))
-    return np.column_stack(columns), np.array(scales)
+    return _beyond_rounding(term, np.column_stack(columns)), np.array(scales)
+
+
+def _beyond_rounding(term: Term, columns: np.ndarray) -> np.ndarray:
+    """Derivatives (n, k) by the numbers of a term that are not inner, none where they are what rounding left.
+
+    A force across a rail moves nothing; held against numbers of the same unit beside it, that shows.
+    """
+    units = np.array([f.unit for f in term.free if not f.inner])
+    sizes = np.linalg.norm(columns, axis=0)
+    most = np.array([sizes[units == unit].max() for unit in units])
+    return np.where(sizes > current().signatures.rounding * most, columns, 0.0)
 
 
 def _held_against(

@@ -117,6 +117,8 @@ class SignatureCriteria:
 
     same_column : of its length, to which a column that others imitate says nothing of its own. Choice: derivatives by
         differences are good to 1e-4
+    rounding : of the longest column of numbers with the same unit, below which one is what rounding left. Theory: paths
+        are good to 1e-12 of their length, and that is 1e8 standard deviations at most
     surviving : share that recalibration leaves of a signature, below which it imitates the law. Choice: gains are then
         a millionth;  shows : from which a law is tried beside others, or looked for in what is left. Choice
     directions : the least share that is told from rounding
@@ -125,6 +127,7 @@ class SignatureCriteria:
     """
 
     same_column: float = 1e-4
+    rounding: float = 1e-6
     surviving: float = 1e-3
     shows: float = 0.02
     directions: float = 1e-4
