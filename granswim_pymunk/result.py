@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
-from .inference.criteria import DEFAULT
+from .inference.criteria import DEFAULT, Criteria
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 MOST_BODIES = 8  # named one by one
 MORE = 1.5  # noise floors from which a held-out error is said to be more than noise
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
-DECIDES = DEFAULT.verdict.decides  # d' above which an experiment is expected to tell two laws apart
 SPOKEN = {
     "no_mismatch": "nothing is missing",
     "recalibrate": "a declared parameter was off; with it mended nothing is missing",
@@ -77,6 +76,11 @@ class Result(Mapping[str, Any]):
         """The laws that were named, each once: ("linear_drag",)."""
         return tuple(dict.fromkeys(entry["name"] for entry in self.verdict["mechanisms"]))
 
+    @property
+    def criteria(self) -> Criteria:
+        """What decided; a file does not say it: the usual criteria."""
+        return DEFAULT if self.found is None else self.found.criteria
+
     # ---- words --------------------------------------------------------------------------------
 
     def __repr__(self) -> str:
@@ -102,7 +106,7 @@ class Result(Mapping[str, Any]):
             ("Rivals", _rival_lines(v["rivals"])),
             ("Where", [_place_line(place) for place in v["mismatch"]]),
             ("Chance", _chance_lines(v.get("null"))),
-            ("Next experiment", _next_lines(v.get("next_experiment"))),
+            ("Next experiment", _next_lines(v.get("next_experiment"), self.criteria.verdict.decides)),
             ("Notes", list(v.get("notes") or ())),
         ]
         lines: list[str] = []
@@ -334,12 +338,13 @@ def _chance_lines(null: Mapping[str, Any] | None) -> list[str]:
     ]
 
 
-def _next_lines(proposed: Mapping[str, Any] | None) -> list[str]:
+def _next_lines(proposed: Mapping[str, Any] | None, decides: float) -> list[str]:
+    """``decides``: d' from which an experiment is expected to tell two laws apart."""
     if not proposed:
         return []
     apart = f", tells {' from '.join(proposed['separates'])}" if proposed.get("separates") else ""
     d_prime = proposed.get("d_prime")
-    if d_prime is not None and d_prime < DECIDES:
+    if d_prime is not None and d_prime < decides:
         return [f"none that was thought of would decide; the best is {proposed['change']} (d' = {d_prime:.2g})"]
     return [f"{proposed['change']}{apart}" + ("" if d_prime is None else f" (d' = {d_prime:.2g})")]
 

@@ -390,9 +390,9 @@ class Scene:
     def laws_named(self, name: str) -> tuple[LawUse, ...]:
         return tuple(item for item in self.laws if item.name == name)
 
-    def laws_as(self, role: str) -> tuple[LawUse, ...]:
-        """Those that are declared to have this role, see ``Law.role``."""
-        return tuple(item for item in self.laws if item.law.role == role)
+    def laws_as(self, *roles: str) -> tuple[LawUse, ...]:
+        """Those that are declared to have one of these roles, see ``Law.role``."""
+        return tuple(item for item in self.laws if item.law.role in roles)
 
     def rows(self, item: LawUse) -> np.ndarray:
         """Rows of the mobile bodies (for pair laws: all bodies) that a law acts on."""

@@ -24,7 +24,7 @@ from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, try_candidates, unstuck
 from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
 from granswim_pymunk.diagnosis.signatures import Signature, make_bank
-from granswim_pymunk.diagnosis.start import describe_starts
+from granswim_pymunk.diagnosis.start import Bar, Guided, describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.engine import Simulation
@@ -765,7 +765,7 @@ def test_a_proposal_of_a_long_film_of_bodies_on_rods():
     case = _shortened(prepare(recording, held_out=False, split=True))
     assert not {t.law for t in named_terms([case])} & {"joint_drag", "pin_friction"}  # rods turn freely
     assert len(case.t) == len(case.recording.t) == 400
-    assert {s.form for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {"rail", "rod"}
+    assert {type(s.coordinates) for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {Guided, Bar}
 
 
 def test_a_third_law_that_leaves_one_of_two_nothing_to_do_takes_its_place():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.errors import InputError
-from granswim_pymunk.laws import all_laws, get_law
+from granswim_pymunk.laws import all_laws, get_law, law
 from granswim_pymunk.laws.actuator_delay import delayed
 from granswim_pymunk.laws.actuator_lag import lagging
 from granswim_pymunk.laws.actuator_saturation import clipped
@@ -309,3 +309,13 @@ def test_friction_of_a_pin_by_its_name_in_files(tmp_path):
     data = scene.to_dict()
     data["law"] = [*data["law"][:-2], {"name": "joint_friction", "body": "bob", "torque": 0.3}]
     assert scene_from_dict(data).laws[-1].name == "pin_friction"
+
+
+def test_a_role_that_nobody_asks_for_is_refused():
+    with pytest.raises(InputError, match="unknown role 'pendullum'; expected one of contact, "):
+
+        @law(kind="body", expression="0", reference="none", role="pendullum")
+        def mistaken(x):
+            return 0.0, 0.0
+
+    assert "mistaken" not in all_laws()

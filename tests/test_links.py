@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.start import describe_starts, first_numbers, numbers_at, states, turning_angle
+from granswim_pymunk.diagnosis.start import (
+    Bar,
+    Hinged,
+    Pendulum,
+    describe_starts,
+    first_numbers,
+    numbers_at,
+    states,
+    turning_angle,
+)
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
@@ -231,7 +240,7 @@ class TestStarts:
         case = prepare(recording, held_out=False, split=False)
         assert {c.kind for c in case.channels} == ({"x", "y"} if positions else {"angle"})
         starts = describe_starts(case, np.ones(len(case.t), dtype=bool), scene)
-        assert [s.form for s in starts] == ["hinge", "hinge"]
+        assert [type(s.coordinates) for s in starts] == [Hinged, Hinged]
         np.testing.assert_allclose([s.first[0] for s in starts], (2.0, 1.5), atol=2e-4)
         np.testing.assert_allclose([s.first[1] for s in starts], (3.0, -5.0), atol=0.05)
         exact = np.array([2.0, 3.0, 1.5, -5.0])
@@ -250,7 +259,7 @@ class TestStarts:
         recording = film(scene, np.arange(0.0, 0.1, 0.002), noise=1e-6, rng=np.random.default_rng(2))
         case = prepare(replace(recording, angle=None), held_out=False, split=False)
         starts = describe_starts(case, np.ones(len(case.t), dtype=bool), scene)
-        assert [s.form for s in starts] == ["pin", "rod"]
+        assert [type(s.coordinates) for s in starts] == [Pendulum, Bar]
         initial = np.array([body.initial for body in scene.bodies])
         back = numbers_at(starts, scene, initial[:, :2], initial[:, 2:])
         for name, state in states(starts, back, scene, 0.0).items():

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from granswim_pymunk.diagnosis.diagnose import grouped, kind_of
 from granswim_pymunk.diagnosis.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.result import (
     TRAINING,
     Diagnosis,
@@ -24,9 +25,10 @@ from granswim_pymunk.inference.result import (
 )
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.report import write_diagnosis
-from granswim_pymunk.report.page import PICTURES, SECTIONS, _module
-from granswim_pymunk.report.sentences import headline
+from granswim_pymunk.report.page import PICTURES, SECTIONS, _module, pictures
+from granswim_pymunk.report.sentences import answers, headline
 from granswim_pymunk.report.style import Drawing
+from granswim_pymunk.result import Result
 from granswim_pymunk.scene import Bed, Body, Scene, read_scene, swimmer, use
 
 
@@ -89,6 +91,28 @@ def test_a_result_is_frozen_and_its_numbers_are_plain(found):
     }  # fmt: skip
     text = headline(replace(found, verdict=verdict))
     assert text == "Nothing is missing from the scene; bending.stiffness needs another value."
+
+
+def test_words_and_figures_read_the_criteria_of_their_result(found, monkeypatch):
+    """An experiment that one set of criteria calls decisive, another one does not, whatever decides at the moment."""
+    change = {"change": "twice the speed", "separates": ["a", "b"], "d_prime": 3.0}
+    verdict = {**found.verdict, "next_experiment": change}
+    strict = replace(DEFAULT, verdict=replace(DEFAULT.verdict, decides=3.5))
+    easy = replace(DEFAULT, verdict=replace(DEFAULT.verdict, settles=2.5))
+    usual, strictly, easily = (replace(found, verdict=verdict, criteria=c) for c in (DEFAULT, strict, easy))
+    assert "likely to show" in dict(answers(usual))["What to measure next?"]
+    assert "None that was thought of" in dict(answers(strictly))["What to measure next?"]
+    assert "would settle it" in dict(answers(easily))["What to measure next?"]
+    fit = {**verdict["fit"], "unit": "m rms"}
+    summaries = [Result({**d.verdict, "fit": fit}, d).summary() for d in (usual, strictly)]
+    assert ["none that was thought of" in s for s in summaries] == [False, True]
+    with using(strict):  # a diagnosis keeps what it was made under
+        assert Diagnosis("bed", empty_verdict("no_mismatch")).criteria is strict
+    asked = []
+    drawn = {"map": Drawing(lambda: asked.append(current()), SECTIONS[2], "")}
+    monkeypatch.setattr("granswim_pymunk.report.page._module", lambda kind: SimpleNamespace(pictures=lambda _: drawn))
+    pictures(strictly)["map"].draw()
+    assert asked == [strict] and current() is DEFAULT
 
 
 def test_verdicts_that_say_too_little_are_refused(found):

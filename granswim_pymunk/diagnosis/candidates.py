@@ -39,7 +39,7 @@ def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
 
 def _driven(scene: Scene) -> set[str]:
     """Bodies whose motion is commanded: no force changes it."""
-    return {name for item in scene.laws_as("drive") for name in item.bodies or ()}
+    return {name for item in scene.laws_as("command") for name in item.bodies or ()}
 
 
 def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:

@@ -137,7 +137,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     columns: list[np.ndarray] = []
     known = True
     sigmas: list[float] = []
-    pinned = {name for item in recording.scene.laws_named("pin") for name in item.bodies or ()}
+    pinned = {name for item in recording.scene.laws_as("pendulum") for name in item.bodies or ()}
     pinned |= set(hinged(recording.scene))
     t = recording.t
     xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
@@ -355,7 +355,7 @@ def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] =
 
 def _check_enough(case: Case) -> None:
     """Raise InputError where the frames that may be used measure no more than the start of the bodies."""
-    pinned = {name for item in case.recording.scene.laws_named("pin") for name in item.bodies or ()}
+    pinned = {name for item in case.recording.scene.laws_as("pendulum") for name in item.bodies or ()}
     # a place and a speed in each channel; a pinned body has one angle and its speed
     of_start = sum(2 for c in case.channels if c.body not in pinned) + 2 * len(pinned & set(case.bodies))
     frames, needed = (case.start, of_start) if case.held_out else (case.training, of_start + 1)

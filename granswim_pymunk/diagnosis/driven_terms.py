@@ -24,7 +24,7 @@ def driven_terms(cases: Sequence[Case]) -> list[Term]:
     top, spacing = 0.0, np.inf
     for case in cases:
         scene = case.recording.scene
-        for item in scene.laws_as("drive"):
+        for item in scene.laws_as("command"):
             for body in item.bodies or ():
                 if body in scene.inputs:
                     driven[body] = None
@@ -57,6 +57,6 @@ class _Fault:
         self.kind = kind
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-        if not scene.laws_as("drive"):
+        if not scene.laws_as("command"):
             return scene, camera
         return scene.with_actuator(self.kind, float(values[0])), camera

@@ -54,7 +54,7 @@ def propose(
         ("start at half the speed", 1.0, 0.5, 1.0),
         ("start at twice the speed", 1.0, 2.0, 1.0),
     ]
-    if any(s.form in ("pin", "hinge", "rod") for case in training for s in winner.start_of(case.name)[0]):
+    if any(s.coordinates.swings for case in training for s in winner.start_of(case.name)[0]):
         changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
     for text, longer, faster, wider in changes:
         total = 0.0
@@ -123,8 +123,7 @@ def _changed(described, numbers, faster, wider):
     result = numbers.copy()
     at = 0
     for start in described:
-        names = {"free": "xyvv", "pin": "as", "rail": "xyv", "drive": "xy", "hinge": "as", "rod": "as"}[start.form]
-        for kind, is_free in zip(names, start.free, strict=True):
+        for kind, is_free in zip(start.coordinates.kinds, start.free, strict=True):
             if not is_free:
                 continue
             result[at] *= faster if kind in "vs" else wider if kind == "a" else 1.0

@@ -21,14 +21,14 @@ from .data import Case
 from .hypothesis import Failed, Free, Hypothesis, Predictor
 from .segments import Segment, cut_by_growth, limits_of, make_segments
 from .solve import Blocks, Secant, descend
-from .start import StartBody, first_numbers, number_scales
+from .start import Pendulum, StartBody, first_numbers, number_scales
 
 _POOL = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
 _FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
 
 Found = TypeVar("Found")
-COUPLED = ("hinge", "rod", "pin", "spring")  # two of them and more in one scene may swing chaotically
+COUPLED = ("pivot", "bar", "pendulum", "tether")  # two of them and more in one scene may swing chaotically
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class Fitter:
         frames = self.frames[case.name]
         segments = make_segments(case, frames, criteria)
         scene = case.recording.scene
-        links = [law for name in COUPLED for law in scene.laws_named(name)]
+        links = scene.laws_as(*COUPLED)
         if whole or len(segments) > 1 or len(links) < 2 or frames.sum() <= criteria.ahead:
             return segments
         naive = Hypothesis()
@@ -503,7 +503,8 @@ class Fitter:
         if self.segmented:
             return found[0] if base is None else self._from_grid(hypothesis, found[0], base)
         starts = {c.name: self.first_numbers(c.name) for c in self.cases}
-        swinging = any(s.form == "pin" for segments in self.segments.values() for s in segments[0].starts)
+        bodies = [s for segments in self.segments.values() for s in segments[0].starts]
+        swinging = any(isinstance(s.coordinates, Pendulum) for s in bodies)
         shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
         grid = [values]
         for k, f in enumerate(hypothesis.free):

@@ -221,7 +221,7 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
         return False, 20, [(1.0, neutral + part * (far - neutral)) for part in current().refits.limits]
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
     usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
-    beside = any(f.name.startswith(("linear_drag.", "quadratic_drag.")) for f in base.hypothesis.free)
+    beside = any(has_role(f.name.partition(".")[0], "drag") for f in base.hypothesis.free)
     if has_role(term.mechanism, "medium") and beside and len(first) > 1 and first[0] > 0:
         # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
         part = np.array([4.0, *[0.25] * (len(first) - 1)])

@@ -166,7 +166,7 @@ def _tie(
     for start in starts if impacts is not None else ():
         spread = criteria.narrow * np.where(start.scale > 0, start.scale, 1.0)
         mine = [i for i in impacts or () if i.kick.get(start.body, 0.0) > 0]
-        met = bool(mine) and start.form in ("free", "rail")
+        met = bool(mine) and start.coordinates.pushed
         late = np.zeros(len(spread))
         if met:
             late[:2] = criteria.lateness * float(np.hypot.reduce([i.kick[start.body] for i in mine]))

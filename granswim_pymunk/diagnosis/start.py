@@ -3,33 +3,312 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..joints import angles_of, hanging
 from ..joints import place as placed
-from ..scene import Scene
+from ..scene import Body, Scene
 from .data import Case
 
 Camera = Mapping[str, float]
+State = tuple[float, float, float, float]  # x, y, vx, vy
+Estimate = tuple[float, float, float, float]  # value and slope at the start, with their standard deviations
 
 
 @dataclass(frozen=True)
 class StartBody:
-    """How the start of one body is described.
+    """How the start of one body is described: in which coordinates, and which of its numbers are free.
 
-    ``form``: "free" x, y, vx, vy; "pin" angle, angular velocity; "hinge" the same of a body that hangs from the world
-    by hinges; "rod" those of a rod to the body before; "rail" x, y, speed along it; "drive" x, y (its velocity is
-    commanded). ``known`` numbers are kept, the others are free.
+    first : first estimate of all numbers;  scale : how well the tracks determine them
+    free : mask of those that are fitted, the others are kept
     """
 
     body: str
-    form: str
-    first: np.ndarray  # first estimate of all numbers
-    scale: np.ndarray  # how well the tracks determine them
-    free: np.ndarray  # mask
+    coordinates: Coordinates
+    first: np.ndarray
+    scale: np.ndarray
+    free: np.ndarray
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the first frames show of a body.
+
+    estimates : by channel ("x", "y", "angle");  x, y : its place, also where a coordinate is no channel
+    """
+
+    body: Body
+    case: Case
+    frames: np.ndarray
+    scene: Scene
+    estimates: Mapping[str, Estimate]
+    x: Estimate
+    y: Estimate
+
+    def start(
+        self, coordinates: Coordinates, first: Sequence[float], scale: Sequence[float], free: Sequence[bool]
+    ) -> StartBody:
+        return StartBody(self.body.id, coordinates, np.array(first), np.array(scale), np.array(free))
+
+
+class Coordinates(ABC):
+    """The numbers that describe where a body is at the start and how it moves, in what a constraint leaves to it.
+
+    kinds : what they are: places x and y, speeds v, an angle a and its rate s
+    """
+
+    kinds: ClassVar[str]
+
+    @property
+    def swings(self) -> bool:
+        return "a" in self.kinds
+
+    @property
+    def pushed(self) -> bool:
+        """Whether an impact changes its speed: place first, then one speed or two."""
+        return "v" in self.kinds
+
+    @abstractmethod
+    def holds(self, scene: Scene, body: str) -> bool:
+        """Whether these are the coordinates of a body."""
+
+    @abstractmethod
+    def begin(self, seen: Seen) -> StartBody:
+        """First estimates from the tracks."""
+
+    @abstractmethod
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        """The numbers that a state of all bodies (n, 2), (n, 2) would have; ``row``: of each body."""
+
+
+class OfOneBody(Coordinates):
+    """Coordinates whose numbers give the state of a body as soon as those of the bodies before it are known."""
+
+    @abstractmethod
+    def state(self, values: np.ndarray, scene: Scene, body: str, before: Mapping[str, State], t0: float) -> State:
+        """The state that the numbers mean; ``before``: those of the bodies described before this one."""
+
+
+class Unbound(OfOneBody):
+    """A body that may go anywhere."""
+
+    kinds = "xyvv"
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return True
+
+    def begin(self, seen: Seen) -> StartBody:
+        x, y = seen.x, seen.y
+        free = [kind in seen.estimates for kind in "xyxy"]
+        return seen.start(self, [x[0], y[0], x[1], y[1]], [x[2], y[2], x[3], y[3]], free)
+
+    def state(self, values: np.ndarray, scene: Scene, body: str, before: Mapping[str, State], t0: float) -> State:
+        return values[0], values[1], values[2], values[3]
+
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        return np.concatenate([xy[row[start.body]], v[row[start.body]]])
+
+
+class Guided(OfOneBody):
+    """A body on a rail: its place, and its speed along it."""
+
+    kinds = "xyv"
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return _acting(scene, body, "guide") is not None
+
+    def begin(self, seen: Seen) -> StartBody:
+        x, y = seen.x, seen.y
+        along = self._direction(seen.scene, seen.body.id)
+        free = ["x" in seen.estimates, "y" in seen.estimates, bool(seen.estimates)]
+        speed = x[1] * along[0] + y[1] * along[1]
+        return seen.start(self, [x[0], y[0], speed], [x[2], y[2], max(x[3], y[3])], free)
+
+    def state(self, values: np.ndarray, scene: Scene, body: str, before: Mapping[str, State], t0: float) -> State:
+        along = self._direction(scene, body)
+        return values[0], values[1], values[2] * along[0], values[2] * along[1]
+
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        along, k = self._direction(scene, start.body), row[start.body]
+        return np.array([xy[k, 0], xy[k, 1], v[k, 0] * along[0] + v[k, 1] * along[1]])
+
+    @staticmethod
+    def _direction(scene: Scene, body: str, role: str = "guide") -> np.ndarray:
+        """Unit vector along which a body moves."""
+        direction = np.array(_given(scene, body, role)["direction"], dtype=float)
+        return direction / math.hypot(*direction)
+
+
+class Commanded(Guided):
+    """A body that follows a command: its place alone, its velocity is commanded."""
+
+    kinds = "xy"
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return body in scene.inputs and _acting(scene, body, "command") is not None
+
+    def begin(self, seen: Seen) -> StartBody:
+        return seen.start(self, [seen.x[0], seen.y[0]], [seen.x[2], seen.y[2]], [k in seen.estimates for k in "xy"])
+
+    def state(self, values: np.ndarray, scene: Scene, body: str, before: Mapping[str, State], t0: float) -> State:
+        direction = self._direction(scene, body, "command")
+        t, command = scene.inputs[body]
+        speed = _given(scene, body, "command")["gain"] * float(np.interp(t0, t, command))
+        return values[0], values[1], speed * direction[0], speed * direction[1]
+
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        return np.array(xy[row[start.body]])
+
+
+class Swinging(OfOneBody):
+    """A body at a fixed distance from a place: the angle [rad] from gravity, counter-clockwise, and its rate."""
+
+    kinds = "as"
+
+    @abstractmethod
+    def arm(self, scene: Scene, body: str) -> tuple[str | None, np.ndarray, float]:
+        """The body it is held by (None: the world), where that is where it is known, and the distance [m]."""
+
+    def state(self, values: np.ndarray, scene: Scene, body: str, before: Mapping[str, State], t0: float) -> State:
+        other, at, length = self.arm(scene, body)
+        down, across = _hanging(scene)
+        arm = length * (math.cos(values[0]) * down + math.sin(values[0]) * across)
+        turn = length * values[1] * (math.cos(values[0]) * across - math.sin(values[0]) * down)
+        if other is None:
+            place, velocity = at + arm, turn
+        else:
+            held = np.array(before[other] if other in before else scene.body(other).initial, dtype=float)
+            place, velocity = held[:2] + arm, held[2:] + turn
+        return place[0], place[1], velocity[0], velocity[1]
+
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        other, at, length = self.arm(scene, start.body)
+        k, down, across = row[start.body], *_hanging(scene)
+        arm, turn = (xy[k] - at, v[k]) if other is None else (xy[k] - xy[row[other]], v[k] - v[row[other]])
+        angle = math.atan2(float(arm @ across), float(arm @ down))
+        angle += _turns(start, angle)
+        tangent = math.cos(angle) * across - math.sin(angle) * down
+        return np.array([angle, float(turn @ tangent) / length])
+
+
+class Pendulum(Swinging):
+    """A body that swings about a place in the world."""
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return pin_of(scene, body) is not None
+
+    def arm(self, scene: Scene, body: str) -> tuple[str | None, np.ndarray, float]:
+        pin = _given(scene, body, "pendulum")
+        return None, np.array(pin["anchor"]), pin["length"]
+
+    def begin(self, seen: Seen) -> StartBody:
+        if "angle" in seen.estimates:
+            return _by_angle(self, seen)
+        x, y = seen.x, seen.y
+        down, across = _hanging(seen.scene)
+        _, at, length = self.arm(seen.scene, seen.body.id)
+        arm = np.array([x[0], y[0]]) - at
+        angle = math.atan2(float(arm @ across), float(arm @ down))
+        tangent = math.cos(angle) * across - math.sin(angle) * down
+        spin = float(np.array([x[1], y[1]]) @ tangent) / length
+        sigma = max(x[2], y[2]) / length, max(x[3], y[3]) / length
+        return seen.start(self, [angle, spin], sigma, [bool(seen.estimates)] * 2)
+
+
+class Bar(Swinging):
+    """A body that a rod joins to one described before it."""
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return body in rods_of(scene)
+
+    def arm(self, scene: Scene, body: str) -> tuple[str | None, np.ndarray, float]:
+        other, length = rods_of(scene)[body]
+        return other, np.zeros(2), length
+
+    def begin(self, seen: Seen) -> StartBody:
+        """Angle and rate of the rod from where both its ends are seen."""
+        other, _, length = self.arm(seen.scene, seen.body.id)
+        assert other is not None
+        down, across = _hanging(seen.scene)
+        t = seen.case.t[seen.frames]
+        places = []
+        for name in (other, seen.body.id):
+            given = seen.scene.body(name).initial or (0.0, 0.0, 0.0, 0.0)
+            tracked = _seen_at(seen.case, name, seen.frames)
+            places.append(tracked if np.isfinite(tracked).any() else np.full((len(t), 2), given[:2]))
+        arm = places[1] - places[0]
+        angle = _unwrapped(np.arctan2(arm @ across, arm @ down))
+        sigma = max(seen.x[2], seen.y[2]) / length
+        value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), sigma)
+        return seen.start(self, [value, rate], [spread, rate_spread], [bool(seen.estimates)] * 2)
+
+
+class Hinged(Coordinates):
+    """A body that hangs from the world by hinges: its own angle and rate."""
+
+    kinds = "as"
+
+    def holds(self, scene: Scene, body: str) -> bool:
+        return body in hanging(scene)
+
+    def begin(self, seen: Seen) -> StartBody:
+        """From the tracked angle, else from the places of the bodies it hangs from."""
+        if "angle" in seen.estimates:
+            return _by_angle(self, seen)
+        case, scene, body = seen.case, seen.scene, seen.body.id
+        t = case.t[seen.frames]
+        given = np.array([b.initial or (0.0, 0.0, 0.0, 0.0) for b in scene.bodies], dtype=float)
+        xy = np.repeat(given[None, :, :2], len(t), axis=0)
+        for k, other in enumerate(scene.bodies):
+            tracked = _seen_at(case, other.id, seen.frames)
+            xy[:, k] = tracked if np.isfinite(tracked).any() else xy[:, k]
+        angle = _unwrapped(angles_of(scene, xy, np.zeros_like(xy))[0][:, scene.ids.index(body)])
+        sigma = [case.sigma[k] for k, c in enumerate(case.channels) if c.body == body and c.kind != "angle"]
+        arm = max(hanging(scene)[body], 1e-12)
+        value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), max(sigma, default=1e-6) / arm)
+        return seen.start(self, [value, rate], [spread, rate_spread], [bool(sigma)] * 2)
+
+    def values(
+        self, start: StartBody, scene: Scene, row: Mapping[str, int], xy: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        angle, rate = (of[row[start.body]] for of in angles_of(scene, xy, v))
+        return np.array([angle + _turns(start, angle), rate])
+
+
+# the first that holds: what a constraint leaves to a body
+COORDINATES: tuple[Coordinates, ...] = (Hinged(), Bar(), Pendulum(), Commanded(), Guided(), Unbound())
+
+
+def _by_angle(coordinates: Coordinates, seen: Seen) -> StartBody:
+    angle = seen.estimates["angle"]
+    return seen.start(coordinates, angle[:2], angle[2:], [True, True])
+
+
+def _turns(start: StartBody, angle: float) -> float:
+    """Whole turns [rad] to the angle of the start that it is held against."""
+    return 2 * math.pi * round((start.first[0] - angle) / (2 * math.pi))
+
+
+def _unwrapped(angle: np.ndarray) -> np.ndarray:
+    """An angle (T,) without jumps, NaN where it is not seen."""
+    finite = np.isfinite(angle)
+    angle[finite] = np.unwrap(angle[finite])
+    return angle
 
 
 def _hanging(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -40,19 +319,37 @@ def _hanging(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return down, np.array([-down[1], down[0]])
 
 
-def pin_of(scene: Scene, body: str):
-    return next((scene.resolved(i) for i in scene.laws_named("pin") if body in (i.bodies or ())), None)
+def _acting(scene: Scene, body: str, role: str) -> Mapping[str, Any] | None:
+    """Values of the first law with a role that acts on a body."""
+    found = (i for i in scene.laws_as(role) if i.bodies is None or body in i.bodies)
+    return next((scene.resolved(item) for item in found), None)
 
 
-def _direction_of(scene: Scene, body: str, law: str) -> np.ndarray | None:
-    for item in scene.laws_named(law):
-        if item.bodies is None or body in item.bodies:
-            direction = np.array(scene.resolved(item)["direction"], dtype=float)
-            return direction / math.hypot(*direction)
-    return None
+def _given(scene: Scene, body: str, role: str) -> Mapping[str, Any]:
+    found = _acting(scene, body, role)
+    assert found is not None
+    return found
 
 
-def _local_fit(t: np.ndarray, values: np.ndarray, t0: float, sigma: float) -> tuple[float, float, float, float]:
+def pin_of(scene: Scene, body: str) -> Mapping[str, Any] | None:
+    """Values of the law by which a body swings about a place in the world."""
+    found = (i for i in scene.laws_as("pendulum") if body in (i.bodies or ()))
+    return next((scene.resolved(item) for item in found), None)
+
+
+def rods_of(scene: Scene) -> dict[str, tuple[str, float]]:
+    """Of each body that a rod joins to one described before it: that body, and the length [m]."""
+    found: dict[str, tuple[str, float]] = {}
+    order = {body.id: k for k, body in enumerate(scene.bodies)}
+    for item in scene.laws_as("bar"):
+        first, second = sorted(item.bodies or (), key=lambda name: order[name])
+        held = pin_of(scene, second) or _acting(scene, second, "guide") or _acting(scene, second, "command")
+        if second not in found and not held and scene.body(second).mobile:
+            found[second] = (first, float(item.values["length"]))
+    return found
+
+
+def _local_fit(t: np.ndarray, values: np.ndarray, t0: float, sigma: float) -> Estimate:
     """Value and slope at t0 from a quadratic over the first frames, with their standard deviations."""
     seen = np.flatnonzero(np.isfinite(values))[:9]
     if len(seen) < 2:
@@ -66,96 +363,6 @@ def _local_fit(t: np.ndarray, values: np.ndarray, t0: float, sigma: float) -> tu
         float(coefficients[0]), float(coefficients[1]),
         float(np.sqrt(covariance[0, 0])) or sigma, float(np.sqrt(covariance[1, 1])) or sigma,
     )  # fmt: skip
-
-
-def describe_starts(case: Case, frames: np.ndarray, scene: Scene | None = None) -> tuple[StartBody, ...]:
-    """The start of every mobile body at the first of ``frames`` (T,) mask. Unseen bodies keep ``initial``."""
-    scene = scene or case.recording.scene
-    t0 = float(case.t[frames][0])
-    t = case.t[frames]
-    result: list[StartBody] = []
-    hung, rods = hanging(scene), rods_of(scene)
-    for body in scene.bodies:
-        if not body.mobile:
-            continue
-        columns = {c.kind: k for k, c in enumerate(case.channels) if c.body == body.id}
-        given = body.initial or (0.0, 0.0, 0.0, 0.0)
-        estimates = {}
-        for kind, k in columns.items():
-            estimates[kind] = _local_fit(t, case.values[frames, k], t0, float(case.sigma[k]))
-        x = estimates.get("x", (given[0], given[2], 1e-12, 1e-12))
-        y = estimates.get("y", (given[1], given[3], 1e-12, 1e-12))
-        if not columns and body.id in case.recording.ids:
-            k = case.recording.ids.index(body.id)
-            seen = case.recording.xy[:, k, :]
-            if np.isfinite(seen).any():  # seen, but never moving
-                x = (float(np.nanmedian(seen[:, 0])), 0.0, 1e-12, 1e-12)
-                y = (float(np.nanmedian(seen[:, 1])), 0.0, 1e-12, 1e-12)
-        elif columns:
-            # a coordinate that stays the same was left out of the channels: it stands where it stands
-            k = case.recording.ids.index(body.id)
-            for axis, kind in enumerate("xy"):
-                seen = case.recording.xy[:, k, axis]
-                if kind not in columns and np.isfinite(seen).any():
-                    fixed = (float(np.nanmedian(seen)), 0.0, 1e-12, 1e-12)
-                    x, y = (fixed, y) if kind == "x" else (x, fixed)
-        pin = pin_of(scene, body.id)
-        rail = _direction_of(scene, body.id, "rail")
-        drive = _direction_of(scene, body.id, "drive")
-        if body.id in hung:
-            result.append(_start_of_hinged(body.id, case, frames, scene, estimates))
-        elif body.id in rods:
-            result.append(_start_of_rod(body.id, rods[body.id], scene, estimates, x, y, case, frames))
-        elif pin is not None:
-            result.append(_start_of_pinned(body.id, pin, scene, estimates, x, y, given))
-        elif drive is not None and body.id in scene.inputs:
-            result.append(
-                StartBody(body.id, "drive", np.array([x[0], y[0]]), np.array([x[2], y[2]]),
-                          np.array(["x" in columns, "y" in columns]))
-            )  # fmt: skip
-        elif rail is not None:
-            speed = x[1] * rail[0] + y[1] * rail[1]
-            result.append(
-                StartBody(body.id, "rail", np.array([x[0], y[0], speed]), np.array([x[2], y[2], max(x[3], y[3])]),
-                          np.array(["x" in columns, "y" in columns, bool(columns)]))
-            )  # fmt: skip
-        else:
-            result.append(
-                StartBody(
-                    body.id, "free", np.array([x[0], y[0], x[1], y[1]]), np.array([x[2], y[2], x[3], y[3]]),
-                    np.array(["x" in columns, "y" in columns, "x" in columns, "y" in columns]),
-                )
-            )  # fmt: skip
-    return tuple(result)
-
-
-def _start_of_pinned(body, pin, scene, estimates, x, y, given) -> StartBody:
-    down, across = _hanging(scene)
-    if "angle" in estimates:
-        angle = estimates["angle"]
-        return StartBody(body, "pin", np.array(angle[:2]), np.array(angle[2:]), np.array([True, True]))
-    arm = np.array([x[0], y[0]]) - np.array(pin["anchor"])
-    velocity = np.array([x[1], y[1]])
-    angle = math.atan2(float(arm @ across), float(arm @ down))
-    tangent = math.cos(angle) * across - math.sin(angle) * down
-    spin = float(velocity @ tangent) / pin["length"]
-    seen = bool(estimates)
-    sigma = max(x[2], y[2]) / pin["length"], max(x[3], y[3]) / pin["length"]
-    return StartBody(body, "pin", np.array([angle, spin]), np.array(sigma), np.array([seen, seen]))
-
-
-def rods_of(scene: Scene) -> dict[str, tuple[str, float]]:
-    """Of each body that a rod joins to one described before it: that body, and the length [m]."""
-    found: dict[str, tuple[str, float]] = {}
-    order = {body.id: k for k, body in enumerate(scene.bodies)}
-    for item in scene.laws_named("rod"):
-        first, second = sorted(item.bodies or (), key=lambda name: order[name])
-        free = pin_of(scene, second) is None and not any(
-            _direction_of(scene, second, law) is not None for law in ("rail", "drive")
-        )
-        if second not in found and free and scene.body(second).mobile:
-            found[second] = (first, float(item.values["length"]))
-    return found
 
 
 def _seen_at(case: Case, body: str, frames: np.ndarray) -> np.ndarray:
@@ -174,58 +381,38 @@ def _seen_at(case: Case, body: str, frames: np.ndarray) -> np.ndarray:
     return xy
 
 
-def _start_of_hinged(body, case, frames, scene, estimates) -> StartBody:
-    """Angle and rate from the tracked angle, else from the places of the bodies it hangs from."""
-    if "angle" in estimates:
-        angle = estimates["angle"]
-        return StartBody(body, "hinge", np.array(angle[:2]), np.array(angle[2:]), np.array([True, True]))
+def _what_is_seen(body: Body, case: Case, frames: np.ndarray, scene: Scene) -> Seen:
+    """A coordinate that is no channel stands where it stands; a body that is never seen keeps its ``initial``."""
     t = case.t[frames]
-    given = np.array([b.initial or (0.0, 0.0, 0.0, 0.0) for b in scene.bodies], dtype=float)
-    xy = np.repeat(given[None, :, :2], len(t), axis=0)
-    for k, other in enumerate(scene.bodies):
-        seen = _seen_at(case, other.id, frames)
-        xy[:, k] = seen if np.isfinite(seen).any() else xy[:, k]
-    row = scene.ids.index(body)
-    angle = angles_of(scene, xy, np.zeros_like(xy))[0][:, row]
-    finite = np.isfinite(angle)
-    angle[finite] = np.unwrap(angle[finite])
-    sigma = [case.sigma[k] for k, c in enumerate(case.channels) if c.body == body and c.kind != "angle"]
-    arm = max(hanging(scene)[body], 1e-12)
-    value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), max(sigma, default=1e-6) / arm)
-    seen_it = bool(sigma)
-    return StartBody(
-        body, "hinge", np.array([value, rate]), np.array([spread, rate_spread]), np.array([seen_it, seen_it])
-    )
+    estimates: dict[str, Estimate] = {
+        c.kind: _local_fit(t, case.values[frames, k], float(t[0]), float(case.sigma[k]))
+        for k, c in enumerate(case.channels) if c.body == body.id
+    }  # fmt: skip
+    given = body.initial or (0.0, 0.0, 0.0, 0.0)
+    place = {"x": (given[0], given[2], 1e-12, 1e-12), "y": (given[1], given[3], 1e-12, 1e-12)}
+    place |= {kind: estimates[kind] for kind in "xy" if kind in estimates}
+    if body.id in case.recording.ids:
+        seen = case.recording.xy[:, case.recording.ids.index(body.id), :]
+        for axis, kind in enumerate("xy"):
+            # without any channel it is its place that counts where both were seen in some frame
+            known = seen if not estimates else seen[:, axis]
+            if kind not in estimates and np.isfinite(known).any():
+                place[kind] = (float(np.nanmedian(seen[:, axis])), 0.0, 1e-12, 1e-12)
+    return Seen(body, case, frames, scene, estimates, place["x"], place["y"])
 
 
-def _start_of_rod(body, rod, scene, estimates, x, y, case, frames) -> StartBody:
-    """Angle and rate of the rod to the body before, from where both are seen."""
-    other, length = rod
-    down, across = _hanging(scene)
-    t = case.t[frames]
-    places = []
-    for name in (other, body):
-        given = scene.body(name).initial or (0.0, 0.0, 0.0, 0.0)
-        seen = np.full((len(t), 2), given[:2])
-        tracked = _seen_at(case, name, frames)
-        seen = tracked if np.isfinite(tracked).any() else seen
-        places.append(seen)
-    arm = places[1] - places[0]
-    angle = np.arctan2(arm @ across, arm @ down)
-    finite = np.isfinite(angle)
-    angle[finite] = np.unwrap(angle[finite])
-    value, rate, spread, rate_spread = _local_fit(t, angle, float(t[0]), max(x[2], y[2]) / length)
-    seen_it = bool(estimates)
-    return StartBody(
-        body, "rod", np.array([value, rate]), np.array([spread, rate_spread]), np.array([seen_it, seen_it])
-    )
+def describe_starts(case: Case, frames: np.ndarray, scene: Scene | None = None) -> tuple[StartBody, ...]:
+    """The start of every mobile body at the first of ``frames`` (T,) mask. Unseen bodies keep ``initial``."""
+    scene = scene or case.recording.scene
+    return tuple(
+        next(c for c in COORDINATES if c.holds(scene, body.id)).begin(_what_is_seen(body, case, frames, scene))
+        for body in scene.bodies if body.mobile
+    )  # fmt: skip
 
 
-def states(
-    bodies: tuple[StartBody, ...], numbers: np.ndarray, scene: Scene, t0: float
-) -> dict[str, tuple[float, float, float, float]]:
+def states(bodies: tuple[StartBody, ...], numbers: np.ndarray, scene: Scene, t0: float) -> dict[str, State]:
     """x, y, vx, vy of every body from the free ``numbers`` (in the order of the bodies)."""
-    result: dict[str, tuple[float, float, float, float]] = {}
+    result: dict[str, State] = {}
     angles: dict[str, float] = {}
     spins: dict[str, float] = {}
     at = 0
@@ -234,36 +421,10 @@ def states(
         count = int(start.free.sum())
         values[start.free] = numbers[at : at + count]
         at += count
-        if start.form == "free":
-            result[start.body] = tuple(values)
-        elif start.form == "hinge":
+        if isinstance(start.coordinates, OfOneBody):
+            result[start.body] = start.coordinates.state(values, scene, start.body, result, t0)
+        else:  # in hinges: a chain is placed as a whole
             angles[start.body], spins[start.body] = float(values[0]), float(values[1])
-        elif start.form == "rod":
-            other, length = rods_of(scene)[start.body]
-            down, across = _hanging(scene)
-            arm = length * (math.cos(values[0]) * down + math.sin(values[0]) * across)
-            turn = length * values[1] * (math.cos(values[0]) * across - math.sin(values[0]) * down)
-            before = result[other] if other in result else scene.body(other).initial
-            result[start.body] = tuple(np.array(before, dtype=float) + np.concatenate([arm, turn]))
-        elif start.form == "pin":
-            pin = pin_of(scene, start.body)
-            down, across = _hanging(scene)
-            arm = pin["length"] * (math.cos(values[0]) * down + math.sin(values[0]) * across)
-            tangent = math.cos(values[0]) * across - math.sin(values[0]) * down
-            velocity = pin["length"] * values[1] * tangent
-            place = np.array(pin["anchor"]) + arm
-            result[start.body] = (place[0], place[1], velocity[0], velocity[1])
-        elif start.form == "rail":
-            direction = _direction_of(scene, start.body, "rail")
-            assert direction is not None
-            result[start.body] = (values[0], values[1], values[2] * direction[0], values[2] * direction[1])
-        else:
-            direction = _direction_of(scene, start.body, "drive")
-            assert direction is not None
-            t, command = scene.inputs[start.body]
-            gain = next(scene.resolved(i)["gain"] for i in scene.laws_named("drive") if start.body in (i.bodies or ()))
-            speed = gain * float(np.interp(t0, t, command))
-            result[start.body] = (values[0], values[1], speed * direction[0], speed * direction[1])
     return result | placed(scene, angles, spins) if angles else result
 
 
@@ -273,38 +434,7 @@ def numbers_at(bodies: tuple[StartBody, ...], scene: Scene, xy: np.ndarray, v: n
     xy, v : (n, 2) positions [m] and velocities [m/s], rows in the order of the scene's bodies
     """
     row = {name: k for k, name in enumerate(scene.ids)}
-    found = []
-    for start in bodies:
-        x, y, vx, vy = np.concatenate([xy[row[start.body]], v[row[start.body]]]).tolist()
-        if start.form == "free":
-            values = np.array([x, y, vx, vy])
-        elif start.form == "pin":
-            pin = pin_of(scene, start.body)
-            down, across = _hanging(scene)
-            arm = np.array([x, y]) - np.array(pin["anchor"])
-            angle = math.atan2(float(arm @ across), float(arm @ down))
-            # the same turn as the start that it is held against
-            angle += 2 * math.pi * round((start.first[0] - angle) / (2 * math.pi))
-            tangent = math.cos(angle) * across - math.sin(angle) * down
-            values = np.array([angle, float(np.array([vx, vy]) @ tangent) / pin["length"]])
-        elif start.form == "rail":
-            direction = _direction_of(scene, start.body, "rail")
-            assert direction is not None
-            values = np.array([x, y, vx * direction[0] + vy * direction[1]])
-        elif start.form == "hinge":
-            turned, rate = (of[row[start.body]] for of in angles_of(scene, xy, v))
-            values = np.array([turned + 2 * math.pi * round((start.first[0] - turned) / (2 * math.pi)), rate])
-        elif start.form == "rod":
-            other, length = rods_of(scene)[start.body]
-            down, across = _hanging(scene)
-            arm, turn = xy[row[start.body]] - xy[row[other]], v[row[start.body]] - v[row[other]]
-            turned = math.atan2(float(arm @ across), float(arm @ down))
-            turned += 2 * math.pi * round((start.first[0] - turned) / (2 * math.pi))
-            tangent = math.cos(turned) * across - math.sin(turned) * down
-            values = np.array([turned, float(turn @ tangent) / length])
-        else:
-            values = np.array([x, y])
-        found.append(values[start.free])
+    found = [s.coordinates.values(s, scene, row, xy, v)[s.free] for s in bodies]
     return np.concatenate(found) if found else np.zeros(0)
 
 
@@ -318,9 +448,8 @@ def number_scales(bodies: tuple[StartBody, ...]) -> np.ndarray:
 
 def pendulum_angle(xy: np.ndarray, scene: Scene, body: str) -> np.ndarray:
     """Angle of the rod (T,) from positions (T, 2): 0 when hanging, counter-clockwise, unwrapped."""
-    pin = pin_of(scene, body)
     down, across = _hanging(scene)
-    arm = xy - np.array(pin["anchor"])
+    arm = xy - np.array(_given(scene, body, "pendulum")["anchor"])
     return np.unwrap(np.arctan2(arm @ across, arm @ down))
 
 

@@ -90,8 +90,7 @@ def _terms(law: Law, scene: Scene, scenes: Sequence[Scene]) -> list[Term]:
         f"{law.name}.{strength.name}", strength.unit, strength.low, strength.high, strength.neutral, size,
         None, strength.neutral,
     )  # fmt: skip
-    if law.name == "actuator_saturation":
-        # a limit above the amplitude does nothing
+    if strength.within == "amplitude":
         amplitude = max(
             (abs(float(i.values["amplitude"])) for s in scenes for i in s.laws_as("stroke")), default=0.0
         )

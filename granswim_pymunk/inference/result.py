@@ -15,6 +15,7 @@ import tomli_w
 from ..files import written_whole
 from ..recording import Recording
 from ..scene import Scene
+from .criteria import Criteria, current
 
 Progress = Callable[[str, float], None]
 FORMAT = "granswim-verdict/2"
@@ -77,6 +78,7 @@ class Diagnosis:
     right_law : smallest and largest held-out error where the law is right and its numbers come from frames as noisy
     widened : by how many times intervals are wider, because what is left is larger than the noise or remembers
     runs : simulations;  seconds : the time it took;  seed : of the nulls
+    criteria : what decided
     """
 
     kind: str
@@ -92,6 +94,7 @@ class Diagnosis:
     seconds: float = 0.0
     runs: int = 0
     seed: int = 0
+    criteria: Criteria = field(default_factory=current)
 
     def __post_init__(self) -> None:
         plain = plain_numbers(self.verdict)

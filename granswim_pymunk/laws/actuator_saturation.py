@@ -36,6 +36,7 @@ def clipped(t, value, limit):
             high=NO_LIMIT,
             typical=0.5,
             neutral=NO_LIMIT,
+            within="amplitude",
         ),
         *of_bending("stiffness", "amplitude", "frequency", "phase", "form", "length"),
     ],

@@ -151,7 +151,8 @@ class Parameter:
     typical: float | None = None
     # the value of a strength at which the law is absent
     neutral: float = 0.0
-    # "speed": no larger than the fastest body moves, or it explains nothing
+    # "speed": no larger than the fastest body moves, or it explains nothing;  "amplitude": no larger than that of the
+    # drive, above which it does nothing
     within: str = ""
     # the size of a first try in a bed of grains, where its unit does not tell it: a number, or a multiple of the force
     # that shows there ("force", N), or of that force over the grains' speed ("drag", kg/s)
@@ -193,6 +194,31 @@ class Parameter:
         return tuple(float(number) for number in value) if self.size > 1 else (float(value),)
 
 
+# what a law may be to a scene
+ROLES = {
+    "": "nothing that anybody asks for",
+    "contact": "between bodies that touch",
+    "spin": "turns bodies that touch",
+    "link": "holds the disks of a swimmer together",
+    "stroke": "bends a swimmer at one frequency",
+    "command": "a body follows a series",
+    "late": "shifts a drive in time",
+    "drag": "against a medium at rest",
+    "medium": "a drag against a medium that moves",
+    "push": "the same on all bodies, always",
+    "pendulum": "a body swings about a place",
+    "guide": "a body moves along a line",
+    "bar": "holds the centres of two bodies apart",
+    "pivot": "two bodies, or one and the world, turn about a point",
+    "tether": "draws a body to a place",
+    # of forms without a name: what they are smooth in
+    "place": "a force smooth in place",
+    "speed": "a drag smooth in speed",
+    "cycle": "a drag smooth in the drive's phase",
+    "across": "a force across the motion",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Law:
     """A declared law. Call it as the plain Python function it was made from."""
@@ -224,10 +250,7 @@ class Law:
     stands_for: tuple[str, ...] = ()
     # laws that are this one with some of its numbers at their neutral values (a flow at rest is a drag)
     nests: tuple[str, ...] = ()
-    # what it is to a scene, so that none who asks needs its name: "contact" (between bodies that touch), "link" (holds
-    # the disks of a swimmer together), "stroke" (bends it at one frequency), "drive" (a body follows a command), "late"
-    # (shifts a drive in time), "medium" (a drag against what moves), "push" (the same on all, always), "spin" (turns
-    # bodies that touch)
+    # what it is to a scene, so that none who asks needs its name: one of ``ROLES``
     role: str = ""
     # the parameter of a contact that says what impacts lose
     loses: str = ""
@@ -416,6 +439,8 @@ def law(
     """
     if kind not in STATE:
         raise InputError(f"unknown kind {kind!r}; expected one of {', '.join(STATE)}")
+    if role not in ROLES:
+        raise InputError(f"unknown role {role!r}; expected one of {', '.join(filter(None, ROLES))}")
     parameters = tuple(parameters)
 
     def declare(function: Callable[..., Any]) -> Law:
@@ -470,6 +495,11 @@ def get_law(name: str, *, given: Iterable[str] = (), file: Any = None) -> Law:
 
 def all_laws() -> dict[str, Law]:
     return dict(_REGISTRY)
+
+
+def flexible(role: str) -> Law:
+    """The form without a name that is smooth in what its role says: the place, the speed, the drive's cycle."""
+    return next(law for law in _REGISTRY.values() if law.candidate.startswith("flexible") and law.role == role)
 
 
 def has_role(mechanism: str, *roles: str) -> bool:

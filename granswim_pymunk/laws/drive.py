@@ -19,7 +19,7 @@ from .base import Parameter, law
             default=(1.0, 0.0),
         ),
     ],
-    role="drive",
+    role="command",
 )
 def drive(vx, vy, mass, fx, fy, dt, command, gain, direction_x, direction_y):
     size = math.sqrt(direction_x * direction_x + direction_y * direction_y)

@@ -10,6 +10,7 @@ from .base import Parameter, law
     parameters=[Parameter("s", "kg/s", "force to the left of the motion over speed", default=0.0, typical=1.0)],
     strength=("s",),
     candidate="flexible",
+    role="across",
     phrase="a force across the motion",
 )
 def flexible_across(vx, vy, s):

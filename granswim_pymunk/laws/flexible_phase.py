@@ -21,6 +21,7 @@ _RATES = [
     ],
     strength=tuple(p.name for p in _RATES),
     candidate="flexible_cycle",
+    role="cycle",
 )
 def flexible_phase(t, vx, vy, frequency, phase, c0, a1, b1, a2, b2):
     p = 2.0 * math.pi * frequency * t + phase

@@ -22,6 +22,7 @@ _COEFFICIENTS = [
     ],
     strength=tuple(p.name for p in _COEFFICIENTS),
     candidate="flexible",
+    role="place",
     phrase="a force that depends on the place",
 )
 def flexible_place(

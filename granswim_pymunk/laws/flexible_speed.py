@@ -16,6 +16,7 @@ _RATES = [
     parameters=[Parameter("top", "m/s", "speed of the last knot", low=0.0, default=1.0), *_RATES],
     strength=("c0", "c1", "c2", "c3", "c4"),
     candidate="flexible",
+    role="speed",
     phrase="a drag that depends on the speed",
 )
 def flexible_speed(vx, vy, top, c0, c1, c2, c3, c4):

@@ -15,6 +15,7 @@ from .base import Parameter, law
         Parameter("anchor_b", "m", "the hinge in the axes of the second body", size=2, default=(0.0, 0.0)),
         Parameter("anchor", "m", "the hinge in the scene, where there is one body", size=2, default=(0.0, 0.0)),
     ],
+    role="pivot",
 )
 def hinge(x_i, y_i, angle_i, x_j, y_j, angle_j, anchor_a_x, anchor_a_y, anchor_b_x, anchor_b_y):
     """What is held at zero [m]: from the point of the first body to that of the second."""

@@ -15,6 +15,7 @@ from .base import Parameter, law
     candidate="named",
     linear=True,
     apart=True,
+    role="drag",
 )
 def linear_drag(vx, vy, radius, r0, c, p):
     rate = c * (radius / r0) if p == 1 else c

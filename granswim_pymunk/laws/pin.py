@@ -14,6 +14,7 @@ from .base import Parameter, law
         Parameter("anchor", "m", "where the rod hangs", size=2),
         Parameter("length", "m", "length L of the rod", low=1e-12),
     ],
+    role="pendulum",
 )
 def pin(x, y, vx, vy, mass, given_inertia, fx, fy, dt, anchor_x, anchor_y, length):
     dx = x - anchor_x

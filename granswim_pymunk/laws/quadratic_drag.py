@@ -16,6 +16,7 @@ from .base import Parameter, law
     strength=("c",),
     candidate="named",
     apart=True,
+    role="drag",
 )
 def quadratic_drag(vx, vy, radius, r0, c, p):
     rate = c * math.sqrt(vx * vx + vy * vy)

@@ -10,6 +10,7 @@ from .base import Parameter, law
     expression="v.n = 0, n across the direction of the rail",
     reference="Goldstein, Classical Mechanics, ch. 1.3 (holonomic constraint)",
     parameters=[Parameter("direction", "1", "direction of the rail; its length does not matter", size=2)],
+    role="guide",
 )
 def rail(vx, vy, mass, fx, fy, dt, direction_x, direction_y):
     size = math.sqrt(direction_x * direction_x + direction_y * direction_y)

@@ -14,6 +14,7 @@ from .base import Parameter, law
         Parameter("stiffness", "N/m", "stiffness k", low=0.0),
         Parameter("length", "m", "length at rest l", low=0.0, default=0.0),
     ],
+    role="tether",
 )
 def spring(x, y, anchor_x, anchor_y, stiffness, length):
     dx = x - anchor_x

@@ -14,14 +14,17 @@ import io
 import math
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import __version__
 from ..errors import InputError
 from ..files import written_whole
+from ..inference.criteria import Criteria, using
 from ..inference.mechanisms import meaning
 from ..inference.result import MODELS, PARTLY, Diagnosis, Table, write_verdict
 from ..laws import all_laws
@@ -30,6 +33,9 @@ from .sentences import BEYOND, answers, headline, is_apparatus, mobile, unit_of,
 from .sheet import STYLE_SHEET
 from .style import Drawing
 from .words import bodies, counted, equation, escaped, interval, length, listed, number, times, unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # where the figures of each kind are drawn: a function of its evidence, see ``Drawing``
 PICTURES = {"bodies": "figures", "bed": "bed_figures", "unseen": "unseen_figures", "together": "together_figures"}
@@ -49,7 +55,14 @@ def pictures(d: Diagnosis) -> dict[str, Drawing]:
         return {}
     found: dict[str, Drawing] = _module(d.kind).pictures(d.evidence)
     order = {name: k for k, name in enumerate(SECTIONS)}
-    return dict(sorted(found.items(), key=lambda item: order[item[1].section]))
+    ordered = sorted(found.items(), key=lambda item: order[item[1].section])
+    return {name: replace(drawing, draw=partial(_drawn, drawing, d.criteria)) for name, drawing in ordered}
+
+
+def _drawn(drawing: Drawing, criteria: Criteria) -> Figure:
+    """A figure with lines where the diagnosis had its thresholds."""
+    with using(criteria):
+        return drawing.draw()
 
 
 def film(d: Diagnosis) -> str:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..inference.criteria import DEFAULT
 from ..inference.mechanisms import APPARATUS
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
 NOISE = 1.3  # an error below this many noise floors is called noise
-DECIDES, SETTLES = DEFAULT.verdict.decides, 4.0  # d' above which an experiment is likely to show, would settle it
 FAR = 3.0  # standard errors from what was believed, from which an adjustable has moved
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
 BEYOND = 37.0  # z where doubles end
@@ -303,13 +301,13 @@ def _next(d: Diagnosis) -> str:
     apart = f" parts {names}" if names else ""
     change = escaped(proposal["change"])
     d_prime = proposal.get("d_prime")
-    if d_prime is not None and d_prime < DECIDES:
+    if d_prime is not None and d_prime < d.criteria.verdict.decides:
         told = change if change.startswith("none") else f"none that was thought of would decide; the best is {change}"
         return f"{told[:1].upper()}{told[1:]} (d′ = {number(d_prime, 2)})."
     text = f"<strong>{change[:1].upper()}{change[1:]}</strong>" + (f": it{apart}" if names else "")
     if d_prime is None:
         return text + "."
-    sure = "which would settle it" if d_prime > SETTLES else "which is likely to show"
+    sure = "which would settle it" if d_prime > d.criteria.verdict.settles else "which is likely to show"
     # d' is an expectation under the winner, the loser refitted
     return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}."
 

@@ -163,7 +163,8 @@ def candidates(f: Finding) -> Figure:
     axis.invert_yaxis()
     if f.search.nulls is not None:
         axis.axvline(float(np.quantile(f.search.nulls.best, 1 - current().verdict.alarm)), color=SEEN, lw=0.8, ls="--")
-    axis.set_xlabel("fall of the misfit (chi2); dashed: 99 % of the nulls stay below")
+    below = 100 * (1 - current().verdict.alarm)
+    axis.set_xlabel(f"fall of the misfit (chi2); dashed: {below:.3g} % of the nulls stay below")
     return figure
 
 

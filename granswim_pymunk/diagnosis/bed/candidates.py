@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError
 from ...inference.criteria import current
 from ...inference.mechanisms import RESTITUTION
-from ...laws import Law, all_laws
+from ...laws import Law, all_laws, flexible
 from ...laws.base import AUTOMATIC
 from ...scene import Scene, use
 from ..camera_terms import camera_terms
@@ -302,24 +302,23 @@ def flexible_terms(
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
     centre, size = places.mean(axis=0), float(max(np.ptp(places, axis=0).max() / 2, 1e-6))
     force = mean_grain_mass(scene) * criteria.acceleration
-    laws = all_laws()
     place: dict[str, Any] = {"centre": (float(centre[0]), float(centre[1])), "size": size}
     linear = [f"{axis}{k}" for axis in "ab" for k in range(3)]
-    arms: list[tuple[str, str, dict[str, Any], Sequence[str], float]] = [
-        ("flexible_place", "a force smooth in place", {**place, "q": 0}, linear, force),
-        ("flexible_place", "an acceleration smooth in place", {**place, "q": 1}, linear, criteria.acceleration),
+    arms: list[tuple[Law, str, dict[str, Any], Sequence[str], float]] = [
+        (flexible("place"), "a force smooth in place", {**place, "q": 0}, linear, force),
+        (flexible("place"), "an acceleration smooth in place", {**place, "q": 1}, linear, criteria.acceleration),
         (
-            "flexible_speed", "a drag smooth in speed", {"top": float(1.2 * np.quantile(speeds, 0.99))},
+            flexible("speed"), "a drag smooth in speed", {"top": float(1.2 * np.quantile(speeds, 0.99))},
             [f"c{k}" for k in range(5)], force / criteria.speed,
         ),
     ]  # fmt: skip
     cycle = _cycle(scene)
     if cycle:
         names = ["c0", "a1", "b1", "a2", "b2"]
-        arms.append(("flexible_phase", "a drag that follows the drive", cycle, names, force / criteria.speed))
+        arms.append((flexible("cycle"), "a drag that follows the drive", cycle, names, force / criteria.speed))
     return [
-        _nameless(laws[name], label, fixed, numbers, scale, mobile, bodies)
-        for name, label, fixed, numbers, scale in arms
+        _nameless(law, label, fixed, numbers, scale, mobile, bodies)
+        for law, label, fixed, numbers, scale in arms
     ]
 
 
@@ -343,9 +342,8 @@ def nameless_terms(cases: Sequence[Case]) -> list[Term]:
     """
     scene = cases[0].recording.scene
     mass, mobile = mean_grain_mass(scene), tuple(b.id for b in scene.bodies if b.mobile)
-    laws = all_laws()
     scale = mass * current().windows.candidates.acceleration / current().windows.candidates.speed
-    across, label = laws["flexible_across"], "a force across the motion"
+    across, label = flexible("across"), "a force across the motion"
     terms = [
         _nameless(across, label, {}, ["s"], scale, mobile),
         _nameless(across, f"{label} on the swimmer", {}, ["s"], scale, mobile, scene.swimmer_ids),
@@ -353,7 +351,7 @@ def nameless_terms(cases: Sequence[Case]) -> list[Term]:
     cycles = [_cycle(c.recording.scene) for c in cases]
     if cycles[0] and all(c == cycles[0] for c in cycles):
         label, numbers = "a drag in time with the drive", ["c0", "a1", "b1"]
-        terms.append(_nameless(laws["flexible_phase"], label, cycles[0], numbers, scale, mobile))
+        terms.append(_nameless(flexible("cycle"), label, cycles[0], numbers, scale, mobile))
     return terms
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def _drive(key: str, factor: float) -> Term:
     def apply(scene, camera, values):
         for item in scene.laws_as("stroke"):
-            scene = scene.with_parameter(f"bending.{key}", factor * float(item.values[key]))
+            scene = scene.with_parameter(f"{item.name}.{key}", factor * float(item.values[key]))
         return scene, camera
 
     return Term("other_drive", f"drive {key} times {factor:g}", (), apply)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -233,10 +234,10 @@ def _flow_suspect(law: Law, scale: Scale) -> Suspect:
     c0 = scale(law.parameter("c"))
     push = c0 * 0.3 * scale(law.parameter("u"))
     free = (
-        Free("ambient_flow.c", "kg/s", 0.0, math.inf, 0.0, c0),
-        *[Free(f"ambient_flow.push_{k}", "N", -math.inf, math.inf, 0.0, push) for k in "xy"],
+        Free(f"{law.name}.c", "kg/s", 0.0, math.inf, 0.0, c0),
+        *[Free(f"{law.name}.push_{k}", "N", -math.inf, math.inf, 0.0, push) for k in "xy"],
     )
-    term = Term("ambient_flow", "ambient_flow", free, _flow, expression=law.expression,
+    term = Term(law.mechanism, law.name, free, partial(_flow, law), expression=law.expression,
                 groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
     design = np.array([[c0, 0.0, 0.0], [c0, push, 0.0], [c0, 0.0, push]])
     return Suspect(term, design, ("swimmer", "grains"))
@@ -271,6 +272,6 @@ class _Adder:
         return scene.with_laws(use(self.law, **given)), camera
 
 
-def _flow(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+def _flow(law: Law, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
     c = max(float(values[0]), 1e-15)
-    return scene.with_laws(use("ambient_flow", c=c, u=(float(values[1]) / c, float(values[2]) / c))), camera
+    return scene.with_laws(use(law, c=c, u=(float(values[1]) / c, float(values[2]) / c))), camera

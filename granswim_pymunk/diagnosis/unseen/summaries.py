@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import InputError
 from ...inference.criteria import current
 from ...recording import Recording
-from ...scene import Scene
+from ...scene import LawUse, Scene
 from ..data import choose_held_out, estimate_noise
 
 HARMONICS = (1, 3)  # of the angles; a straight symmetric swimmer has no even ones
@@ -326,7 +326,7 @@ def check(recording: Recording) -> None:
         for k, row in enumerate(recording.curve):
             if not row["frequency"] > 0:
                 raise error("frequency should be above zero [Hz]", f"curve.csv, row {k + 2}")
-            if row["layers"] > 0 and not scene.laws_named("confinement"):
+            if row["layers"] > 0 and not _layered(scene):
                 raise error("there are layers above the swimmer, but the scene has no law confinement",
                             f"curve.csv, row {k + 2}")  # fmt: skip
     if len(recording.t):
@@ -453,6 +453,11 @@ def _few(n: float) -> float:
     return nu / (nu - 2)
 
 
+def _layered(scene: Scene) -> list[LawUse]:
+    """Laws of a scene that know how many layers lie above the swimmer, as curve.csv says it."""
+    return [item for item in scene.laws if "layers" in item.values]
+
+
 def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition]:
     scene, _ = _start(recording, np.zeros((0, 7, 2)))
     curve = recording.curve
@@ -463,14 +468,14 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
                          where="time.duration")  # fmt: skip
     frames = np.arange(0.0, end + 0.5 * FRAME, FRAME)
     masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
-    result = []
+    result, stroke = [], scene.laws_as("stroke")[0]
     for k, row in enumerate(curve):
         f, layers = float(row["frequency"]), float(row["layers"])
-        own = scene.with_parameter("bending.frequency", f)
-        if own.laws_named("confinement"):
-            own = own.with_parameter("confinement.layers", layers)
+        own = scene.with_parameter(f"{stroke.name}.frequency", f)
+        for item in _layered(own):
+            own = own.with_parameter(f"{item.name}.layers", layers)
         own = replace(own, adjustable=(), time=replace(own.time, start=0.0))
-        phase = float(scene.laws_as("stroke")[0].values["phase"])
+        phase = float(stroke.values["phase"])
         view = View(frames, frames >= CURVE_START - 1e-9, f, phase, masses, curve=True)
         sem = float(row["speed_sem"])
         speed = np.array([float(row["speed"])])

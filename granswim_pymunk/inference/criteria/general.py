@@ -147,6 +147,8 @@ class VerdictCriteria:
     scale_off : a scale of the picture that is off by more is no explanation
     at_bound : of the way from absent to where the search for a number ends, within which it ended there. Choice
     decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
+    settles : d' from which an experiment settles it. Theory: halfway between two laws that are d' apart chance errs one
+        time in 44
     further : by how many times the d' of another experiment must be larger before it is proposed in place of an
         earlier, simpler one. Choice
     same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
@@ -171,6 +173,7 @@ class VerdictCriteria:
     scale_off: float = 0.3
     at_bound: float = 1e-3
     decides: float = 2.0
+    settles: float = 4.0
     further: float = 1.1
     same: float = 4.0
     simpler: float = 1e-3
