@@ -29,9 +29,8 @@ AGAINST = {
 }
 # modules that import one another, at least one of them late
 CIRCLES = {"scene", "render"}
-# lines of functions that are longer; "engine.callbacks" and "proof.kernels" hold generated and compiled kernels
+# lines of functions that are longer; "engine.kernel" and "proof.kernels" hold compiled kernels
 LONG = {
-    "engine.callbacks._contacts_text": 163, "engine.callbacks._step_text": 124,
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
     "diagnosis.bed.starts.followed": 93, "recording.camera.film": 90,

@@ -674,3 +674,17 @@ def test_a_scene_compiles_its_own_laws_and_no_more(monkeypatch):
     assert asked == ["kernel", "block_gravity", "block_linear_drag"]
     Simulation(small_bed()).advance(10)
     assert {"lists", "block_contact_linear"} <= set(asked) and not {"walls", "links", "contacts"} & set(asked)
+
+
+def test_names_of_the_core_are_numbers_and_arrays_of_the_context():
+    """What editors see as imported stands before the text when it is compiled, and ``unpack`` makes the arrays."""
+    from granswim_pymunk.engine import callbacks
+    from granswim_pymunk.engine.kernel import names
+    from granswim_pymunk.engine.native import offsets
+
+    numbers = vars(callbacks.Kernel(offsets()).core)
+    known = [name for name in vars(names) if not name.startswith("_") and name not in ("Any", "Callable")]
+    local = {"I", "F", "n", "unpack"}
+    arrays = [name for name in known if not name.isupper() and name not in numbers and name not in local]
+    assert set(arrays) <= set(callbacks.INTS) and len(arrays) > 60
+    assert not [name for name in known if name.isupper() and name not in numbers and name not in local]

@@ -3,7 +3,7 @@
 Each law is a generated module of its own, compiled when a scene first uses it: what it adds to the forces of one block
 of bodies. The core, another module, goes through the blocks and the uses of laws and calls them by their addresses; it
 holds the native callbacks too. What only some scenes need (lists of pairs, straight walls, links, Chipmunk's contacts)
-are modules as well. All of them find their arrays behind one pointer, the context. A module is laid out as a file in
+are modules as well; what no law changes of all these stands as Python in ``kernel``. All of them find their arrays behind one pointer, the context. A module is laid out as a file in
 the user's cache, named by the hash of its text, and its machine code is kept beside it (see ``compiled``). The generated
 text is meant to be read.
 """
@@ -19,6 +19,7 @@ import logging
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -162,7 +163,7 @@ def _one_text(law: Law) -> str:
     return f"""
 @cfunc(types.void(types.int64, types.int64, types.int64, types.int64, types.float64), **CALLBACK)
 def one(context, u, i, j, t):
-    UNPACK
+    unpack(context)
     o = uses[u, 1]
     length = scalars[0]
     r0 = parameters[o - 1]
@@ -217,7 +218,7 @@ def each(count, o, t, step, parameters, work):
 {_indent([*pair.opening, *shared, *pair.answer, *lasting, *pair.push, *pack], 2)}
 
 {_BLOCK}
-    UNPACK
+    unpack(context)
     o = uses[u, 1]
     step = scalars[5] * dt
 {_indent(pair.read if pair.reach else [], 1)}    reach = 0.0{pair.reach}
@@ -248,7 +249,7 @@ def _wall_text(law: Law) -> str:
     return f"""
 @cfunc(types.void(*[types.int64] * 4, *[types.float64] * 7), **CALLBACK)
 def wall(context, u, i, k, t, d, gap, vn, vt, nx, ny):
-    UNPACK
+    unpack(context)
     o = uses[u, 1]
     ri = radius[i]
     reduced_mass = 1.0 / inverse_mass[i]
@@ -258,73 +259,6 @@ def wall(context, u, i, k, t, d, gap, vn, vt, nx, ny):
     state[i, FY] -= fn * ny + ft * nx
     state[i, TORQUE] -= ri * ft
 """
-
-
-_WALLS = '''
-
-@cfunc(types.void(types.int64, types.int64, types.int64, types.float64, types.float64), **CALLBACK)
-def add_walls(context, begin, end, t, dt):
-    """Add the forces [N] and torques [N m] of straight walls on the bodies that touch them."""
-    UNPACK
-    step = scalars[5] * dt
-    for m in range(begin, end):
-        i = wall_i[m]
-        k = wall_k[m]
-        dx, dy = to_wall(state[i, X], state[i, Y], walls, k, scalars[0])
-        ri = radius[i]
-        touch = ri + walls[k, 4]
-        square = dx * dx + dy * dy
-        if square >= touch * touch or square == 0.0:
-            continue
-        d = math.sqrt(square)
-        nx = dx / d
-        ny = dy / d
-        gap = d - touch
-        wi = state[i, SPIN]
-        vn = -state[i, VX] * nx - state[i, VY] * ny
-        vt = state[i, VX] * ny - state[i, VY] * nx - wi * ri
-        # a dashpot counts in its first and last step by the share of it that it lasts, as between bodies
-        deep = abs(vn) * step
-        if -gap < deep:
-            vn *= 0.5 - gap / deep
-        for u in range(uses.shape[0]):
-            if uses[u, USE_WALL] != 0 and (uses[u, 4] == 0 or mask[u, i]):
-                call_wall(uses[u, USE_WALL], context, u, np.int64(i), np.int64(k), t, d, gap, vn, vt, nx, ny)
-'''
-
-
-_LINKS = '''
-
-@cfunc(types.void(types.int64, types.float64), **CALLBACK)
-def hold_links(context, dt):
-    """Forces and torques of hinges and rods, all other forces being there: the coming drift leaves no gap."""
-    UNPACK
-    arm = scalars[7]
-    for k in range(linked.shape[0]):
-        i = linked[k]
-        link_q[k, 0] = state[i, X]
-        link_q[k, 1] = state[i, Y]
-        link_q[k, 2] = state[i, ANGLE]
-        link_trial[k, 0] = state[i, X] + dt * (state[i, VX] + dt * (inverse_mass[i] * state[i, FX]))
-        link_trial[k, 1] = state[i, Y] + dt * (state[i, VY] + dt * (inverse_mass[i] * state[i, FY]))
-        link_trial[k, 2] = state[i, ANGLE]
-        if mobility[k, 3] > 0.0:
-            link_trial[k, 2] += dt * (state[i, SPIN] + dt * (inverse_moment[i] * state[i, TORQUE]))
-        else:
-            state[i, TORQUE] = 0.0  # on a rail, or driven: it does not turn
-    if not close(link_kind, link_first, link_second, link_geometry, mobility, arm, link_q, link_trial, dt * dt, link_gap,
-                 link_arms, link_here, link_there, link_matrix, link_push):
-        state[linked[0], FX] = math.nan  # noticed as a position that is not finite
-        return
-    for k in range(linked.shape[0]):
-        i = linked[k]
-        x = link_push[k, 0]
-        y = link_push[k, 1]
-        state[i, FX] += mass[i] * (mobility[k, 0] * x + mobility[k, 1] * y)
-        state[i, FY] += mass[i] * (mobility[k, 1] * x + mobility[k, 2] * y)
-        if mobility[k, 3] > 0.0:
-            state[i, TORQUE] += link_push[k, 2]
-'''
 
 
 def _slot(law: Law, name: str) -> int:
@@ -369,7 +303,7 @@ def _body_text(law: Law) -> str:
         lines += ["if twice:", *("    " + line for line in again), "else:", *("    " + line for line in plain)]
     else:
         lines += plain
-    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
+    return f"\n{_BLOCK}\n    unpack(context)\n{_indent(lines, 1)}"
 
 
 def _chain_text(law: Law) -> str:
@@ -386,7 +320,7 @@ def _chain_text(law: Law) -> str:
         "    if mask[u, first]:",  # a law acts on whole swimmers
         f"        {_call(law, available)}",
     ]
-    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
+    return f"\n{_BLOCK}\n    unpack(context)\n{_indent(lines, 1)}"
 
 
 def _joint_text(law: Law) -> str:
@@ -421,7 +355,7 @@ def _joint_text(law: Law) -> str:
         "        if i >= 0:",
         "            state[i, TORQUE] -= torque",
     ]
-    return f"\n{_BLOCK}\n    UNPACK\n{_indent(lines, 1)}"
+    return f"\n{_BLOCK}\n    unpack(context)\n{_indent(lines, 1)}"
 
 
 _TEXTS = {
@@ -476,8 +410,22 @@ def _unpacked(text: str) -> str:
         unpack = f"    I = carray(pointer_to(context), {len(INTS)}, np.int64)\n"
         if "F" in used:
             unpack += f"    F = carray(pointer_to(I[FLOATS]), {len(FLOATS)}, np.float64)\n"
-        functions[k] = function.replace("    UNPACK", f"{unpack}    n = I[N]\n{_context_arrays(used)}")
+        functions[k] = function.replace("    unpack(context)", f"{unpack}    n = I[N]\n{_context_arrays(used)}")
     return "\n@".join([first, *functions])
+
+
+# what the texts of ``kernel`` call further numbers
+_NUMBERS = {
+    "ROW": ROW, "N_MOTION": len(MOTION), "LIMIT": LIMIT, "WALL_ROW": WALL, "CODE_PAIR": PAIR,
+    "CODE_CONSTRAINT": CONSTRAINT, "SCHEME_HALF_STEP": HALF_STEP, "SCHEME_TOGETHER": TOGETHER, "SCHEME_CHAINS": CHAINS,
+    "NEAR_LASTS": NEAR_LASTS, "SHORT_BUILD": SHORT_BUILD, "LONG_BUILD": LONG_BUILD,
+}  # fmt: skip
+
+
+def text_of(name: str) -> str:
+    """What a file of ``kernel`` adds to the generated code: all below its line."""
+    whole = Path(__file__).with_name("kernel").joinpath(f"{name}.py").read_text(encoding="utf-8")
+    return "\n\n" + whole.partition("# ---- text ----\n")[2].strip("\n") + "\n"
 
 
 def _core_text(offsets: Offsets | None) -> str:
@@ -510,418 +458,13 @@ def _core_text(offsets: Offsets | None) -> str:
     parts.append(f"P_ROW = np.uint64({ROW})\n")
     for slot, name in enumerate(WORK):
         parts.append(f"W_{name.upper()} = np.uint64({BLOCK * slot})\n")
-    parts.append("numpy = np\n\n")
-    blocks = Path(__file__).with_name("kernel_text.py").read_text(encoding="utf-8")
-    parts += ["\n\n", blocks.partition("# ---- text ----\n")[2].strip("\n"), "\n", _FORCES]
+    parts += [f"{name} = {number}\n" for name, number in _NUMBERS.items()]
     if offsets is not None:
-        parts.append(_step_text(offsets))
+        parts += [f"AT_{f.name.upper()} = {getattr(offsets, f.name)}\n" for f in fields(offsets)]
+    parts += ["numpy = np\n\n", text_of("core")]
+    if offsets is not None:
+        parts.append(text_of("step"))
     return _unpacked("".join(parts))
-
-
-_FORCES = f'''
-
-@njit(**PLAIN)
-def add_forces(from_list, constrained, t, dt, context):
-    """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE.
-
-    Block of bodies after block; of a pair, i is the smaller number, so behind a block nothing is added to its
-    bodies any more. Uses are sorted: pairs, chains (all in the first block), bodies, constraints; in the exact scheme
-    dampings follow the other laws of bodies, and are taken twice, the second time with the velocity that half the kick
-    of the first time leads to: together with the constraints where there are any, else each for itself, the last one
-    at once.
-    ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
-    ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
-    """
-    UNPACK
-    count = uses.shape[0]
-    damped = count  # the first damping, and the last
-    final = -1
-    if scalars[6] != {HALF_STEP}.0:
-        for u in range(count):
-            if uses[u, USE_DAMPING] != 0:
-                damped = min(damped, u)
-                final = u
-    for pass_ in range(2 * (blocks.shape[0] - 1)):
-        b = pass_ // 2
-        again = pass_ - 2 * b
-        together_ = scalars[6] == {TOGETHER}.0 or (scalars[6] == {CHAINS}.0 and b == 0)
-        until = count
-        if again != 0:
-            if together_:
-                half_kick(blocks[b], blocks[b + 1], 0.5 * dt, state, kick_mass, inverse_moment, kept)
-            else:
-                until = final
-        elif wall_starts[b + 1] > wall_starts[b]:
-            call_walls(I[ADD_WALLS], context, wall_starts[b], wall_starts[b + 1], t, dt)
-        swapped = together_ and again != 0
-        fresh = 1.0 if again == 0 else 0.0
-        for u in range(damped if again != 0 else 0, until):
-            code = uses[u, USE_CODE]
-            if code == 0 or (constrained == 0 and code == {CONSTRAINT}):
-                continue
-            if together_ and again == 0 and u == damped:
-                keep(blocks[b], blocks[b + 1], state, kept)
-            if swapped and uses[u, USE_DAMPING] == 0:
-                swapped = False
-                give_back(blocks[b], blocks[b + 1], state, kept)
-            twice = not together_ and (again != 0 or u == final)
-            if code != {PAIR} or from_list != 0:
-                call_block(uses[u, USE_BLOCK], context, u, b, t, dt, np.int64(twice), fresh)
-        if swapped:
-            give_back(blocks[b], blocks[b + 1], state, kept)
-        if b == 0 and constrained != 0 and I[N_LINKED] > 0 and (again == 0 or damped < count):
-            call_links(I[HOLD_LINKS], context, dt)
-
-
-@njit(**PLAIN)
-def pair_force(i, j, t, context):
-    """Force on j [N] and torques on i and j [N m] by all pair laws; i gets the opposite force."""
-    UNPACK
-    for k in range(4):
-        work[k] = 0.0
-    for u in range(uses.shape[0]):
-        if uses[u, USE_ONE] != 0 and (uses[u, 4] == 0 or (mask[u, i] and mask[u, j])):
-            call_one(uses[u, USE_ONE], context, u, i, j, t)
-    return work[0], work[1], work[2], work[3]
-
-
-@njit(**PLAIN)
-def pair_forces(i, j, normal, t, context, out):
-    """The same of many pairs, along their ``normal`` (k, 2), into ``out`` (k,) [N]."""
-    for k in range(out.shape[0]):
-        px, py, ti, tj = pair_force(i[k], j[k], t, context)
-        out[k] = px * normal[k, 0] + py * normal[k, 1]
-'''
-
-
-def _step_text(o: Offsets) -> str:
-    """The step over lists of pairs."""
-    return f'''
-
-@njit(**PLAIN)
-def gather(n_mobile, bodies, state, motion):
-    """What the drift does besides moving: read the mobile bodies [SI]."""
-    for i in range(n_mobile):
-        at = bodies[i]
-        state[i, X] = load_float(at + {o.position}) * motion[M_LENGTH_UNIT]
-        state[i, Y] = load_float(at + {o.position + 8}) * motion[M_LENGTH_UNIT]
-        state[i, VX] = load_float(at + {o.velocity}) * motion[M_VELOCITY_UNIT]
-        state[i, VY] = load_float(at + {o.velocity + 8}) * motion[M_VELOCITY_UNIT]
-        state[i, FX] = 0.0
-        state[i, FY] = 0.0
-        state[i, ANGLE] = load_float(at + {o.angle})
-        state[i, SPIN] = load_float(at + {o.spin}) * motion[M_SPIN_UNIT]
-        state[i, TORQUE] = 0.0
-
-
-@njit(**PLAIN)
-def fast(n_mobile, state):
-    """Whether a body is faster than the list of near pairs allows, or is no number."""
-    found = False
-    for i in range(n_mobile):
-        if not state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY] <= state[i, {LIMIT}]:
-            found = True
-    return found
-
-
-@njit(**PLAIN)
-def hand_over(n_mobile, bodies, state, motion):
-    """What the kick does first: add the forces to what the user put on the bodies."""
-    for i in range(n_mobile):
-        at = bodies[i]
-        store_float(at + {o.force}, load_float(at + {o.force}) + state[i, FX] * motion[M_FORCE_SCALE])
-        store_float(at + {o.force + 8}, load_float(at + {o.force + 8}) + state[i, FY] * motion[M_FORCE_SCALE])
-        if state[i, TORQUE] != 0.0:
-            store_float(at + {o.torque}, load_float(at + {o.torque}) + state[i, TORQUE] * motion[M_TORQUE_SCALE])
-
-
-@njit(**PLAIN)
-def finite(state):
-    for i in range(state.shape[0]):
-        if not (math.isfinite(state[i, X]) and math.isfinite(state[i, Y])):
-            return False
-    return True
-
-
-@njit(**PLAIN)
-def surround(n_mobile, state, radius, allowance, reaching, headroom, dt, most, reach, ahead):
-    """Give each body a speed limit, and so a way [m] within which its list of near pairs holds.
-
-    Returns the number of steps for which: fewer where the fastest body would go farther than ``most``. Pairs that will
-    be within reach ``ahead`` steps later are near, too.
-    """
-    top = 0.0
-    for i in range(n_mobile):
-        square = state[i, VX] * state[i, VX] + state[i, VY] * state[i, VY]
-        speed = headroom + 1.25 * math.sqrt(square)
-        top = max(top, speed)
-        allowance[i] = speed
-        state[i, {LIMIT}] = speed * speed
-    lasts = {NEAR_LASTS}.0
-    if top * lasts * dt > most:
-        lasts = max(math.floor(most / (top * dt)), 1.0)
-    # a hair more than the way at the limit: rounding in a drift and in the limit itself
-    for i in range(n_mobile):
-        way = allowance[i] * ((lasts + ahead) * dt * 1.000001)
-        allowance[i] = way
-        reaching[i] = radius[i] + 0.5 * reach + way
-    return lasts
-
-
-@cfunc(types.void(types.int64, types.int64), **CALLBACK)
-def verlet_step(constraint, space):
-    """A constraint's preSolve: after the drift, before any kick. One force call over the near pairs."""
-    context = load_int(constraint + {o.user_data})
-    UNPACK
-    whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
-    n_mobile = I[N_MOBILE]
-    if I[OWN_DRIFT] == 0:
-        gather(n_mobile, bodies, state, motion)
-        if fast(n_mobile, state):
-            whole[M_LEFT] = 1
-    lasted = F[F_STEP] - F[F_PRUNED]
-    early = whole[M_LEFT] != 0
-    if early or lasted >= F[F_LASTS]:
-        whole[M_LEFT] = 0
-        if early and not finite(state):
-            I[STATUS] = -2
-            return
-        # the near list is cut from the long one every few steps, the long one built every few hundred
-        if early and lasted < {NEAR_LASTS // 2}:
-            F[F_HEADROOM] *= 1.3
-        elif not early:
-            F[F_HEADROOM] *= 0.97
-        F[F_PRUNED] = F[F_STEP]
-        most = 0.25 * F[F_SKIN]
-        F[F_HEADROOM] = min(F[F_HEADROOM], 0.5 * most / ({NEAR_LASTS} * F[F_DT]))
-        F[F_LASTS] = surround(n_mobile, state, radius, allowance, reaching, F[F_HEADROOM], F[F_DT], most, F[F_REACH],
-                              scalars[5])
-        if I[ROOM] > 0 or I[N_WALLS] > 0:
-            call_lists(I[RENEW_LISTS], context)
-            if I[STATUS] != 0:
-                return
-    F[F_STEP] += 1.0
-    t = F[F_T_START] + F[F_STEP] * F[F_DT]
-    dt = F[F_DT]
-    for i in range(n_mobile, n):
-        state[i, FX] = 0.0  # of the mobile ones, the drift did it
-        state[i, FY] = 0.0
-        state[i, TORQUE] = 0.0
-    add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
-    if I[PUSHED] != 0:
-        # what the user put on the bodies, for this one step
-        I[PUSHED] = 0
-        for i in range(n_mobile):
-            state[i, FX] += push[i, 0]
-            state[i, FY] += push[i, 1]
-            state[i, TORQUE] += push[i, 2]
-    if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion)
-'''
-
-
-# near pairs are cut from the long list every few steps, the long list is made every few hundred
-_LISTS = f'''
-
-@cfunc(types.void(types.int64), **CALLBACK)
-def renew_lists(context):
-    """Lists of near pairs, and of bodies near straight walls, for the coming steps."""
-    UNPACK
-    n_mobile = I[N_MOBILE]
-    if I[ROOM] > 0:
-        I[CUTS] += 1
-        for i in range(n):
-            place_x[i] = state[i, X]
-            place_y[i] = state[i, Y]
-        if moved(place_x, place_y, old_x, old_y, n_mobile, 0.5 * F[F_SKIN], allowance):
-            if I[FIXED_SKIN] == 0 and I[REBUILDS] > 0:
-                # a list that lasts too short was too narrow, one that lasts long has pairs to spare
-                if F[F_STEP] - F[F_BUILT] < {SHORT_BUILD}:
-                    F[F_SKIN] = min(1.2 * F[F_SKIN], F[F_MOST_SKIN])
-                elif F[F_STEP] - F[F_BUILT] > {LONG_BUILD}:
-                    F[F_SKIN] = max(0.9 * F[F_SKIN], F[F_LEAST_SKIN])
-            F[F_BUILT] = F[F_STEP]
-            count = build_list(place_x, place_y, radius, mobile, group, apart, F[F_REACH] + F[F_SKIN], scalars[0], pair_i,
-                               pair_j, pair_shift, heads, nexts, sorted_x, sorted_y, sorted_reach, near_i, near_j,
-                               starts)
-            if count < 0:
-                I[STATUS] = count
-                return
-            I[N_PAIRS] = count
-            I[REBUILDS] += 1
-            for i in range(n):
-                old_x[i] = place_x[i]
-                old_y[i] = place_y[i]
-        prune(place_x, place_y, reaching, inverse_mass, radius, starts, blocks, pair_i, pair_j, pair_shift, near_i,
-              near_j, near_shift, near_touch, near_mass, near_starts, near_seam, {ROW})
-        if I[N_WALLS] > 0:
-            near_walls(place_x, place_y, reaching, mobile, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
-'''
-
-
-def _contacts_text(o: Offsets) -> str:
-    """The step over contacts that Chipmunk finds."""
-    return f'''
-
-@njit(**PLAIN)
-def find(key, keys, values):
-    """Row of a body from its address (open addressing); -1 for a stranger."""
-    size = keys.shape[0]
-    k = ((key >> 4) * 2654435761) & (size - 1)
-    while keys[k] != key:
-        if keys[k] == 0:
-            return -1
-        k = (k + 1) & (size - 1)
-    return values[k]
-
-
-@njit(**PLAIN)
-def row_of(body, first, n, keys, values):
-    """The same; bodies in rows of the package's own begin at ``first``, 0 where they do not."""
-    place = np.uint64(body - first)
-    if first != 0 and place < np.uint64(n * {8 * ROW}):
-        return np.int64(place // np.uint64({8 * ROW}))
-    return find(body, keys, values)
-
-
-@njit(**PLAIN)
-def away(n_mobile, state, margin):
-    """Whether a body left its surroundings, or is no number."""
-    found = False
-    for i in range(n_mobile):
-        way_x = state[i, X] - state[i, NEAR_X]
-        way_y = state[i, Y] - state[i, NEAR_Y]
-        if not way_x * way_x + way_y * way_y <= margin:
-            found = True
-    return found
-
-
-@cfunc(types.void(types.int64, types.int64, types.int64), **CALLBACK)
-def contact_presolve(arbiter, space, data):
-    """preSolve of one contact that Chipmunk found: its force goes to a buffer, Chipmunk's impulse is off."""
-    context = data
-    UNPACK
-    store_byte(arbiter + {o.process_collision}, 0)
-    if I[ROOM] == 0:
-        return  # no law of pairs: nothing to keep
-    a = row_of(load_int(arbiter + {o.body_a}), I[FIRST_BODY], n, table_keys, table_values)
-    b = row_of(load_int(arbiter + {o.body_b}), I[FIRST_BODY], n, table_keys, table_values)
-    if a == {WALL} or b == {WALL}:
-        i = max(a, b)  # a ghost's original meets the image of the wall itself
-        if i >= 0 and mobile[i]:
-            wall_met[i] = 1
-        return
-    if a == -1 or b == -1 or (a < 0 and b < 0):
-        return  # a body of the user's own, or two ghosts, whose originals meet elsewhere
-    i = a if a >= 0 else -a - 2
-    j = b if b >= 0 else -b - 2
-    if i > j:
-        i, j = j, i
-    if not (mobile[i] or mobile[j]) or together(i, j, group, apart):
-        return
-    t = F[F_T_START] + (F[F_STEP] + 1.0) * F[F_DT]
-    px, py, ti, tj = pair_force(i, j, t, context)
-    c = I[N_CONTACTS]
-    if c >= I[ROOM]:
-        I[STATUS] = -1
-        return
-    contact_i[c] = i
-    contact_j[c] = j
-    contact_fx[c] = px
-    contact_fy[c] = py
-    contact_ti[c] = ti
-    contact_tj[c] = tj
-    I[N_CONTACTS] = c + 1
-
-
-@cfunc(types.void(types.int64, types.int64), **CALLBACK)
-def chipmunk_step(constraint, space):
-    """A constraint's preSolve: sums the contacts in a fixed order (Chipmunk's differs between processes)."""
-    context = load_int(constraint + {o.user_data})
-    UNPACK
-    whole = carray(pointer_to(I[MOTION]), {len(MOTION)}, np.int64)
-    n_mobile = I[N_MOBILE]
-    if I[OWN_DRIFT] == 0:
-        gather(n_mobile, bodies, state, motion)
-        if away(n_mobile, state, motion[M_MARGIN]):
-            whole[M_LEFT] = 1
-    if whole[M_LEFT] != 0:
-        whole[M_LEFT] = 0
-        if not finite(state):
-            I[STATUS] = -2
-            return
-        I[MARGIN_CROSSED] = 1  # the ghosts at the seam must be laid out anew
-    for i in range(n_mobile):
-        state[i, X] += image_shift[i]  # bodies in the Space are wrapped, one by one
-    F[F_STEP] += 1.0
-    t = F[F_T_START] + F[F_STEP] * F[F_DT]
-    dt = F[F_DT]
-    for i in range(n_mobile, n):
-        state[i, FX] = 0.0
-        state[i, FY] = 0.0
-        state[i, TORQUE] = 0.0
-    count = I[N_CONTACTS]
-    for i in range(n + 1):
-        listing[i] = 0
-    for c in range(count):
-        listing[contact_i[c] + 1] += 1
-    for i in range(n):
-        listing[i + 1] += listing[i]
-    for c in range(count):
-        i = contact_i[c]
-        order[listing[i]] = c
-        listing[i] += 1
-    first = 0
-    for i in range(n):
-        last = listing[i]
-        for k in range(first + 1, last):
-            c = order[k]
-            m = k
-            while m > first and contact_j[order[m - 1]] > contact_j[c]:
-                order[m] = order[m - 1]
-                m -= 1
-            order[m] = c
-        for k in range(first, last):
-            c = order[k]
-            j = contact_j[c]
-            if contact_fx[c] != 0.0 or contact_fy[c] != 0.0:
-                state[j, FX] += contact_fx[c]
-                state[j, FY] += contact_fy[c]
-                state[i, FX] -= contact_fx[c]
-                state[i, FY] -= contact_fy[c]
-                state[i, TORQUE] += contact_ti[c]
-                state[j, TORQUE] += contact_tj[c]
-        first = last
-    I[N_CONTACTS] = 0
-    if I[N_WALLS] > 0:
-        for i in range(n_mobile):
-            place_x[i] = state[i, X]
-            place_y[i] = state[i, Y]
-        near_walls(place_x, place_y, radius, wall_met, walls, scalars[0], blocks, wall_i, wall_k, wall_starts)
-        for i in range(n_mobile):
-            wall_met[i] = 0
-    add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
-    if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion)
-
-
-@cfunc(types.void(types.int64, types.float64), **CALLBACK)
-def ghost_position(body, dt):
-    """A ghost stands where its original stands, one period on.
-
-    The original's address is kept in the ghost's torque, the period in its force: Chipmunk uses
-    neither for a kinematic body.
-    """
-    at = load_int(body + {o.torque})
-    px = load_float(at + {o.position}) + load_float(body + {o.force})
-    py = load_float(at + {o.position + 8})
-    store_float(body + {o.position}, px)
-    store_float(body + {o.position + 8}, py)
-    store_float(body + {o.transform}, px)
-    store_float(body + {o.transform + 8}, py)
-    store_float(body + {o.velocity}, load_float(at + {o.velocity}))
-    store_float(body + {o.velocity + 8}, load_float(at + {o.velocity + 8}))
-'''
 
 
 class Kernel:
@@ -936,20 +479,19 @@ class Kernel:
 
     @functools.cached_property
     def lists(self) -> ModuleType:
-        return self._beside("lists", _LISTS)
+        return self._beside("lists", text_of("lists"))
 
     @functools.cached_property
     def walls(self) -> ModuleType:
-        return self._beside("walls", _WALLS)
+        return self._beside("walls", text_of("walls"))
 
     @functools.cached_property
     def links(self) -> ModuleType:
-        return self._beside("links", _LINKS)
+        return self._beside("links", text_of("links"))
 
     @functools.cached_property
     def contacts(self) -> ModuleType:
-        assert self.offsets is not None
-        return self._beside("contacts", _contacts_text(self.offsets))
+        return self._beside("contacts", text_of("contacts"))
 
     def block(self, law: Law) -> int:
         """Address of what a law adds to the forces of a block of bodies."""
@@ -995,7 +537,7 @@ def _module(kind: str, text: str, given: Mapping[str, Any] | None = None) -> Mod
         # a function without a source has no name on a disk
         text = text.replace("from granswim", "import numba\nfrom granswim", 1).replace("**CALLBACK", "**CALLBACK | {'cache': False}")
         text = text.replace("**PLAIN", "**PLAIN | {'cache': False}")
-        name = f"{name}_{next(_NUMBERS)}"
+        name = f"{name}_{next(_SERIAL)}"
     elif name in sys.modules:
         return sys.modules[name]
     folder = None if given else code_folder()
@@ -1017,7 +559,7 @@ def _module(kind: str, text: str, given: Mapping[str, Any] | None = None) -> Mod
     return module
 
 
-_NUMBERS = itertools.count()
+_SERIAL = itertools.count()
 
 
 def _lay_out(path: Path, text: str) -> None:

@@ -1,46 +1,24 @@
-"""Blocks of pairs, dampings taken twice: the part of the core that no law and no layout of memory changes.
+"""Blocks of pairs, dampings taken twice, and the sum of all forces: what every scene needs.
 
-This is text. The core of generated code (see ``callbacks``) is made of what stands below the line, behind the numbers
-that are imported here for editors and linters; nothing calls the functions of this module itself.
+This is text, as all files of this folder: see ``kernel``.
 """
 
 import math
 
 import numpy as np
 
-from ..compiled import njit
-from .kernel_names import (
-    FX,
-    FY,
-    P_FX,
-    P_ROW,
-    P_SPIN,
-    P_TORQUE,
-    P_VX,
-    P_VY,
-    P_X,
-    P_Y,
-    PLAIN,
-    SPIN,
-    TORQUE,
-    VX,
-    VY,
-    W_DX,
-    W_DY,
-    W_MASS,
-    W_PX,
-    W_PY,
-    W_RI,
-    W_RJ,
-    W_TI,
-    W_TJ,
-    W_TOUCH,
-    W_UX,
-    W_UY,
-    W_WI,
-    W_WJ,
-)  # fmt: skip
-from .native import difference, four_shifted_ways, four_ways, lowest_bit, push_apart
+from ..native import (
+    call_block,
+    call_links,
+    call_one,
+    call_walls,
+    difference,
+    four_shifted_ways,
+    four_ways,
+    lowest_bit,
+    push_apart,
+)
+from .names import *
 
 # ---- text ----
 
@@ -193,3 +171,76 @@ def give_back(first, last, state, kept):
         state[i, VX] = kept[i, 3]
         state[i, VY] = kept[i, 4]
         state[i, SPIN] = kept[i, 5]
+
+
+@njit(**PLAIN)
+def add_forces(from_list, constrained, t, dt, context):
+    """Add all forces [N] to the columns FX, FY of the state, and torques [N m] to TORQUE.
+
+    Block of bodies after block; of a pair, i is the smaller number, so behind a block nothing is added to its
+    bodies any more. Uses are sorted: pairs, chains (all in the first block), bodies, constraints; in the exact scheme
+    dampings follow the other laws of bodies, and are taken twice, the second time with the velocity that half the kick
+    of the first time leads to: together with the constraints where there are any, else each for itself, the last one
+    at once.
+    ``from_list``: sum the pairs of the list of near ones (else the contacts are there already);
+    ``constrained``: with the constraints. Both are whole numbers, or each would be compiled on its own.
+    """
+    unpack(context)
+    count = uses.shape[0]
+    damped = count  # the first damping, and the last
+    final = -1
+    if scalars[6] != SCHEME_HALF_STEP:
+        for u in range(count):
+            if uses[u, USE_DAMPING] != 0:
+                damped = min(damped, u)
+                final = u
+    for pass_ in range(2 * (blocks.shape[0] - 1)):
+        b = pass_ // 2
+        again = pass_ - 2 * b
+        together_ = scalars[6] == SCHEME_TOGETHER or (scalars[6] == SCHEME_CHAINS and b == 0)
+        until = count
+        if again != 0:
+            if together_:
+                half_kick(blocks[b], blocks[b + 1], 0.5 * dt, state, kick_mass, inverse_moment, kept)
+            else:
+                until = final
+        elif wall_starts[b + 1] > wall_starts[b]:
+            call_walls(I[ADD_WALLS], context, wall_starts[b], wall_starts[b + 1], t, dt)
+        swapped = together_ and again != 0
+        fresh = 1.0 if again == 0 else 0.0
+        for u in range(damped if again != 0 else 0, until):
+            code = uses[u, USE_CODE]
+            if code == 0 or (constrained == 0 and code == CODE_CONSTRAINT):
+                continue
+            if together_ and again == 0 and u == damped:
+                keep(blocks[b], blocks[b + 1], state, kept)
+            if swapped and uses[u, USE_DAMPING] == 0:
+                swapped = False
+                give_back(blocks[b], blocks[b + 1], state, kept)
+            twice = not together_ and (again != 0 or u == final)
+            if code != CODE_PAIR or from_list != 0:
+                call_block(uses[u, USE_BLOCK], context, u, b, t, dt, np.int64(twice), fresh)
+        if swapped:
+            give_back(blocks[b], blocks[b + 1], state, kept)
+        if b == 0 and constrained != 0 and I[N_LINKED] > 0 and (again == 0 or damped < count):
+            call_links(I[HOLD_LINKS], context, dt)
+
+
+@njit(**PLAIN)
+def pair_force(i, j, t, context):
+    """Force on j [N] and torques on i and j [N m] by all pair laws; i gets the opposite force."""
+    unpack(context)
+    for k in range(4):
+        work[k] = 0.0
+    for u in range(uses.shape[0]):
+        if uses[u, USE_ONE] != 0 and (uses[u, 4] == 0 or (mask[u, i] and mask[u, j])):
+            call_one(uses[u, USE_ONE], context, u, i, j, t)
+    return work[0], work[1], work[2], work[3]
+
+
+@njit(**PLAIN)
+def pair_forces(i, j, normal, t, context, out):
+    """The same of many pairs, along their ``normal`` (k, 2), into ``out`` (k,) [N]."""
+    for k in range(out.shape[0]):
+        px, py, _ti, _tj = pair_force(i[k], j[k], t, context)
+        out[k] = px * normal[k, 0] + py * normal[k, 1]
