@@ -55,7 +55,7 @@ from .held_out import (
     right_law_errors,
     training_errors,
 )
-from .hypothesis import Hypothesis, Predictor, Term, adjustable_terms
+from .hypothesis import Failed, Hypothesis, Predictor, Term, adjustable_terms
 from .innovations import Place, Whiteness, WindowMap, locate, memory_of, series_of, whiteness, window_map
 from .intervals import with_limits
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
@@ -198,6 +198,38 @@ class Tracks(ObservationModel):
         return self.null
 
     def search(self, null: Null | None) -> Claim:
+        claim = self._search()
+        follows = self._without_laws(claim)
+        if follows is not None:
+            # all that was compared was compared with a scene that lost its way: again, with one that follows
+            self.study, self.tried = _with_memory(self.study, _tried(self.study, self.tried.naive, follows))
+            self.nulls()
+            claim = self._search()
+        return claim
+
+    def null_after(self, null: Null | None) -> Null | None:
+        return self.null
+
+    def _without_laws(self, claim: Claim) -> Fit | None:
+        """The scene without a law from where that with laws ended, None where it follows no better than it did.
+
+        Through impacts a search may be caught far from where it should be, and every law then seems to help. Better is
+        what a law would have to earn.
+        """
+        study, plain, revised = self.study, self.tried.recalibrated, claim.fit
+        if not claim.laws or study.late(current().budget.candidates):
+            return None
+        n = len(plain.values)
+        like = all(len(revised.segments[name]) == len(segments) for name, segments in study.fitter.segments.items())
+        try:
+            starts = revised.starts if like else study.fitter.continued(revised)
+        except Failed:
+            return None
+        again = study.fitter.fit(plain.hypothesis, revised.values[:n], starts)
+        earned = price(len(self.tried.terms), 1) * self.spread
+        return again if again.chi2 < plain.chi2 - earned else None
+
+    def _search(self) -> Claim:
         study, tried = self.study, self.tried
         found, revised, self.dropped, self.near = _explained(study, tried, self.chosen)
         self.fitter = study.fitter

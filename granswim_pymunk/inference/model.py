@@ -134,6 +134,10 @@ class ObservationModel(ABC):
     def search(self, null: Null | None) -> Claim:
         """One to three laws, each worth its price, refitted by simulation; none where chance gains as much."""
 
+    def null_after(self, null: Null | None) -> Null | None:
+        """What chance gains, once the search is over: another one where it had to begin anew."""
+        return null
+
     @property
     @abstractmethod
     def plain(self) -> Claim:

@@ -21,6 +21,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     model.try_candidates()  # each alone, and forms without a name beside them
     null = model.nulls()  # what the same search finds where nothing is missing
     claim = model.search(null)  # one to three laws that are needed together
+    null = model.null_after(null)
     weighed = model.weigh(claim)  # what they explain of data that they were not fitted to
     judged = judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
     judged = model.settle(judged)
