@@ -309,11 +309,16 @@ class Amount:
         if self.other is not None:
             self.factor, self.other = self.other, None
         elif small is not None and large is not None:
-            self.factor = math.sqrt(small * large)
+            self.factor = self._rounded(math.sqrt(small * large))
         elif size < LEAST_SHOWN:
             self.factor *= 6.0
         else:
-            self.factor *= WANTED / size if math.isfinite(size) else 0.2
+            self.factor = self._rounded(self.factor * (WANTED / size if math.isfinite(size) else 0.2))
+
+    def _rounded(self, factor: float) -> float:
+        """To a power of two, where that was not tried: other recordings of the same bed then share these runs."""
+        near = 2.0 ** round(math.log2(factor))
+        return factor if near in self.tried else near
 
     @property
     def best(self) -> float | None:
