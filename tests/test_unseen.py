@@ -18,7 +18,7 @@ from granswim_pymunk.diagnosis.unseen import diagnose_unseen
 from granswim_pymunk.diagnosis.unseen.candidates import dimension, suspects_of
 from granswim_pymunk.diagnosis.unseen.checks import confirm, gain_of, predicted_by
 from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer
-from granswim_pymunk.diagnosis.unseen.local import near, scatter_of
+from granswim_pymunk.diagnosis.unseen.local import near, scatter_of, wilder_there
 from granswim_pymunk.diagnosis.unseen.model import planned_sizes
 from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
 from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
@@ -31,6 +31,7 @@ from granswim_pymunk.diagnosis.unseen.search import (
     amount_jobs,
     anchored,
     begin,
+    goodness,
     jobs_for,
     label_of,
     recalibrate,
@@ -623,6 +624,11 @@ def test_a_strong_law_is_known_by_its_slope_and_by_its_packings(world, monkeypat
     fitted = fit(there, s.means, s.training)
     scatter, dof = scatter_of(s, fitted, points | {(label, True), (label, False)})
     assert scatter[-1] == pytest.approx((1 + wilder * at) ** 2, rel=0.5) and dof > 20
+    wild = wilder_there(s, points | {(label, True), (label, False)})
+    assert wild == pytest.approx((1 + wilder * at) ** 2, rel=0.3) and wild >= 1
+    # the film is one more packing under the law: what the fit leaves of it is no more than that
+    assert (goodness(s, fitted, len(fitted.u))[1] > 0.01) == (not wilder)
+    assert goodness(s, fitted, len(fitted.u), wild)[1] > 0.01
     told = replace(fitted, scatter=scatter)
     low, high = told.interval(len(told.u) - 1)
     before = np.diff(fitted.interval(len(fitted.u) - 1))[0]

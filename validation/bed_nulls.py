@@ -2,7 +2,8 @@
 
 Beds of their own numbers, packings and noise, full ones as in ``bed_effects`` and small ones (some 350 grains, 0.4 s),
 simulated by the proof's own code without any effect, filmed, and diagnosed in another process. Of every bed the
-adjustable numbers are believed 2 to 6 % off. One folder a bed; finished ones are not run again.
+adjustable numbers are believed 2 to 6 % off. One folder a bed; finished ones are not run again while the
+package's code is the same.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from scipy import stats
 
 from granswim_pymunk.proof.beds import draw_bed
-from granswim_pymunk.validation.bed_effects import Row, diagnosed, film_in, keep, recorded, tell
+from granswim_pymunk.validation.bed_effects import Row, code, diagnosed, film_in, keep, recorded, tell
 
 FULL, SMALL = 12, 48
 FIRST = 8000  # of the seeds
@@ -93,11 +94,12 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
     parser.add_argument("--minutes", type=float, default=10.0)
     args = parser.parse_args(argv)
     out = Path(args.out)
+    stamp = code()
     wanted = [(f"{kind}-{k:02d}", kind == "small", k) for kind, count in (("full", args.full), ("small", args.small))
               for k in range(args.first, count, args.step)]  # fmt: skip
     for name, small, k in wanted:
         file = out / "results" / f"{name}.json"
-        if file.exists():
+        if file.exists() and json.loads(file.read_text()).get("code") == stamp:
             continue
         recording = out / "recordings" / name
         if not (recording / "recording.toml").exists():
@@ -106,7 +108,8 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
         keep(file, result)
         v = result.get("verdict")
         say(f"{name}: {v['verdict']}, p = {_p(v):.3f}, {result['seconds']} s" if v else f"{name}: {result['failed']}")
-    results = {f.stem: json.loads(f.read_text()) for f in sorted((out / "results").glob("*.json"))}
+    stored = {f.stem: json.loads(f.read_text()) for f in sorted((out / "results").glob("*.json"))}
+    results = {name: result for name, result in stored.items() if result.get("code") == stamp}
     return tell(page(results), args.page, say)
 
 

@@ -14,7 +14,7 @@ from ...inference.model import Proposal
 from ...inference.significance import normal_score
 from ...laws import has_role
 from .conclude import Finding, Spot, extra_of
-from .local import near, scatter_of
+from .local import near, scatter_of, wilder_there
 from .response import Fit, Means, Point, add, fit, spread_of
 from .runs import Job
 from .search import NAIVE, Search, Trial, amount_jobs, amount_label, anchored, jobs_for, label_of, rounded
@@ -61,6 +61,7 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
             model, beside = near(s, model, [t.suspect for t in f.found])
             points |= beside
         f.revised = fit(model, s.means, s.training)
+        f.wilder = wilder_there(s, points)
         found = scatter_of(s, f.revised, points)
         if found is not None:
             f.revised = replace(f.revised, scatter=found[0], dof=min(f.revised.dof, found[1]))

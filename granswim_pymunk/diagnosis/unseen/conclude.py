@@ -58,7 +58,7 @@ class Finding:
     """The laws that are told, and the scene with them.
 
     label : of its runs;  true : whether those have the scene's own contacts
-    train, held : errors by model, see ``HeldOut``
+    train, held : errors by model, see ``HeldOut``;  wilder : see ``wilder_there``
     """
 
     search: Search
@@ -68,6 +68,7 @@ class Finding:
     true: bool
     train: dict[str, float | None] = field(default_factory=dict)
     held: dict[str, float | None] = field(default_factory=dict)
+    wilder: float = 1.0
 
     @property
     def values(self) -> np.ndarray:

@@ -121,9 +121,11 @@ def scatter_of(s: Search, found: Fit, points: set[Point]) -> tuple[np.ndarray, i
             continue
         w = np.linalg.solve(factor.T, block @ inverse).T
         rows, dof = s.means.apart(c, points)
-        usual = np.einsum("ki,ij,kj->k", w, s.means.covariance[c.name], w)
+        # the recording's own packing, and those that its prediction is the mean of
+        packings = 1 + found.model.predict(s.means, c, found.u)[1]
+        usual = packings * np.einsum("ki,ij,kj->k", w, s.means.covariance[c.name], w)
         # these runs are among those that the weights were made of: other packings scatter more
-        own = s.means.inflation[c.name] * np.sum((w @ rows.T) ** 2, axis=1) / max(len(rows), 1)
+        own = packings * s.means.inflation[c.name] * np.sum((w @ rows.T) ** 2, axis=1) / max(len(rows), 1)
         said += usual
         seen += (dof * own + lean * usual) / (dof + lean)
         runs += dof
@@ -131,3 +133,19 @@ def scatter_of(s: Search, found: Fit, points: set[Point]) -> tuple[np.ndarray, i
     if not runs or not np.all(whole > 0):
         return None
     return (whole - said + seen) / whole, runs + int(lean)
+
+
+def wilder_there(s: Search, points: set[Point]) -> float:
+    """Mean square of packings near what was found, in units of the spread by which recordings are weighed; at least 1.
+
+    A law may make the motion wilder: what a fit leaves is then no more than one packing under that law differs by.
+    """
+    squares, count = 0.0, 0
+    for c in s.training:
+        rows, dof = s.means.apart(c, points)
+        if c.averaged or not dof:
+            continue
+        z = np.linalg.solve(np.linalg.cholesky(s.means.covariance[c.name]), rows.T)
+        squares += s.means.inflation[c.name] * dof * float(np.mean(z**2))
+        count += dof
+    return max(squares / count, 1.0) if count else 1.0

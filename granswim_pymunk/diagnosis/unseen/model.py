@@ -115,6 +115,8 @@ class Packings(ObservationModel):
         s = self.state
         self.goodness = goodness(s, finding.revised, len(finding.revised.u))
         confirm(finding, [t for t, _ in self.beside] + [t for t, _ in judged.closest])
+        if finding.found:
+            self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)
         return judged
 
     def hold_out(self, judged: Judgement) -> HeldOut:

@@ -692,11 +692,12 @@ def anchored(
     return replace(model, centre=u.copy(), anchor=anchor, slopes=tuple(slopes))
 
 
-def goodness(s: Search, found: Fit, free_numbers: int) -> tuple[float, float]:
+def goodness(s: Search, found: Fit, free_numbers: int, wilder: float = 1.0) -> tuple[float, float]:
     """Two p-values of what a fit leaves: its rank among the nulls, and the tail of chi2.
+
+    ``wilder``: mean square of packings under what was found, in units of the spread of all.
     """
     assert s.nulls is not None
-    n = max(found.count - free_numbers, 1)
+    n, left = max(found.count - free_numbers, 1), found.chi2 / wilder
     scaled = np.sort(s.nulls.left) * n / max(found.count - len(s.base.u), 1)
-    rank = Nulls.p(found.chi2, scaled)
-    return rank, float(stats.chi2.sf(found.chi2, n))
+    return Nulls.p(left, scaled), float(stats.chi2.sf(left, n))
