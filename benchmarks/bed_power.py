@@ -17,8 +17,8 @@ from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, 
 from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
-from granswim_pymunk.diagnosis.fit import basis
 from granswim_pymunk.inference.criteria import DEFAULT, current
+from granswim_pymunk.inference.linear import basis
 from granswim_pymunk.recording import read_recording
 
 ASKED = 12  # candidates, the first of the search

@@ -50,7 +50,7 @@ WIDE = {
 CONSTANTS = {
     "diagnosis.bed.cut": 3, "diagnosis.bed.hidden": 1, "diagnosis.bed.plan": 3, "diagnosis.bed.starts": 2,
     "diagnosis.bed.sums": 4, "diagnosis.bed.windows": 5, "diagnosis.bed.work": 3, "diagnosis.hypothesis": 2,
-    "diagnosis.innovations": 1, "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.model": 3,
+    "diagnosis.innovations": 1, "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.model": 2,
     "diagnosis.unseen.runs": 8, "diagnosis.unseen.search": 3, "diagnosis.unseen.summaries": 4, "inference.noise": 1,
     "inference.significance": 1,
 }  # fmt: skip
@@ -59,12 +59,13 @@ LITERALS = {
     "diagnosis.bed.judge": 3, "diagnosis.bed.polish": 5, "diagnosis.bed.search": 8, "diagnosis.bed.signatures": 2,
     "diagnosis.bed.starts": 4, "diagnosis.bed.sums": 1, "diagnosis.bed.trial": 2, "diagnosis.bed.weigh": 1,
     "diagnosis.bed.windows": 3, "diagnosis.blocks": 4, "diagnosis.choose": 2, "diagnosis.data": 3,
-    "diagnosis.diagnose": 1, "diagnosis.fit": 6, "diagnosis.held_out": 3, "diagnosis.innovations": 2,
+    "diagnosis.diagnose": 1, "diagnosis.fit": 3, "diagnosis.held_out": 3, "diagnosis.innovations": 2,
     "diagnosis.intervals": 3, "diagnosis.name": 5, "diagnosis.nulls": 2, "diagnosis.pairs": 2,
     "diagnosis.score_test": 1, "diagnosis.segments": 2, "diagnosis.signatures": 6, "diagnosis.solve": 3,
-    "diagnosis.start": 1, "diagnosis.tracks": 5, "diagnosis.unseen.checks": 1, "diagnosis.unseen.conclude": 5,
-    "diagnosis.unseen.model": 1, "diagnosis.unseen.response": 4, "diagnosis.unseen.runs": 2,
-    "diagnosis.unseen.search": 8, "diagnosis.unseen.summaries": 6, "inference.noise": 2,
+    "diagnosis.start": 1, "diagnosis.study": 2, "diagnosis.tracks": 3, "diagnosis.unseen.checks": 1,
+    "diagnosis.unseen.conclude": 4, "diagnosis.unseen.model": 1, "diagnosis.unseen.response": 4,
+    "diagnosis.unseen.runs": 2, "diagnosis.unseen.search": 6, "diagnosis.unseen.summaries": 6, "inference.linear": 3,
+    "inference.noise": 2,
 }  # fmt: skip
 
 

@@ -17,7 +17,8 @@ from granswim_pymunk.diagnosis.camera_terms import camera_terms
 from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.experiment import _shortened
-from granswim_pymunk.diagnosis.fit import Fit, Fitter, joined
+from granswim_pymunk.diagnosis.fit import Fitter, joined
+from granswim_pymunk.diagnosis.fitted import Fit
 from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
 from granswim_pymunk.diagnosis.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.diagnosis.intervals import with_limits

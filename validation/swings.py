@@ -18,7 +18,8 @@ import numpy as np
 
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import Case, prepare
-from granswim_pymunk.diagnosis.fit import Fit, Fitter
+from granswim_pymunk.diagnosis.fit import Fitter
+from granswim_pymunk.diagnosis.fitted import Fit
 from granswim_pymunk.diagnosis.held_out import window_errors
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.diagnosis.signatures import make_bank

@@ -13,10 +13,12 @@ from scipy.optimize import lsq_linear
 
 from ..inference.criteria import BlockCriteria, current
 from ..inference.explained import Scores
+from ..inference.linear import project
 from ..inference.noise import Noise
 from ..laws import all_laws
 from .data import Case
-from .fit import Fit, Fitter, project, spin_at
+from .fit import Fitter
+from .fitted import Fit, spin_at
 from .hypothesis import Failed, Predictor
 from .segments import find_impacts, make_segments
 

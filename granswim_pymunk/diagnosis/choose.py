@@ -14,7 +14,8 @@ from ..laws import all_laws
 from .camera_terms import camera_terms
 from .candidates import for_bodies, owners
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
 
 

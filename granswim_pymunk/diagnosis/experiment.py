@@ -10,7 +10,8 @@ import numpy as np
 from ..inference.criteria import current
 from ..inference.model import Proposal
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Failed, Predictor
 
 

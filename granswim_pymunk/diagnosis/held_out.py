@@ -14,7 +14,8 @@ from ..inference.judge import Remains, paired
 from ..scene import Scene
 from .blocks import cut
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Failed, Hypothesis, Predictor, Term
 from .segments import find_impacts, make_segments
 

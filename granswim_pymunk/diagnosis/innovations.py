@@ -16,7 +16,8 @@ from ..inference.significance import after_looks, normal_score
 from ..joints import arm_of
 from ..walls import gap_to_wall
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .nulls import correlation_time
 
 

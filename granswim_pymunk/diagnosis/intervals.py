@@ -15,9 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..inference.criteria import current
+from ..inference.linear import project
 from .believed import error_name, with_error
 from .data import Case
-from .fit import Fit, Fitter, information_of, project
+from .fit import Fitter
+from .fitted import Fit, information_of
 
 
 def with_limits(

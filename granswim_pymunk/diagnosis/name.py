@@ -14,7 +14,8 @@ from ..inference.criteria import current
 from ..inference.mechanisms import APPARATUS
 from ..laws import all_laws, has_role
 from .data import Case
-from .fit import Fit, Fitter, side_by_side
+from .fit import Fitter, side_by_side
+from .fitted import Fit
 from .hypothesis import Predictor, Term
 from .innovations import inflation
 from .segments import find_impacts

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inference.significance import Null
 from .data import Case
-from .fit import Fit
+from .fitted import Fit
 from .signatures import Bank
 
 

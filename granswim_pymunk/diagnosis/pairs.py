@@ -15,7 +15,8 @@ from ..laws import all_laws, has_role
 from .candidates import fastest_of
 from .choose import choose, worth
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Predictor, Term
 from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
 from .nulls import noise_of, search_nulls

@@ -15,7 +15,8 @@ from scipy import stats
 from ..inference.criteria import current
 from ..inference.noise import Noise, believable, periodogram
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Term
 from .innovations import memory_of, series_of
 from .pairs import price

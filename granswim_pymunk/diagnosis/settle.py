@@ -10,10 +10,12 @@ import numpy as np
 from scipy import stats
 
 from ..inference.criteria import current
+from ..inference.linear import project
 from ..laws import all_laws
 from .candidates import for_bodies, owners, with_numbers
 from .data import Case
-from .fit import Fit, Fitter, project
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Term
 from .intervals import with_believed_errors
 from .name import Trial, is_apparatus, special_cases, spread_of

@@ -9,9 +9,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..inference.criteria import current
+from ..inference.linear import basis
 from ..laws import has_role
 from .candidates import rescaled, with_numbers
-from .fit import Fit, Fitter, basis
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Term
 
 

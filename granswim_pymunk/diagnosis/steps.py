@@ -8,8 +8,10 @@ import numpy as np
 
 from ..engine import advise_dt
 from ..inference.criteria import current
+from ..inference.linear import project
 from .data import Case
-from .fit import Fit, Fitter, project
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Failed, Hypothesis, Predictor
 from .start import StartBody, describe_starts, first_numbers, states
 

@@ -14,7 +14,7 @@ from ..laws import all_laws
 from ..scene import Scene, Time
 from .candidates import distinct_bodies, joints_by_body, owners
 from .data import Case
-from .fit import Fit
+from .fitted import Fit
 from .hypothesis import NO_CAMERA, Term, equation_with
 from .name import Trial
 from .start import describe_starts, first_numbers, states

@@ -15,7 +15,8 @@ from ..inference.criteria import current
 from .candidates import owners
 from .choose import prune
 from .data import Case
-from .fit import Fit, Fitter
+from .fit import Fitter
+from .fitted import Fit
 from .hypothesis import Term
 from .name import InnerSplit, Trial, spread_of
 from .settle import rows_of

@@ -23,7 +23,7 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLocator
 
 from ..diagnosis.data import Case
-from ..diagnosis.fit import Fit
+from ..diagnosis.fitted import Fit
 from ..diagnosis.innovations import Whiteness, WindowMap
 from ..diagnosis.name import Trial
 from ..diagnosis.tracks import TrackFinding

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inference.criteria import current
+from ...inference.linear import basis
 from ...inference.significance import Null
-from ..fit import basis
 from .bench import Bench, Windows
 from .signatures import BedSignature, coherence, off, recombined, to_values, whole_films
 from .trial import BedTrial, first_order, surplus

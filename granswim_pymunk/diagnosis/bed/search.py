@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inference.criteria import current
+from ...inference.linear import basis
 from ...laws import has_role
-from ..fit import basis
 from ..hypothesis import Failed, Hypothesis, Term
 from ..name import special_cases
 from ..swimmer_terms import tried_below

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...inference.criteria import current
-from ..fit import basis
+from ...inference.linear import basis
 from ..hypothesis import Term
 
 

@@ -1,0 +1,37 @@
+"""Projections in the space of residuals: what one set of columns can take over from another."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .criteria import current
+
+
+def basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the columns (n, k), those that are numerically dependent left out."""
+    if columns.shape[1] == 0:
+        return columns
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    if columns.shape[1] == 0:
+        return columns
+    if columns.shape[1] > current().fits.many:
+        # many starts hardly depend on one another: the roots of their normal equations do
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = values > 1e-10 * values[-1]
+        return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > 1e-7 * s[0]]
+
+
+def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Projection of ``vectors`` (n, m) on the span of ``columns`` (n, k)."""
+    if columns.shape[1] > current().fits.many:
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        values, turned = np.linalg.eigh(columns.T @ columns)
+        kept = values > 1e-10 * values[-1]
+        inner = turned[:, kept].T @ (columns.T @ vectors) / values[kept, None]
+        return np.asarray(columns @ (turned[:, kept] @ inner))
+    q = basis(columns)
+    return np.asarray(q @ (q.T @ vectors))
