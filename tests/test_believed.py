@@ -105,3 +105,41 @@ def test_a_stream_beside_an_adjustable_drag_is_not_what_masses_do():
     verdict = diagnose_tracks([replace(recording, scene=replace(given, bodies=recording.scene.bodies))]).verdict
     assert verdict["verdict"] == "missing_physics"
     assert not any("masses and radii" in note for note in verdict["notes"])
+
+
+def met(truth: Scene, **errors):
+    """Two disks that meet once, as they really are, with MEETING for what is believed of them."""
+    recording = seen(truth, **errors)
+    bodies = tuple(replace(b, initial=None) for b in MEETING.bodies)
+    return replace(recording, scene=replace(MEETING, bodies=bodies))
+
+
+def test_an_impact_that_loses_a_per_cent_more_is_named():
+    """Loose joints at impacts allow for as much; masses and radii are numbers of the fit, and do not do it."""
+    verdict = diagnose_tracks([met(replace(MEETING, laws=(use("contact_elastic", restitution=0.93),)))]).verdict
+    assert verdict["verdict"] == "missing_physics"
+    (found,) = verdict["mechanisms"]
+    e = found["parameters"]["restitution"]
+    assert found["name"] == "restitution" and e["value"] == pytest.approx(0.93, abs=0.005)
+    assert e["high"] - e["low"] < 0.03
+
+
+def test_a_radius_that_is_off_is_no_physics_and_not_complete():
+    bodies = tuple(replace(b, radius=b.radius * r) for b, r in zip(MEETING.bodies, (1.02, 1.03), strict=True))
+    verdict = diagnose_tracks([met(replace(MEETING, bodies=bodies))]).verdict
+    assert verdict["verdict"] in ("no_mismatch", "recalibrate") and verdict["complete"] is False
+    assert any("radii are off" in note for note in verdict["notes"])
+    right = diagnose_tracks([met(MEETING)]).verdict
+    assert right["verdict"] == "no_mismatch" and right["complete"] is True
+
+
+def test_of_equals_what_laboratories_are_off_by_is_named():
+    """A car on a spring whose period is off: half a per cent of mass, or a spring that bends a little."""
+    from test_diagnosis import SWING, cart, filmed
+
+    truth = cart()
+    heavier = replace(truth, bodies=tuple(replace(b, mass=b.mass * 1.008) for b in truth.bodies))
+    verdict = diagnose_tracks([filmed(heavier, truth, SWING[::4], np.random.default_rng(3), noise=3e-4)]).verdict
+    (found,) = verdict["mechanisms"]
+    assert found["name"] == "added_mass"
+    assert found["parameters"]["beta"]["low"] < 0.008 < found["parameters"]["beta"]["high"]

@@ -89,7 +89,10 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
-                    free.append(Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner))
+                    ordinary = 0.0 if inner else p.ordinary
+                    free.append(
+                        Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner, ordinary=ordinary)
+                    )
                 groups.append((p.name, tuple(range(start, len(free)))))
         label = law.mechanism + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(

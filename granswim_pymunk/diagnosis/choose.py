@@ -65,13 +65,30 @@ def absurd(trial: Trial, spread: float = 1.0) -> str:
     return ""
 
 
+def ordinary(trial: Trial) -> bool:
+    """Whether a law is no more than what laboratories are off by: a mass by some per cent, a picture by its scale.
+
+    Of apparatus: its numbers lie within a part of the way to where they are absurd (``VerdictCriteria.ordinary``); and
+    no special fault, for which a camera has to stand otherwise than it was put.
+    """
+    if trial.fit is None:
+        return False
+    offset, apparatus = len(trial.fit.values) - trial.numbers, is_apparatus(trial) and not trial.term.special
+    for k, free in enumerate(trial.term.free):
+        away = float(trial.fit.values[offset + k]) - free.neutral
+        room = current().verdict.ordinary * abs((free.high if away > 0 else free.low) - free.neutral)
+        if not free.inner and abs(away) > (room if apparatus else free.ordinary):
+            return False
+    return True
+
+
 def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
     """The candidate to be named.
 
     Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
     training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
-    one with fewest numbers, apparatus before physics, and a law on all bodies before the same law on one of them,
-    which had as many chances as there are bodies.
+    one with fewest numbers, what laboratories are off by before physics, and a law on all bodies before the same law on
+    one of them, which had as many chances as there are bodies.
     """
     verdict, sets = current().verdict, current().sets
     trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
@@ -99,7 +116,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
     forms = [t.term for t in same]
-    chosen = min(same, key=lambda t: (t.used, not is_apparatus(t), t.term.special, is_part(t.term, forms), -t.gain))
+    chosen = min(same, key=lambda t: (t.used, not ordinary(t), t.term.special, is_part(t.term, forms), -t.gain))
     return of_the_apparatus(chosen, trials, spread)
 
 
@@ -134,7 +151,7 @@ def prune(
         base_fit, with_law = _without_and_with(owner, chosen, base, fitter, mine)
         own_spread = spread_of(with_law, mine)
         gain = (base_fit.chi2 - with_law.chi2) / own_spread
-        split = InnerSplit.make(mine, fitter.predictor, fitter.stop)
+        split = InnerSplit.make(mine, fitter.predictor, fitter.stop, fitter.closeness)
         without, _ = split.score(base_fit)
         with_, _ = split.score(with_law)
         if gain < current().sets.entry:
@@ -168,6 +185,7 @@ def _without_and_with(owner: str, chosen: Trial, base: Fit, fitter: Fitter, mine
     assert chosen.fit is not None
     there = [b for b in owners(chosen.term) if any(b in c.recording.scene.ids for c in mine)]
     alone = Fitter(mine, fitter.predictor, {c.name: fitter.frames[c.name] for c in mine}, fitter.stop)
+    alone = alone.tightened(fitter.closeness)
     fits = []
     for kept in ([b for b in there if b != owner], there):
         part = for_bodies(chosen.term, kept)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
 
 from ..inference.criteria import current
@@ -37,12 +36,13 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     between their starts, where one long one is not. Through many impacts chi2 of one start has many valleys itself: it
     counts only where the search ends in the same one from the loosely and from the closely joined segments.
     """
-    ties = sum(int(np.isfinite(s.limit).sum()) for c in fit.segments.values() for s in c)
-    level = max(fit.chi2 / max(fit.count, 1), 1.0)
-    allowed = level * float(stats.chi2.isf(current().segments.joins, max(ties, 1)))
+    ties, level = fit.ties, max(fit.chi2 / max(fit.count, 1), 1.0)
+    allowed = fit.allowed_rise
     loose = fit
     for share in current().segments.tighter if ties else ():
-        closer = fitter.tightened(share)
+        if share >= fitter.closeness:
+            continue
+        closer = fitter.tightened(share / fitter.closeness)
         again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=12)
         if again.chi2 - fit.chi2 > allowed:
             break
@@ -105,6 +105,7 @@ class Fitter(Follower):
     ) -> None:
         super().__init__(cases, predictor, frames, weights, whole, spin)
         self.rough = rough
+        self.closeness = 1.0  # by which the spread of steps at impacts is multiplied, as far as ``Segment.least``
         self.stop = stop
         # of each recording, derivatives by its starts (n, q) and by numbers with a prior (n, k) at the last fit
         self._kept: dict[str, Slow] = {}
@@ -148,6 +149,7 @@ class Fitter(Follower):
         other = copy.copy(self)
         other._kept = {}  # its rows of steps are others
         other.segments = {name: tuple(map(closer, segments)) for name, segments in self.segments.items()}
+        other.closeness = share * self.closeness
         return other
 
     def fit(

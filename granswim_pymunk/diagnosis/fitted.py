@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from scipy import stats
 
+from ..inference.criteria import current
 from ..inference.linear import project
 from .data import Case
 from .hypothesis import Hypothesis, Predictor
@@ -57,6 +59,17 @@ class Fit:
         """How many numbers were fitted, those of the starts included, less the steps that tie them."""
         ties = sum(len(s) for s in self.steps.values())
         return len(self.values) + sum(len(s) for s in self.starts.values()) - ties
+
+    @property
+    def ties(self) -> int:
+        """How many numbers of starts are held to an impact before them."""
+        return sum(int(np.isfinite(s.limit).sum()) for segments in self.segments.values() for s in segments)
+
+    @property
+    def allowed_rise(self) -> float:
+        """What narrower steps at impacts may add to chi2: as much as chance does in one of twenty fits."""
+        level = max(self.chi2 / max(self.count, 1), 1.0)
+        return level * float(stats.chi2.isf(current().segments.joins, max(self.ties, 1)))
 
     def start_of(self, case: str) -> tuple[tuple[StartBody, ...], np.ndarray]:
         """How the first start of a recording is described, and its free numbers."""

@@ -83,7 +83,9 @@ class InnerSplit:
     rest: Mapping[str, np.ndarray]
 
     @classmethod
-    def make(cls, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> InnerSplit:
+    def make(
+        cls, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], closeness: float = 1.0
+    ) -> InnerSplit:
         first, rest = {}, {}
         for case in cases:
             if not case.training.any():
@@ -95,7 +97,7 @@ class InnerSplit:
             first[case.name][at[:cut]] = True
             rest[case.name][at[cut:]] = True
         used = [c for c in cases if c.name in first]
-        return cls(Fitter(used, predictor, first, stop), tuple(used), rest)
+        return cls(Fitter(used, predictor, first, stop).tightened(closeness), tuple(used), rest)
 
     @property
     def slack(self) -> float:

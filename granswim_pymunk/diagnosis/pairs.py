@@ -268,7 +268,7 @@ def _from_the_first_third(
         rows = np.flatnonzero(fitter.frames[case.name])
         third[case.name] = np.zeros(len(case.t), dtype=bool)
         third[case.name][rows[: max(len(rows) // 3, min(12, len(rows)))]] = True
-    short = Fitter(fitter.cases, predictor, third, stop)
+    short = Fitter(fitter.cases, predictor, third, stop).tightened(fitter.closeness)
     start = short.fit(base.hypothesis, base.values)
     bank = make_bank(short, start, [t for t in terms if len(t.free) <= 2])
     tried: set[tuple[str, str]] = set()

@@ -12,6 +12,7 @@ from scipy import stats
 from ..inference.criteria import current
 from ..inference.linear import project
 from ..laws import all_laws
+from .believed import stated_terms
 from .candidates import for_bodies, owners, with_numbers
 from .data import Case
 from .fit import Fitter
@@ -220,10 +221,28 @@ def within_belief(
             away = fit.values[mine] - [f.neutral for _, f in strengths]
             covariance = (fit.covariance * spread + fit.believed)[np.ix_(mine, mine)]
             together = float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
-            near = together <= float(stats.chi2.isf(current().verdict.absent, len(mine)))
-            if near and all(low <= neutral <= high for neutral, low, high in ends):
+            least = float(stats.chi2.isf(current().verdict.absent, len(mine)))
+            near = together <= least and all(low <= neutral <= high for neutral, low, high in ends)
+            if near and _imitated(found, trial, revised, recalibrated, fitter) <= least * spread:
                 alike.append(trial)
     return fit, alike
+
+
+def _imitated(found: Sequence[Trial], trial: Trial, revised: Fit, recalibrated: Fit, fitter: Fitter) -> float:
+    """By how much chi2 rises where errors of masses and radii, within their priors, take the place of a law.
+
+    What the curvature at the end of a fit says of numbers that are known only as a product reaches nought in any case.
+    """
+    others = [t for t in found if t is not trial]
+    fitted = {f.name for f in revised.hypothesis.free if f.prior}
+    stand_in = stated_terms(fitter.cases, fitted)
+    kept = [revised.values[: len(recalibrated.values)]]
+    rows = rows_of(found, len(recalibrated.values))
+    kept += [revised.values[r] for t, r in zip(found, rows, strict=True) if t is not trial]
+    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), *stand_in)
+    begin = np.concatenate([*kept, np.zeros(len(stand_in))])
+    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+    return float(fit.chi2 - revised.chi2)
 
 
 def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:

@@ -15,6 +15,7 @@ from ..recording import Recording
 from .believed import believed_terms
 from .candidates import flexible_terms, named_terms, scaled_like
 from .choose import choose, left_over, prune, score_inner
+from .closer import joined_closely
 from .data import Case, prepare_all
 from .fit import Fitter
 from .fitted import Fit
@@ -103,6 +104,16 @@ def calibrated(study: Study) -> tuple[Fit, Fit]:
     return naive, study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages) if terms else naive
 
 
+def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
+    """The study with segments that join as closely as the recordings allow, and the recalibrated fit to these."""
+    study.progress("joining segments", 0.08)
+    fitter, fit = joined_closely(study.fitter, recalibrated, named_terms(study.cases))
+    if fitter is study.fitter:
+        return study, recalibrated
+    inner = InnerSplit.make(study.training, study.predictor, study.stop, fitter.closeness)
+    return replace(study, fitter=fitter, inner=inner), fit
+
+
 def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     """Each candidate alone, and the laws without a name beside them."""
     fitter, late, progress = study.fitter, study.late, study.progress
@@ -160,8 +171,9 @@ def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     study.progress("the memory of the noise", 0.58)
     slow = {c.name: replace(c, noise=noise) for c in study.cases}
     cases, training = list(slow.values()), [slow[c.name] for c in study.training]
-    fitter = Fitter(cases, study.predictor, stop=study.stop)
-    inner = InnerSplit.make(training, study.predictor, study.stop)
+    closeness = study.fitter.closeness
+    fitter = Fitter(cases, study.predictor, stop=study.stop).tightened(closeness)
+    inner = InnerSplit.make(training, study.predictor, study.stop, closeness)
     study = replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
     study.notes.append(
         f"the noise has a slow part: {noise.size:.2g} times its white part, correlated over {noise.memory:.0f} frames"

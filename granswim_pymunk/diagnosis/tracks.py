@@ -35,6 +35,7 @@ from ..inference.significance import Null, after_looks, price
 from ..laws import all_laws
 from ..recording import Recording
 from ..scene import Scene
+from .believed import off_belief
 from .blocks import make_blocks, score
 from .candidates import in_contact_alone
 from .choose import rivals_of, worth
@@ -64,7 +65,17 @@ from .settle import (
     within_belief,
 )
 from .signatures import make_bank
-from .study import Study, beyond_nulls, calibrated, explained_by, finely, study_of, tried_alone, with_memory
+from .study import (
+    Study,
+    beyond_nulls,
+    calibrated,
+    explained_by,
+    finely,
+    study_of,
+    tried_alone,
+    with_close_joints,
+    with_memory,
+)
 from .verdict import Told, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
@@ -140,6 +151,7 @@ class Tracks(ObservationModel):
         self.naive_fit, self.recalibrated_fit = calibrated(self.study)
 
     def try_candidates(self) -> None:
+        self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         self.study, self.tried = with_memory(self.study, tried)
 
@@ -354,7 +366,11 @@ class Tracks(ObservationModel):
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
         complete = self.completeness(judged.claim.fit).passes
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
-        complete = complete and not self._more_to_see(judged.claim.fit)
+        off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
+        if off:
+            told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
+            self.notes.append(f"the scene as believed leaves more than noise: masses and radii are off, {told}")
+        complete = complete and not off and not self._more_to_see(judged.claim.fit)
         if complete and judged.claim.laws and self._more_held_out():
             return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1]))
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):

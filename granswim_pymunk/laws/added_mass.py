@@ -9,7 +9,9 @@ from .base import Parameter, law
     "inertia grows alike",
     reference="Poisson 1832, Mem. Acad. R. Sci. 11, 521; Lamb, Hydrodynamics, art. 92",
     parameters=[
-        Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, high=1.0, typical=0.1, in_bed=0.2)
+        # masses are off by one to three per cent
+        Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, high=1.0, typical=0.1, in_bed=0.2,
+                  ordinary=0.03)
     ],
     strength=("beta",),
     candidate="named",

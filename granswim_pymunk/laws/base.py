@@ -160,6 +160,8 @@ class Parameter:
     in_bed_times: str = ""
     # -1: it is tried below its neutral value first, as of a joint that is weaker
     side: int = 0
+    # up to which a strength is what laboratories are off by in what they believe; 0: it is never that
+    ordinary: float = 0.0
 
     @property
     def arguments(self) -> tuple[str, ...]:

@@ -145,6 +145,8 @@ class VerdictCriteria:
         ``free_form_high`` where the names explain ``high`` or more
     beyond : spreads of the difference between replicates from which a share can be said
     scale_off : a scale of the picture that is off by more is no explanation
+    ordinary : of the way from absent to where the search for a number ends, within which a fault of the apparatus is
+        what laboratories are off by. Choice: scales by 3 %
     at_bound : of the way from absent to where the search for a number ends, within which it ended there. Choice
     decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
     settles : d' from which an experiment settles it. Theory: halfway between two laws that are d' apart chance errs one
@@ -171,6 +173,7 @@ class VerdictCriteria:
     free_form_high: float = 0.1
     beyond: float = 2.0
     scale_off: float = 0.3
+    ordinary: float = 0.1
     at_bound: float = 1e-3
     decides: float = 2.0
     settles: float = 4.0

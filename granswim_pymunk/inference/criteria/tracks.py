@@ -12,7 +12,9 @@ class CandidateCriteria:
     radius [m] : of the bodies that typical ranges of laws are declared for
     places : sightings from which the middle of a picture is told. Choice
     farthest : of the extent of all tracks, how far from their mean the middle of a lens is looked for. Choice
-    believed : standard deviations of a believed mass or radius, to which it is looked for
+    believed : standard deviations of a believed mass or radius, to which it is looked for;  unstated : such a standard
+        deviation, relative, where nothing is said. Choice: a per cent, as a ruler on a film or the maker of a batch
+        tells, and what laboratories are off by is one to three
     single : bodies, up to which a push on each single one is a candidate. Choice: it is looked for as many times
     """
 
@@ -20,6 +22,7 @@ class CandidateCriteria:
     places: int = 20
     farthest: float = 3.0
     believed: float = 6.0
+    unstated: float = 0.01
     single: int = 6
 
 
@@ -49,6 +52,7 @@ class SegmentCriteria:
     tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: steps of five, until what a
         segment leaves open is nothing beside what it tells
     joins : with which chance narrower steps raise chi2 as much, before looser ones stay. Choice: one in twenty
+    rivals : laws of impacts with which closer joints are tried, by first order. Choice
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
     """
 
@@ -69,6 +73,7 @@ class SegmentCriteria:
     robust: float = 4.0
     tighter: tuple[float, ...] = (0.2, 0.04, 0.008)
     joins: float = 0.05
+    rivals: int = 3
     same_valley: float = 0.2
 
 
