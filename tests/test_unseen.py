@@ -39,6 +39,7 @@ from granswim_pymunk.diagnosis.unseen.search import (
     rounded,
     run_at,
     screen,
+    stiffer,
 )
 from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
 from granswim_pymunk.engine import Simulation, softened
@@ -592,6 +593,32 @@ def test_a_weak_law_is_run_where_it_shows(world):
         both = anchored(s, found.model, [x], found.u, label, soft=False)
         joined = s.means.predict(conditions[0], both.sums(name, found.u))[1]
         assert joined < min(here, 1 / 4) and joined == pytest.approx(1 / (1 / here + 4), rel=1e-6)
+
+
+@pytest.mark.parametrize(("strength", "softer"), [(1.5, 0.15), (1.5, 0.0), (0.1, 0.15)])
+def test_what_soft_contacts_hide_of_a_strong_law_is_put_right(world, monkeypatch, strength, softer):
+    """Softness drops out of differences to first order: runs as they are tell how much larger the change is."""
+    monkeypatch.setattr(World, "softer", softer)
+    x = world["linear_drag"]
+    first = float(x.design[0, 0])
+    conditions = conditions_of(filmed({x.label: [strength * first]}, 7, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    recalibrate(s)
+    s.runner.do([j for k in range(4) for j in amount_jobs(x, x.design[0], conditions, [k])])
+    s.means.refresh()
+    found, *_ = refit(s, [x], 0.5, 2, 12)
+    here = rounded(found.u)
+    label = label_of(s.adjust, here[:-1], [(x.term, here[-1:])])
+    s.runner.do(jobs_for(conditions, s.adjust, here[:-1], [(x.term, here[-1:])], 4, False, label))
+    s.means.refresh()
+    factor = stiffer(s, found.model, here, label)
+    assert factor == pytest.approx(1 / (1 - softer) if strength > 1 else 1.0, abs=0.04 if strength > 1 else 0.5)
+    # without it the law is told as so much stronger as softer contacts show less of it
+    last = fit(anchored(s, found.model, [x], here, label, soft=False), s.means, s.training)
+    off = abs(last.u[-1] / (strength * first) - 1)
+    assert off < (0.07 if strength > 1 else 0.5)
+    if strength > 1 and softer:
+        assert off < 0.5 * abs(found.u[-1] / (strength * first) - 1)
 
 
 @pytest.mark.parametrize("wilder", [0.0, 2.0])

@@ -91,6 +91,7 @@ class World(Runner):
     candidates: Mapping[str, Suspect] = {}
     shuffle: int | None = None
     saturates: float = 0.0  # of laws: their first amount does (1 - exp(-saturates))/saturates of what it would
+    softer: float = 0.0  # by how much less a law changes the motion where contacts are soft
     wilder: float = 0.0  # by how much more packings spread under the first amount of a law
 
     def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
@@ -147,6 +148,7 @@ def swum(
             wilder += World.wilder * abs(amount)
             if World.saturates:
                 amount = math.copysign(1 - math.exp(-World.saturates * abs(amount)), amount) / World.saturates
+            amount *= 1 - World.softer * soft
             numbers = numbers + _change(way, amount, frequency)
     return _tracks(numbers + wilder * packing, frequency, noise, rng, t)
 

@@ -34,7 +34,13 @@ ABOUT = (
     "[bed_effects.md](bed_effects.md), chosen, not drawn. Errors: held-out recordings, rms of the disks over a cycle,",
     "µm. Seconds are of a diagnosis that found runs of the lines above it in the cache.",
 )
-ROWS = tuple(row for row in bed_effects.ROWS if not (row.confined or row.masked))
+# beds in which nothing is missing, packed anew; in every third the stiffness is off by a fifth
+NULLS = tuple(
+    Row(f"stiffness off, packing {k}", {}, "recalibrate", moved=(("bending.stiffness", 1.2),)) if k % 3 == 0
+    else Row(f"nothing, packing {k}", {}, "no_mismatch")
+    for k in range(2, 13)
+)  # fmt: skip
+ROWS = (*(row for row in bed_effects.ROWS if not (row.confined or row.masked)), *NULLS)
 SEED = 9000  # of the swimmer and the numbers of its bed
 BELIEVED = 1.04  # of the true bending stiffness
 
