@@ -55,13 +55,13 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
             [f.values, *[values for _, values in extra]]
         )
         soft = f.revised
-        model, laws = soft.model, [t.suspect for t in f.found]
+        model, named = soft.model, [t.suspect for t in f.found]
         points: set[Point] = {(label, True), (label, False)}
         if f.found:
-            there, beside = near(s, replace(model, centre=here), laws)
+            there, beside = near(s, replace(model, centre=here), named)
             model = replace(model, slopes=there.slopes)
             points |= beside
-        model = anchored(s, model, laws, here, label, soft=False)
+        model = anchored(s, model, named, here, label, soft=False)
         f.revised = fit(model, s.means, s.training)
         f.wilder = wilder_there(s, points)
         found = scatter_of(s, f.revised, points)
