@@ -1,6 +1,7 @@
 """What explains, what passes for noise, where tracks are cut: the steps of a diagnosis one by one."""
 
 import doctest
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from test_diagnosis import SHORT, collision, filmed
 import granswim_pymunk.inference.criteria
 from granswim_pymunk.diagnosis.data import Case, prepare
 from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import InnerSplit
 from granswim_pymunk.diagnosis.segments import cut_by_growth, find_impacts, make_segments
 from granswim_pymunk.diagnosis.solve import Blocks, descend
@@ -31,6 +32,7 @@ from granswim_pymunk.inference.noise import (
     whitened,
 )
 from granswim_pymunk.inference.significance import after_looks
+from granswim_pymunk.inference.simpler import all_absent, by_chance, ended_at_bound, special_cases
 from granswim_pymunk.inference.threads import ContextPool
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
@@ -421,3 +423,19 @@ def test_criteria_decide_in_the_threads_of_a_diagnosis_too():
     strict = replace(DEFAULT, verdict=replace(DEFAULT.verdict, share=0.8))
     with ContextPool(2) as pool, using(strict):
         assert list(pool.map(lambda k: (k, current().verdict.share), range(3))) == [(0, 0.8), (1, 0.8), (2, 0.8)]
+
+
+def test_a_number_that_ended_at_its_bound_was_not_found():
+    """Not where the law is absent there, nor where the bound is one of nature."""
+    scale = Free("camera.scale", "1", 0.7, 1.3, 1.0, 1e-3, None, 1.0)
+    lost = Free("contact.restitution", "1", 0.0, 1.0, 0.9, 1e-2, None, 0.9, natural=True)
+    drag = Free("linear_drag.c", "kg/s", 0.0, math.inf, 0.0, 1.0)
+    assert ended_at_bound([(drag, 0.0), (lost, 1.0), (scale, 1.2999)]) == ("camera.scale", 1.3)
+    assert ended_at_bound([(drag, 0.0), (lost, 1.0), (scale, 1.29)]) is None
+
+
+def test_numbers_that_chance_explains_are_as_good_as_absent():
+    """chi2 of one number exceeds 3.84, of two 5.99, once in twenty times."""
+    assert [by_chance(rise, n) for rise, n in ((3.8, 1), (3.9, 1), (5.9, 2), (6.1, 2))] == [True, False, True, False]
+    assert all_absent([(0.0, -1.0, 1.0), (1.0, 1.0, 2.0)]) and not all_absent([(0.0, -1.0, 1.0), (0.0, 0.1, 1.0)])
+    assert special_cases("ambient_flow") == ("linear_drag",) and special_cases("camera_scale") == ()

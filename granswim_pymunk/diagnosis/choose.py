@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,13 +9,14 @@ import numpy as np
 from scipy import stats
 
 from ..inference.criteria import current
+from ..inference.simpler import by_chance, ended_at_bound, special_cases
 from ..laws import all_laws
 from .camera_terms import camera_terms
 from .candidates import for_bodies, owners
 from .data import Case
 from .fit import Fitter
 from .fitted import Fit
-from .name import InnerSplit, Trial, is_apparatus, is_part, special_cases, spread_of
+from .name import InnerSplit, Trial, is_apparatus, is_part, spread_of
 
 
 def score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[Trial]:
@@ -47,22 +47,12 @@ def _excess(trial: Trial) -> float:
 
 
 def absurd(trial: Trial, spread: float = 1.0) -> str:
-    """Why the numbers of a law make no sense for the apparatus; empty where they do.
-
-    A number that lies where its search ends, and is not where its law is absent, has not been found. Bounds are
-    declared with the law: a scale that is off by 30 %, an added mass above the mass.
-    """
+    """Why the numbers of a law make no sense for the apparatus; empty where they do."""
     if trial.fit is None:
         return ""
-    offset = len(trial.fit.values) - trial.numbers
-    for k, free in enumerate(trial.term.free):
-        value = float(trial.fit.values[offset + k])
-        for bound in (free.low, free.high):
-            if math.isfinite(bound) and bound != free.neutral and not free.natural:
-                room = abs(bound - free.neutral)
-                if abs(value - bound) < current().verdict.at_bound * room:
-                    return f"{free.name} ends at {bound:g}, where its search ends"
-    return ""
+    own = trial.fit.values[len(trial.fit.values) - trial.numbers :]
+    ended = ended_at_bound(zip(trial.term.free, map(float, own), strict=True))
+    return "" if ended is None else f"{ended[0]} ends at {ended[1]:g}, where its search ends"
 
 
 def ordinary(trial: Trial) -> bool:
@@ -111,7 +101,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     same += [
         t for t in trials
         if t.mechanism in plain and t.used < best.used
-        and (best.gain - t.gain) / max(spread, 1.0) < stats.chi2.isf(verdict.absent, best.used - t.used)
+        and by_chance((best.gain - t.gain) / max(spread, 1.0), best.used - t.used)
     ]  # fmt: skip
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count
+from itertools import count, pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from ..inference.criteria import current
 from ..inference.mechanisms import APPARATUS
-from ..laws import all_laws, has_role
+from ..inference.simpler import special_cases
+from ..laws import has_role
 from .data import Case
 from .fit import Fitter, side_by_side
 from .fitted import Fit
@@ -432,10 +433,10 @@ def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
     return sorted(result, reverse=True)
 
 
-def special_cases(mechanism: str) -> tuple[str, ...]:
-    """Laws that one is when all its numbers but the first are where they add nothing, as its declaration says."""
-    law = all_laws().get(mechanism)
-    return law.nests if law is not None else ()
+def rows_of(found: Sequence[Trial], first: int) -> list[slice]:
+    """Where the numbers of each of several laws lie among those of their fit; ``first``: of the adjustables."""
+    ends = first + np.cumsum([0, *(t.numbers for t in found)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def label_of(*trials: Trial) -> str:

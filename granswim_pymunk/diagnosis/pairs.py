@@ -11,6 +11,7 @@ import numpy as np
 
 from ..inference.criteria import current
 from ..inference.significance import price
+from ..inference.simpler import special_cases
 from ..laws import all_laws, has_role
 from .candidates import fastest_of
 from .choose import choose, worth
@@ -18,9 +19,8 @@ from .data import Case
 from .fit import Fitter
 from .fitted import Fit
 from .hypothesis import Predictor, Term
-from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, special_cases, spread_of
+from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, rows_of, spread_of
 from .nulls import noise_of, search_nulls
-from .settle import rows_of
 from .signatures import Signature, make_bank
 
 PUSHES = ("push", "medium")  # roles
@@ -116,23 +116,21 @@ def drag_and_push(
         moved = [a for p in law.parameters if p.within == "speed" for a in p.arguments] if law is not None else []
         if not moved or len(found) > 2 or any(has_role(t.mechanism, *PUSHES) for t in found if t is not stream):
             continue
-        at = len(recalibrated.values) + sum(t.numbers for t in found[:k])
-        own = zip(stream.term.free, revised.values[at : at + stream.numbers], strict=True)
+        first = len(recalibrated.values)
+        rows = rows_of(found, first)
+        own = zip(stream.term.free, revised.values[rows[k]], strict=True)
         speed = [float(v) for f, v in own if f.name.split(".")[-1] in moved]
         if not speed or math.hypot(*speed) > current().sets.stream * fastest_of(training):
             continue
         others = [t for t in found if t is not stream]
-        keep = [revised.values[: len(recalibrated.values)]]
-        if others:
-            begin = len(recalibrated.values) + (stream.numbers if k == 0 else 0)
-            keep.append(revised.values[begin : begin + others[0].numbers])
+        keep = [revised.values[:first], *(revised.values[rows[n]] for n in range(len(found)) if n != k)]
         plain = [t for t in terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
         pushes = [t for t in terms if has_role(t.mechanism, "push") and not is_part(t, terms)]
         best: tuple[Fit, Signature, Signature] | None = None
         for term in plain if pushes else []:
             hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), term)
             drag = make_bank(fitter, recalibrated, [term])
-            alone = fitter.fit(hypothesis, np.concatenate([*keep, revised.values[at : at + 1]]), revised.starts)
+            alone = fitter.fit(hypothesis, np.concatenate([*keep, revised.values[rows[k]][:1]]), revised.starts)
             push = make_bank(fitter, alone, pushes[:1]).signatures[0]
             fit = refit(fitter, alone, push, (1.0,))
             if best is None or fit.chi2 < best[0].chi2:
@@ -337,10 +335,10 @@ def _partners(
     offset = len(base.values)
     for which in (0, 1):
         term, keep = pair[which].term, pair[1 - which]
-        at = offset + (len(pair[0].term.free) if which else 0)
         if not _is_damping(term):
             continue
-        rows = slice(offset + (0 if which else 1), offset + (0 if which else 1) + len(keep.term.free))
+        own = rows_of(pair, offset)
+        at, rows = own[which].start, own[1 - which]
         moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
         others = [t for t in terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
@@ -391,8 +389,8 @@ def exchanges(
     """
     result: dict[str, Exchange] = {}
     first = len(recalibrated.values)
-    cut = first + found[0].numbers
-    for replaced, keep, rows in ((found[1], found[0], slice(first, cut)), (found[0], found[1], slice(cut, None))):
+    of_first, of_second = rows_of(found, first)
+    for replaced, keep, rows in ((found[1], found[0], of_first), (found[0], found[1], of_second)):
         hypothesis = recalibrated.hypothesis.with_term(keep.term)
         begin = np.concatenate([revised.values[:first], revised.values[rows]])
         alone = fitter.fit(hypothesis, begin, revised.starts)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy import stats
 
 from ..inference.criteria import current
 from ..inference.linear import project
+from ..inference.simpler import all_absent, by_chance, special_cases
 from ..laws import all_laws
 from .believed import stated_terms
 from .candidates import for_bodies, owners, with_numbers
@@ -19,7 +19,7 @@ from .fit import Fitter
 from .fitted import Fit
 from .hypothesis import Term
 from .intervals import with_believed_errors
-from .name import Trial, is_apparatus, special_cases, spread_of
+from .name import Trial, is_apparatus, rows_of, spread_of
 from .signatures import columns_of, make_bank
 
 
@@ -30,12 +30,6 @@ class StandIn:
     named: Trial
     gave_way: Trial
     ahead: float
-
-
-def rows_of(found: Sequence[Trial], first: int) -> list[slice]:
-    """Where the numbers of each of several laws lie among those of their fit; ``first``: of the adjustables."""
-    ends = first + np.cumsum([0, *(t.numbers for t in found)])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def in_names_of_apparatus(
@@ -141,7 +135,7 @@ def that_earn_their_place(
         hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in fewer))
         fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
         rise = (fit.chi2 - revised.chi2) / spread_of(revised, training)
-        if rise > stats.chi2.isf(current().verdict.absent, len(numbers)):
+        if not by_chance(rise, len(numbers)):
             break
         dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
         gain = recalibrated.chi2 - fit.chi2
@@ -173,7 +167,7 @@ def without_idle_numbers(
         if best is None:
             continue
         rise = (best[0].chi2 - revised.chi2) / spread_of(revised, training)
-        if rise < stats.chi2.isf(current().verdict.absent, trial.numbers - 1):
+        if by_chance(rise, trial.numbers - 1):
             revised = best[0]
             (signature,) = make_bank(fitter, recalibrated, [best[1]]).signatures
             found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
@@ -221,9 +215,8 @@ def within_belief(
             away = fit.values[mine] - [f.neutral for _, f in strengths]
             covariance = (fit.covariance * spread + fit.believed)[np.ix_(mine, mine)]
             together = float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
-            least = float(stats.chi2.isf(current().verdict.absent, len(mine)))
-            near = together <= least and all(low <= neutral <= high for neutral, low, high in ends)
-            if near and _imitated(found, trial, revised, recalibrated, fitter) <= least * spread:
+            near = by_chance(together, len(mine)) and all_absent(ends)
+            if near and by_chance(_imitated(found, trial, revised, recalibrated, fitter) / spread, len(mine)):
                 alike.append(trial)
     return fit, alike
 

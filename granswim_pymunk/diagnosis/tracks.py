@@ -245,16 +245,16 @@ class Tracks(ObservationModel):
     def mismatch(self, claim: Claim) -> Mismatch:
         study, tried = self.study, self.tried
         left = self.completeness(tried.recalibrated)
-        real = bool(claim.laws) or left.chance < current().verdict.alarm
+        found = Mismatch.of(claim.laws, left.chance, bool(study.adjustables) and self._moved())
         if left.passes and _below_tolerance(tried.recalibrated, study.training):
-            real = False
+            found = replace(found, real=False)
         laws = list(claim.laws)
-        if real and laws:
+        if found.real and laws:
             _, alike = within_belief(laws, claim.fit, tried.recalibrated, self._fitter_of(claim.fit), self.spread)
             if len(alike) == len(laws):
                 self.notes.append(f"{claim.label}: {AS_BELIEVED}")
-                real = False
-        return Mismatch(real, bool(study.adjustables) and self._moved())
+                found = replace(found, real=False)
+        return found
 
     def _moved(self) -> bool:
         """Whether the adjustables explain more than they would by chance."""

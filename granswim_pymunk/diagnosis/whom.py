@@ -18,8 +18,7 @@ from .data import Case
 from .fit import Fitter
 from .fitted import Fit
 from .hypothesis import Term
-from .name import InnerSplit, Trial, spread_of
-from .settle import rows_of
+from .name import InnerSplit, Trial, rows_of, spread_of
 
 
 def whom(

@@ -154,8 +154,9 @@ class Mismatch:
 
     @classmethod
     def of(cls, laws: Sequence[Any], p: float, moved: bool) -> Mismatch:
-        """By the contract's rule: real where laws stand, or where ``p_false_alarm`` is within the alarm.
+        """By the contract's rule: real where laws stand, or where p is within the alarm.
 
+        p : that of the search where nothing is missing, or that noise alone looks like what the scene leaves
         A search that asks for a law of which none stands is a mismatch that nothing explains, and no match.
         """
         return cls(bool(laws) or p <= current().verdict.alarm, moved)

@@ -33,6 +33,11 @@ class Null:
         return rank(self.case, self.gains)
 
 
+def at_alarm(gains: np.ndarray) -> float:
+    """The gain that so few replicates (n,) reach that it is no false alarm, see ``VerdictCriteria.alarm``."""
+    return float(np.quantile(gains, 1 - current().verdict.alarm))
+
+
 def price(candidates: int, numbers: int = 1) -> float:
     """Fall in chi2 that one more law of a set has to earn: 2 ln(n_0/p_0) of n_0 candidates, and AIC of its numbers.
 

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from ..diagnosis.unseen.checks import prediction
 from ..diagnosis.unseen.response import spread_of
 from ..inference.criteria import current
+from ..inference.significance import at_alarm
 from .style import (
     COLOURS,
     FLOOR,
@@ -162,7 +163,7 @@ def candidates(f: Finding) -> Figure:
     axis.set_yticklabels([f"{shortened(t.suspect.label, 34)} ({t.surviving:.2f})" for t in trials])
     axis.invert_yaxis()
     if f.search.nulls is not None:
-        axis.axvline(float(np.quantile(f.search.nulls.best, 1 - current().verdict.alarm)), color=SEEN, lw=0.8, ls="--")
+        axis.axvline(at_alarm(f.search.nulls.best), color=SEEN, lw=0.8, ls="--")
     below = 100 * (1 - current().verdict.alarm)
     axis.set_xlabel(f"fall of the misfit (chi2); dashed: {below:.3g} % of the nulls stay below")
     return figure

@@ -12,11 +12,11 @@ import numpy as np
 from ...errors import InputError
 from ...inference.criteria import current
 from ...inference.judge import Remains
+from ...inference.simpler import special_cases
 from ...recording import Recording
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..kept import Store
-from ..name import special_cases
 from ..swimmer_terms import INTERVAL
 from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale

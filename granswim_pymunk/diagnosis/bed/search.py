@@ -10,9 +10,9 @@ import numpy as np
 
 from ...inference.criteria import current
 from ...inference.linear import basis
+from ...inference.simpler import special_cases
 from ...laws import has_role
 from ..hypothesis import Failed, Hypothesis, Term
-from ..name import special_cases
 from ..swimmer_terms import tried_below
 from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings

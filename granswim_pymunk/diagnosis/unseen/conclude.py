@@ -12,7 +12,8 @@ from scipy import stats
 from ...inference.criteria import current
 from ...inference.explained import Explained
 from ...inference.mechanisms import UNKNOWN
-from ...inference.significance import price
+from ...inference.significance import at_alarm, price
+from ...inference.simpler import all_absent, ended_at_bound, special_cases
 from ...laws import all_laws
 from .candidates import Suspect
 from .response import Fit, fit, spread_of, whitened
@@ -121,7 +122,7 @@ def named_laws(
     criteria = current().packings
     leaders = _refitted_leaders(s, open_)
     assert s.nulls is not None
-    threshold = max(float(np.quantile(s.nulls.best, 1 - current().verdict.alarm)), 8.0)
+    threshold = max(at_alarm(s.nulls.best), 8.0)
     leaders = [t for t in leaders if sensible(s, t)]
     if not leaders or leaders[0].worth < threshold:
         return [], None, []
@@ -222,14 +223,11 @@ def _nested(s: Search, x: Suspect, found: Fit, at: int) -> Trial | None:
 
     found : a fit in which the numbers of x begin at ``at``
     """
-    law = all_laws().get(x.name)
-    if law is None or not law.nests:
+    names = special_cases(x.name)
+    added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.size))
+    if not names or not all_absent(added):
         return None
-    for k in range(at + 1, at + x.size):
-        low, high = found.interval(k)
-        if not low <= found.model.free[k].neutral <= high:
-            return None
-    return next((t for t in s.trials if t.suspect.name in law.nests and not t.reason), None)
+    return next((t for t in s.trials if t.suspect.name in names and not t.reason), None)
 
 
 def _to_first_order(s: Search, t: Trial) -> Trial:
@@ -243,11 +241,10 @@ def _to_first_order(s: Search, t: Trial) -> Trial:
 def sensible(s: Search, t: Trial) -> bool:
     """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
     assert t.fit is not None
-    for value, f in zip(t.values(), t.suspect.term.free, strict=True):
-        for bound in (f.low, f.high):
-            if math.isfinite(bound) and bound != f.neutral and abs(value - bound) < 1e-3 * abs(bound - f.neutral):
-                s.notes.append(f"{t.suspect.label} is no explanation: it runs into its bound, {f.name} = {value:.3g}")
-                return False
+    ended = ended_at_bound(zip(t.suspect.term.free, map(float, t.values()), strict=True))
+    if ended is not None:
+        s.notes.append(f"{t.suspect.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
+        return False
     value = float(t.values()[0])
     if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
         s.notes.append(f"{t.suspect.label} is no explanation: {t.suspect.term.free[0].name} would be {value:.3g}")

@@ -11,6 +11,7 @@ from scipy import stats
 
 from ...errors import InputError
 from ...inference.criteria import current
+from ...inference.significance import rank
 from ...scene import Scene
 from ..hypothesis import NO_CAMERA, Term, adjustable_terms
 from .candidates import Suspect, suspects_of
@@ -86,10 +87,6 @@ class Nulls:
     best: np.ndarray  # (r,) the best worth of all suspects
     left: np.ndarray  # (r,) chi2 after recalibration
     drawn: np.ndarray  # (r, n) whitened innovations
-
-    @staticmethod
-    def p(value: float, sample: np.ndarray) -> float:
-        return float((1 + np.sum(sample >= value)) / (len(sample) + 1))
 
 
 @dataclass
@@ -558,11 +555,11 @@ def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
         s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
     s.nulls = draw_nulls(s, bank, suspects)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
-    s.p_naive = Nulls.p(float(apart @ apart), s.nulls.chi2)
+    s.p_naive = rank(float(apart @ apart), s.nulls.chi2)
     along = bank.adjust.T @ apart
-    s.p_recalibration = Nulls.p(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
+    s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
     top = max((t.gain - 2 * (t.suspect.size - 1) for t in s.trials if not t.reason), default=0.0)
-    s.p_search = Nulls.p(top, s.nulls.best)
+    s.p_search = rank(top, s.nulls.best)
     s.trials.sort(key=lambda t: -t.worth)
     return bank
 
@@ -725,4 +722,4 @@ def goodness(s: Search, found: Fit, free_numbers: int, wilder: float = 1.0) -> t
     assert s.nulls is not None
     n, left = max(found.count - free_numbers, 1), found.chi2 / wilder
     scaled = np.sort(s.nulls.left) * n / max(found.count - len(s.base.u), 1)
-    return Nulls.p(left, scaled), float(stats.chi2.sf(left, n))
+    return rank(left, scaled), float(stats.chi2.sf(left, n))
