@@ -19,11 +19,12 @@ from .fitted import Fit
 from .name import InnerSplit, Trial, is_apparatus, is_part, spread_of
 
 
-def score_inner(inner: InnerSplit, trials: list[Trial], spread: float) -> list[Trial]:
-    """Inner scores of the trials that are near the best; the others keep an infinite one."""
-    if not trials:
-        return []
-    best = max(t.gain for t in trials)
+def score_inner(inner: InnerSplit, trials: list[Trial], spread: float, ahead: float = 0.0) -> list[Trial]:
+    """Inner scores of the trials that are near the best; the others keep an infinite one.
+
+    ahead : the gain of the best of others, which may be the best of all
+    """
+    best = max([ahead, *(t.gain for t in trials)])
     result = []
     for t in trials:
         assert t.fit is not None

@@ -288,8 +288,12 @@ def try_candidates(
     stages: Sequence[float],
     progress: Callable[[str, int, int], None],
     late: Callable[[], bool] = lambda: False,
+    ahead: float = 0.0,
 ) -> list[Trial]:
-    """Refit the candidates that are not imitated by starts and recalibration, best first."""
+    """Refit the candidates that are not imitated by starts and recalibration, best first.
+
+    ahead : the gain of the best of others that were tried before: those far behind it are not searched to their end
+    """
     order = sorted(bank.signatures, key=lambda s: -s.gain)
     run = heats(fitter, base, order, late)
     forms: dict[tuple[str, int], int] = {}
@@ -321,7 +325,7 @@ def try_candidates(
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
-        best = max((t.gain for t in trials), default=0.0)
+        best = max([ahead, *(t.gain for t in trials)])
         jobs = [partial(_down_its_valley, base=base, trial=t, least=current().refits.valley * best) for t in trials]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)

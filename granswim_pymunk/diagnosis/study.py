@@ -137,7 +137,8 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     if late(current().budget.forms):
         study.notes.append("the flexible arm was not tried: the time was up")
     arms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
-    flexible_trials = try_candidates(fitter, recalibrated, arms, (1.0,), lambda *a: None)
+    ahead = max((t.gain for t in trials), default=0.0)
+    flexible_trials = try_candidates(fitter, recalibrated, arms, (1.0,), lambda *a: None, ahead=ahead)
     if any(t.reason.startswith("not refitted") for t in trials):
         study.notes.append("some candidates were only compared to first order: the time was up")
     alive = [t for t in trials if t.fit is not None]
@@ -149,7 +150,8 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
 
     progress("testing inside the training part", 0.56)
     scores = {"recalibrated": study.inner.score(recalibrated)[0]}
-    alive, arms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, arms_alive, spread)
+    ahead = max((t.gain for t in alive), default=0.0)
+    alive, arms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, arms_alive, spread, ahead)
     scores |= {t.term.label: t.inner for t in alive + arms_alive}
     untried = [t for t in trials if t.fit is None]
     return Tried(naive, recalibrated, terms, bank, alive, untried, arms_alive, best, spread, scores)
