@@ -36,9 +36,9 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
         again.append(fit)
         return SimpleNamespace(recalibrated=fit)
 
-    monkeypatch.setattr(tracks, "_tried", tried)
-    monkeypatch.setattr(tracks, "_with_memory", lambda study, tried: (study, tried))
-    monkeypatch.setattr(tracks, "_beyond_nulls", lambda study, tried: ("another null", None))
+    monkeypatch.setattr(tracks, "tried_alone", tried)
+    monkeypatch.setattr(tracks, "with_memory", lambda study, tried: (study, tried))
+    monkeypatch.setattr(tracks, "beyond_nulls", lambda study, tried: ("another null", None))
     found = iter([claim, Claim((), plain)])
     monkeypatch.setattr(model, "_search", lambda: next(found))
     assert model.search(None).laws == () and model.null_after(None) == "another null"

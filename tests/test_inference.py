@@ -10,7 +10,7 @@ from scipy import stats
 from test_diagnosis import SHORT, collision, filmed
 
 import granswim_pymunk.inference.criteria
-from granswim_pymunk.diagnosis.data import Case, prepare
+from granswim_pymunk.diagnosis.data import Case, estimate_noise, grid_of, prepare
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor
 from granswim_pymunk.diagnosis.name import InnerSplit
@@ -439,3 +439,15 @@ def test_numbers_that_chance_explains_are_as_good_as_absent():
     assert [by_chance(rise, n) for rise, n in ((3.8, 1), (3.9, 1), (5.9, 2), (6.1, 2))] == [True, False, True, False]
     assert all_absent([(0.0, -1.0, 1.0), (1.0, 1.0, 2.0)]) and not all_absent([(0.0, -1.0, 1.0), (0.0, 0.1, 1.0)])
     assert special_cases("ambient_flow") == ("linear_drag",) and special_cases("camera_scale") == ()
+
+
+def test_a_coordinate_that_hardly_moves_has_the_noise_of_its_pixels():
+    """On whole pixels most frames of a rail's other coordinate have one value, and the others were no 1e9 sigma off."""
+    rng, t, pixel = np.random.default_rng(6), np.arange(300) / 25, 8e-4
+    across = np.round(rng.normal(0.0, 2e-4, 300) / pixel) * pixel
+    assert 0 < np.mean(across != 0) < 0.2
+    assert estimate_noise(t, across) == pytest.approx(pixel / math.sqrt(12))
+    assert grid_of(rng.normal(size=300)) == 0.0 and grid_of(np.full(9, 0.1)) == 0.0
+    along = 0.2 * np.sin(2 * t) + rng.normal(0.0, 1e-3, 300)
+    assert grid_of(np.round(along / pixel) * pixel) == pytest.approx(pixel)
+    assert estimate_noise(t, np.round(along / pixel) * pixel) == pytest.approx(1e-3, rel=0.2)

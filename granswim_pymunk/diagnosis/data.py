@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -108,8 +109,25 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
 
     t, values : (T,) without NaN. Quadratics, or the least higher degree (to 5) after which the next takes no more than
     a tenth away: over few frames of an oscillation, what a quadratic leaves is no noise. The dof of each local fit are
-    taken off; the median keeps collisions out.
+    taken off; the median keeps collisions out. At least what rounding to a grid leaves, which hides where a coordinate
+    hardly moves: then most frames have the same value.
     """
+    return max(_scatter(t, values), grid_of(values) / math.sqrt(12.0))
+
+
+def grid_of(values: np.ndarray) -> float:
+    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none."""
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > current().noise.same_level * np.ptp(values)] if len(levels) > 1 else steps
+    if not len(steps):
+        return 0.0
+    count = (levels - levels[0]) / steps.min()
+    return float(steps.min()) if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
+
+
+def _scatter(t: np.ndarray, values: np.ndarray) -> float:
+    """``estimate_noise`` without a grid."""
     width = 9
     if len(t) < width + 2:
         return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0

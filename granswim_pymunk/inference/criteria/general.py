@@ -28,6 +28,8 @@ class NoiseCriteria:
         Choice
     two_numbers : of -2 ln L, what the size and the memory of the slow part gain by chance. Theory: 2 a number
         (Akaike 1974)
+    same_level : of the range of values, below which two are one that arithmetic has split;  on_grid : of the step of a
+        grid, how far values may be off it. Theory: of ten random values that all lie so near one is by chance in 1e15
     inflated : standard deviations of chi2 over its degrees of freedom, and ``remembers`` [frames], below both of which
         innovations pass for white noise of known size, whose variances are not inflated. Choice: 4 come by chance
         once in 3e4 fits, and a correlation time is known to a half
@@ -46,6 +48,8 @@ class NoiseCriteria:
     bands: tuple[int, ...] = (4, 12, 40)
     fast_off: float = 1.5
     two_numbers: float = 4.0
+    same_level: float = 1e-9
+    on_grid: float = 0.01
     inflated: float = 4.0
     remembers: float = 1.5
 
