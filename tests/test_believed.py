@@ -143,3 +143,25 @@ def test_of_equals_what_laboratories_are_off_by_is_named():
     (found,) = verdict["mechanisms"]
     assert found["name"] == "added_mass"
     assert found["parameters"]["beta"]["low"] < 0.008 < found["parameters"]["beta"]["high"]
+
+
+def test_blocks_keep_what_all_data_tell_of_radii_and_those_that_graze_say_nothing():
+    from granswim_pymunk.diagnosis.believed import believed_terms
+    from granswim_pymunk.diagnosis.blocks import make_blocks, score, without
+    from granswim_pymunk.inference.noise import Noise
+
+    failed = {}
+    for across in (0.010, 0.0262):  # they pass at 0.008 and 0.0245 m, of a sum of radii of 0.025 m
+        a, b = MEETING.bodies
+        grazing = replace(MEETING, bodies=(a, replace(b, initial=(0.1, across, -0.1, 0.0))))
+        film = seen(grazing, seconds=0.6)
+        film = replace(film, xy=film.xy + 1e-3 * np.random.default_rng(1).normal(size=film.xy.shape))
+        film = replace(film, position_noise=1e-3)
+        case = prepare(film, held_out=False, split=False)
+        fitter = Fitter([case], Predictor({case.name: 5e-4}))
+        fit = fitter.fit(Hypothesis(believed_terms([case])), None)
+        blocks = make_blocks([case])
+        assert blocks and all((without(fit, block) == fit.values).all() for block in blocks)
+        found = score(fit, blocks, fitter.predictor, Noise(), np.random.default_rng(0))
+        failed[across] = len(found.failed)
+    assert failed[0.010] == 0 and failed[0.0262] > 0

@@ -96,7 +96,8 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
     delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays, or
-    is zero where it belongs to a force without a name.
+    is zero where it belongs to a force without a name. Masses and radii that are believed stay as all data tell them:
+    they are nuisances of every scene, and with those that were believed all would miss the impacts of the block alike.
     """
     free = fit.hypothesis.free
     p = len(free)
@@ -116,6 +117,7 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     absent = np.array([f.neutral for f in free])
     size = np.sqrt(np.diag(information))
     told = size**2 > current().blocks.told * np.maximum(all_told, 1e-300)
+    told[fit.hypothesis.believed] = False
     if not told.any():
         return np.where(_of_time(fit), absent, fit.values)
     low, high = fit.hypothesis.bounds
@@ -144,7 +146,8 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
     if not any(part.any() for part in frames.values()):
         return without(fit, block)
     rest = Fitter(cases, predictor, frames, whole=True)
-    return rest.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().blocks.evaluations).values
+    evaluations, held = current().blocks.evaluations, fit.hypothesis.believed
+    return rest.fit(fit.hypothesis, fit.values, fit.starts, evaluations=evaluations, held=held).values
 
 
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -251,6 +254,8 @@ def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor,
     """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed.
 
     values : (p,) of the fit, found without the block
+    Where what an error of the start, of one standard deviation, does to the rest is no longer in proportion to it, the
+    spread that is expected means nothing, and what is left says nothing of a law: a block that cannot be followed.
     Of the residuals first without the memory of the noise (``Case.white``), then with it.
     """
     case = block.case
@@ -270,7 +275,15 @@ def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor,
     u, s, vt = np.linalg.svd(j1, full_matrices=False)
     kept = s > 1e-9 * s.max(initial=0.0)
     inverse = (vt[kept].T / s[kept]) @ u[:, kept].T  # pseudo-inverse of J_1
-    left, size, _ = np.linalg.svd(j2 @ (vt[kept].T / s[kept]), full_matrices=False)
+    errors = vt[kept].T / s[kept]
+    left, size, axes = np.linalg.svd(j2 @ errors, full_matrices=False)
+    if size.max(initial=0) > 1:
+        ends = [numbers + side * (errors @ axes[0]) for side in (-1.0, 1.0)]
+        runs = [fitter.innovations(case, fit.hypothesis, values, end, block.frames)[0] for end in ends]
+        low, middle, high = (run[rest][seen[rest]] for run in (runs[0], here, runs[1]))
+        bent = np.linalg.norm(low + high - 2 * middle)
+        if bent > current().segments.bend * np.linalg.norm(high - low):
+            raise Failed("a block is not followed from a start as well as it is known")
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def whiten(vectors: np.ndarray) -> np.ndarray:
