@@ -22,7 +22,7 @@ from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.joints import angles_of, place
 from granswim_pymunk.recording import film
-from granswim_pymunk.report.figures import _places_of
+from granswim_pymunk.report.track_forms import _places_of
 from granswim_pymunk.scene import Body, Scene, Time, scene_from_dict, use
 from granswim_pymunk.validation.linked import double_pendulum, linked_motion
 

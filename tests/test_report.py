@@ -27,6 +27,8 @@ from granswim_pymunk.report.films import places
 from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.sentences import answers, headline, remainder
 from granswim_pymunk.report.style import prefixed
+from granswim_pymunk.report.track_drawing import turns_of
+from granswim_pymunk.report.track_forms import _forces
 from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
 
@@ -392,8 +394,8 @@ def test_null_marks_the_case_where_it_lies():
 def test_turning_points_are_counted():
     t = np.linspace(0, 10, 1001)
     rng = np.random.default_rng(0)
-    assert draw._turns(np.cos(2 * np.pi * t) + rng.normal(0, 1e-3, t.size), 1e-3) in (19, 20)
-    assert draw._turns(t + rng.normal(0, 1e-3, t.size), 1e-3) == 0
+    assert turns_of(np.cos(2 * np.pi * t) + rng.normal(0, 1e-3, t.size), 1e-3) in (19, 20)
+    assert turns_of(t + rng.normal(0, 1e-3, t.size), 1e-3) == 0
 
 
 @pytest.mark.parametrize(
@@ -443,7 +445,7 @@ def test_a_curve_is_drawn_of_a_number_at_its_bound():
     seen = Recording(name="one", scene=Scene((body,)), ids=("a",), t=np.arange(60) / 60, xy=tracks, sampling=60.0)
     case = prepare(seen, held_out=False, split=True)
     fit: Any = SimpleNamespace(hypothesis=Guess, values=np.array([0.5, 6.0]), covariance=np.diag([1e-4, 1e-2]))
-    best, half, mass = draw._forces(SimpleNamespace(spread=1.0), fit, case, 2, [{"vx": 0.9}])
+    best, half, mass = _forces(SimpleNamespace(spread=1.0), fit, case, 2, [{"vx": 0.9}])
     assert mass == 0.1
     assert best[0] == pytest.approx([-0.5 * 0.9**6, 0.0])
     # dF/dc = -v^n, dF/dn = -c v^n ln v

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .figures import chosen_cases, end_of_rod, hinged_places, models, predicted
 from .player import MOST_FRAMES, Moving
+from .track_drawing import chosen_cases, end_of_rod, hinged_places, models, predicted
 
 if TYPE_CHECKING:
     from ..diagnosis.data import Case
