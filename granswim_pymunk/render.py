@@ -1,15 +1,14 @@
 """Pictures of a scene: the swimmer with its head and axis marked, grains coloured by speed or contact force.
 
 ``draw_frame`` draws one state, into given axes if one likes. A ``Painter`` keeps its figure between frames
-and is what a run uses. ``write_video`` makes a GIF or MP4 of PNG frames. Everything given is in SI; the
+and is what a run uses. ``video`` makes a GIF or MP4 of PNG frames. Everything given is in SI; the
 pictures' labels choose readable units.
 """
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,12 +26,12 @@ from PIL import Image
 from .choices import COLORS
 from .errors import InputError
 from .files import written_whole
-from .scene import LawUse, Scene
+from .scene import Scene
 from .snapshot import Contacts, State
+from .view import View, anchors, inside, is_bed, shrunk, view_of
 from .walls import outline
 
 TRAIL = 300  # states
-GIF_WIDTH = 720  # pixels; a wide GIF of a whole bed is too large to put on a page
 BACKGROUND = "#fdfcfa"
 INK = "#22303c"
 FAINT = "#8b98a3"
@@ -48,8 +47,6 @@ SPEED_MAP = LinearSegmentedColormap.from_list(
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "granswim_force", ["#f0efec", "#d9d6e6", "#aea6d0", "#7d6db3", "#533a8f", "#2c125f"]
 )
-
-View = tuple[float, float, float, float]  # x low, x high, y low, y high [m]
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
@@ -69,60 +66,6 @@ def round_up(value: float) -> float:
         if value <= step * power * (1 + 1e-9):
             return step * power
     return 10.0 * power
-
-
-def is_bed(scene: Scene) -> bool:
-    """A scene that fills its box: the view is the box."""
-    return bool(scene.periodic_x) and any(b.role == "wall" for b in scene.bodies)
-
-
-def _anchors(scene: Scene) -> list[tuple[LawUse, int, tuple[float, float]]]:
-    """Pins and springs: the law, the row of the body, the anchor [m]."""
-    found = []
-    for item in scene.laws:
-        if item.name in ("pin", "spring"):
-            anchor = item.values["anchor"]
-            found += [(item, int(row), (anchor[0], anchor[1])) for row in scene.rows(item)]
-    return found
-
-
-def view_of(scene: Scene, positions: np.ndarray | None = None) -> View:
-    """What a picture should show [m]: the box of a bed, else everything that moves and hangs.
-
-    ``positions``: (..., n, 2) [m], all that have to fit in; left out, the initial ones.
-    """
-    radius = np.array([b.radius for b in scene.bodies])
-    if positions is None:
-        positions = np.array([b.initial[:2] if b.initial else (np.nan, np.nan) for b in scene.bodies])
-    if is_bed(scene):
-        walls = [b for b in scene.bodies if b.role == "wall" and b.initial is not None]
-        low = min(b.initial[1] - b.radius for b in walls if b.initial)
-        high = max(b.initial[1] + b.radius for b in walls if b.initial)
-        return 0.0, float(scene.periodic_x or 1.0), low, high
-    xs, ys = [], []
-    if len(radius):
-        xy = np.asarray(positions, dtype=float).reshape(-1, len(radius), 2)
-        xs += [np.nanmin(xy[..., 0] - radius), np.nanmax(xy[..., 0] + radius)]
-        ys += [np.nanmin(xy[..., 1] - radius), np.nanmax(xy[..., 1] + radius)]
-    for wall in scene.walls:
-        corners = outline(wall)
-        xs += [float(corners[:, 0].min()), float(corners[:, 0].max())]
-        ys += [float(corners[:, 1].min()), float(corners[:, 1].max())]
-    for _, _, anchor in _anchors(scene):
-        xs.append(anchor[0])
-        ys.append(anchor[1])
-    if scene.periodic_x:
-        xs = [0.0, scene.periodic_x]
-    x_low, x_high, y_low, y_high = min(xs), max(xs), min(ys), max(ys)
-    pad = 0.08 * max(x_high - x_low, y_high - y_low)
-    x_low, x_high, y_low, y_high = x_low - pad, x_high + pad, y_low - pad, y_high + pad
-    # neither a ribbon nor a needle
-    wide, tall = x_high - x_low, y_high - y_low
-    if wide > 2.4 * tall:
-        y_low, y_high = y_low - (wide / 2.4 - tall) / 2, y_high + (wide / 2.4 - tall) / 2
-    elif tall > 1.25 * wide:
-        x_low, x_high = x_low - (tall / 1.25 - wide) / 2, x_high + (tall / 1.25 - wide) / 2
-    return float(x_low), float(x_high), float(y_low), float(y_high)
 
 
 def body_force(contacts: Contacts, n: int) -> np.ndarray:
@@ -234,7 +177,7 @@ class Painter:
             need = view_of(self.scene, state.xy)
             now = self.scale.view or need
             # `need` has its margin: only what would touch the edge asks for more
-            if _inside(_shrunk(need, 0.06), now):
+            if inside(shrunk(need, 0.06), now):
                 return
             self.scale.view = view_of(self.scene, _corners(now, need, len(self.radius)))
 
@@ -307,7 +250,7 @@ class Painter:
                 ends = np.array(initial[:2]) + side + np.outer([-far, far], d)
                 ax.plot(ends[:, 0], ends[:, 1], color=FAINT, lw=2.0, zorder=1, solid_capstyle="butt")
         size = 0.018 * max(view[1] - view[0], view[3] - view[2])
-        for item, _, (x, y) in _anchors(self.scene):
+        for item, _, (x, y) in anchors(self.scene):
             if item.name == "pin":
                 ax.add_patch(Rectangle((x - 2 * size, y), 4 * size, 0.7 * size, color=WALL, lw=0, zorder=2))
                 ax.plot([x], [y], "o", ms=7, color=INK, zorder=6)
@@ -530,7 +473,7 @@ class Painter:
 
     def _draw_links(self, xy: np.ndarray) -> None:
         rods, springs = [], []
-        for item, row, anchor in _anchors(self.scene):
+        for item, row, anchor in anchors(self.scene):
             a, b = np.array(anchor), xy[row]
             if item.name == "pin":
                 rods.append([a, b])
@@ -638,111 +581,7 @@ def save_image(image: Image.Image, path: str | Path) -> None:
         image.save(stream, format="PNG", compress_level=4)
 
 
-def write_video(
-    frames: Sequence[str | Path],
-    path: str | Path,
-    fps: float = 25.0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Path:
-    """A GIF or MP4, by the ending of ``path``, of PNG frames; ``fps`` pictures a second.
-
-    Raises InputError for another ending or without frames.
-    """
-    path = Path(path)
-    if not frames:
-        raise InputError("there are no frames to make a video of", file=path)
-    if path.suffix not in (".gif", ".mp4"):
-        raise InputError("should end in .gif or .mp4", file=path)
-    beside = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        if path.suffix == ".gif":
-            _write_gif(frames, beside, fps, progress)
-        else:
-            _write_mp4(frames, beside, fps, progress)
-            if _length(beside) != len(frames):  # ffmpeg says nothing of a full disk
-                raise InputError("cannot write it: ffmpeg left out pictures", file=path)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
-    return path
-
-
-def _write_gif(
-    frames: Sequence[str | Path], path: Path, fps: float, progress: Callable[[int, int], None] | None
-) -> None:
-    pictures = []
-    palette = None
-    for k, name in enumerate(frames):
-        with Image.open(name) as picture:
-            small = picture.convert("RGB")
-        if small.width > GIF_WIDTH:
-            small = small.resize(
-                (GIF_WIDTH, round(small.height * GIF_WIDTH / small.width)), Image.Resampling.LANCZOS
-            )
-        if palette is None:
-            # one palette for all, from first, middle and last: colours must not flicker
-            palette = _palette([frames[0], frames[len(frames) // 2], frames[-1]])
-        pictures.append(small.quantize(palette=palette, dither=Image.Dither.NONE))
-        if progress is not None:
-            progress(k + 1, len(frames))
-    pictures[0].save(
-        path, save_all=True, append_images=pictures[1:], duration=round(1000 / fps), loop=0, optimize=False
-    )
-
-
-def _palette(names: Sequence[str | Path]) -> Image.Image:
-    strips = []
-    for name in names:
-        with Image.open(name) as picture:
-            strips.append(np.asarray(picture.convert("RGB").resize((400, 300))))
-    return Image.fromarray(np.vstack(strips)).quantize(128, method=Image.Quantize.MAXCOVERAGE)
-
-
-def _write_mp4(
-    frames: Sequence[str | Path], path: Path, fps: float, progress: Callable[[int, int], None] | None
-) -> None:
-    import imageio_ffmpeg
-
-    with Image.open(frames[0]) as first:
-        size = (first.width // 2 * 2, first.height // 2 * 2)
-    writer = imageio_ffmpeg.write_frames(
-        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2,
-        output_params=["-crf", "18", "-preset", "fast"], ffmpeg_log_level="error",
-    )  # fmt: skip
-    writer.send(None)
-    try:
-        for k, name in enumerate(frames):
-            with Image.open(name) as picture:
-                writer.send(np.ascontiguousarray(np.asarray(picture.convert("RGB").crop((0, 0, *size)))))
-            if progress is not None:
-                progress(k + 1, len(frames))
-    except OSError as error:
-        # imageio_ffmpeg puts ffmpeg's whole command line into it
-        raise InputError(f"cannot write it: {(error.strerror or str(error)).splitlines()[0]}", file=path) from None
-    finally:
-        writer.close()
-
-
-def _length(path: Path) -> int:
-    """Number of pictures in a video, 0 where it cannot be read."""
-    import imageio_ffmpeg
-
-    try:
-        return int(imageio_ffmpeg.count_frames_and_secs(str(path))[0])
-    except (OSError, RuntimeError):
-        return 0
-
-
 # ---- small things -----------------------------------------------------------------------------
-
-
-def _shrunk(view: View, part: float) -> View:
-    pad = part * max(view[1] - view[0], view[3] - view[2])
-    return view[0] + pad, view[1] - pad, view[2] + pad, view[3] - pad
-
-
-def _inside(inner: View, outer: View) -> bool:
-    return inner[0] >= outer[0] and inner[1] <= outer[1] and inner[2] >= outer[2] and inner[3] <= outer[3]
 
 
 def _corners(a: View, b: View, n: int) -> np.ndarray:

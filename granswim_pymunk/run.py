@@ -34,11 +34,12 @@ from .errors import InputError, SimulationError, Terminated
 from .files import claimed, refuse_links, writing, written_whole
 from .limits import MOST_PICTURES, MOST_STATES, MOST_STEPS, check_seed
 from .packing import pack, quality
-from .render import Painter, Scale, body_force, frame_options, write_video
+from .render import Painter, Scale, body_force, frame_options
 from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
 from .run_folder import VIDEOS as VIDEO_NAMES
 from .scene import Scene, Time, read_scene
 from .trajectory import TrajectoryWriter, read_trajectory
+from .video import write_video
 
 log = logging.getLogger("granswim")
 

@@ -21,10 +21,10 @@ from granswim_pymunk.render import (
     frame_options,
     readable,
     round_up,
-    view_of,
-    write_video,
 )
 from granswim_pymunk.scene import Body, Scene, swimmer, use
+from granswim_pymunk.video import write_video
+from granswim_pymunk.view import view_of
 
 
 def little_bed(head=(0.012, 0.01)):
