@@ -152,26 +152,40 @@ def _believed(
 
 
 def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: float) -> float:
-    """Where chi2, all others refitted, has risen to its ends; the bound where it never does; ``first``: a step."""
-    free = fit.hypothesis.free[k]
+    """Where chi2, all others refitted, has risen to its ends; the bound where it never does; ``first``: a step.
+
+    As it rises with the square of the distance, sqrt(rise) is a line: that says where to look next, no farther than
+    twice the last step, as a valley may bend, and no farther than half of one that failed.
+    """
+    free, criteria = fit.hypothesis.free[k], current().intervals
     bound = free.high if side > 0 else free.low
-    step, here, failed = first, fit, False
-    for _ in range(current().intervals.most):
+    step, here, failed, least = first, fit, False, criteria.fine * first
+    for _ in range(criteria.most):
         at = float(here.values[k]) + side * step
         if (at - bound) * side >= 0:
             at = bound
         values = here.values.copy()
         values[k] = at
-        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=current().intervals.evaluations, held=(k,))
-        if found.chi2 - fit.chi2 < current().intervals.level * spread:
+        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,))
+        # 1 at the end
+        before, now = (math.sqrt(max(f.chi2 - fit.chi2, 0.0) / (criteria.level * spread)) for f in (here, found))
+        away = abs(at - float(fit.values[k]))
+        if now < 1:
             if at == bound:
                 return bound
             here = found
-            step *= 1.0 if failed else current().intervals.growth
+            if now > 1 - criteria.fine:
+                return at
+            foreseen = away * (1.0 / now - 1.0) if now > 0 else math.inf
+            step = min(foreseen, step if failed else criteria.growth * step)
         else:
             # the end, or a valley that bends more than one search can follow
             failed = True
-            step *= 0.5
-            if step < 0.1 * first + current().intervals.fine * abs(float(here.values[k] - fit.values[k])):
+            step = abs(at - float(here.values[k]))
+            half = step / 2
+            if now < 1 + criteria.fine or half < least + criteria.fine * away:
                 return at
+            # a search that is lost says nothing of where the end is
+            foreseen = step * (1.0 - before) / (now - before) if now < criteria.unlike else half
+            step = min(half, max(foreseen, criteria.fine * step))
     return at if failed else bound

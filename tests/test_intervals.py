@@ -1,0 +1,66 @@
+"""Where the profile of chi2 of one number ends."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.diagnosis.choose import score_inner
+from granswim_pymunk.diagnosis.hypothesis import Free
+from granswim_pymunk.diagnosis.intervals import _end
+from granswim_pymunk.diagnosis.name import Trial
+
+AT, ERROR = 2.0, 0.3
+
+
+class Profile:
+    """Fits whose chi2 rises with the square of the distance; one that goes farther than ``reach`` is lost."""
+
+    def __init__(self, reach=math.inf):
+        self.reach, self.fits = reach, 0
+
+    def fit(self, hypothesis, values, starts, **how):
+        self.fits += 1
+        lost = abs(values[0] - starts) > self.reach
+        chi2 = 1e6 if lost else ((values[0] - AT) / ERROR) ** 2
+        return SimpleNamespace(chi2=chi2, values=values, starts=float(values[0]), hypothesis=hypothesis)
+
+
+def end(profile, first, low=-math.inf, high=math.inf, side=1.0):
+    hypothesis = SimpleNamespace(free=(Free("s", "N", low, high, AT, 1.0),))
+    fit = SimpleNamespace(chi2=0.0, values=np.array([AT]), starts=AT, hypothesis=hypothesis)
+    return _end(profile, fit, 0, 1.0, side, first)
+
+
+@pytest.mark.parametrize("first", [0.05, 0.3, 1.0, 2.5])
+def test_few_fits_find_the_end(first):
+    """1.96 standard errors away, to a twentieth of that."""
+    for side in (-1.0, 1.0):
+        profile = Profile()
+        assert abs(end(profile, first, side=side) - AT) == pytest.approx(math.sqrt(3.84) * ERROR, rel=0.06)
+        assert profile.fits <= 6
+
+
+def test_along_a_valley_that_bends():
+    """No search gets farther than 0.1 from where it begins: the end is not where one failed."""
+    profile = Profile(reach=0.1)
+    assert abs(end(profile, 0.08) - AT) == pytest.approx(math.sqrt(3.84) * ERROR, rel=0.2)
+
+
+def test_a_bound_before_the_end_is_the_end():
+    assert end(Profile(), 0.2, high=2.25) == 2.25 and end(Profile(), 0.2, low=1.75, side=-1.0) == 1.75
+
+
+def test_what_is_far_behind_the_best_is_not_scored():
+    """Forms without a name beside a law that gains more than twice as much: their score decides nothing."""
+    scored = []
+
+    def score(fit):
+        scored.append(fit)
+        return 1.0, {}
+
+    trials = [Trial(None, fit, gain, math.inf) for fit, gain in (("near", 60.0), ("far", 40.0))]
+    inner = SimpleNamespace(score=score)
+    assert [t.inner for t in score_inner(inner, trials, 1.0, ahead=100.0)] == [1.0, math.inf] and scored == ["near"]
+    assert [t.inner for t in score_inner(inner, trials, 1.0)] == [1.0, 1.0]
