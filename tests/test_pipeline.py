@@ -209,3 +209,12 @@ def test_held_out_data_withdraw_a_name_and_never_make_one():
     nothing = diagnose_by(Toy(claim=PLAIN, outcome="fails")).verdict
     assert nothing["verdict"] == "no_mismatch" and nothing["heldout"] == "fails"
     assert diagnose_by(Toy(claim=PLAIN, outcome=None, stray=True)).verdict["verdict"] == "unmodelled"
+
+
+def test_a_form_that_predicts_later_data_worse_takes_no_name_away():
+    closer = form(1.0)
+    assert verdict_of(share(0.97), closer).verdict == "unmodelled"
+    found = verdict_of(share(0.97), replace(closer, later=False))
+    assert found.verdict == "missing_physics" and found.free_form == 1.0
+    # without a form that counts a name has to explain as much as beside one that explains nothing
+    assert verdict_of(share(0.4), replace(closer, later=False)).verdict == "unmodelled"

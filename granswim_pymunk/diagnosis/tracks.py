@@ -226,7 +226,8 @@ class Tracks(ObservationModel):
                 form = Claim((arm,), arm.fit)
                 self.scores[form.label] = scores(arm.fit)
                 share = explained(self.scores[form.label], before, rng)
-                forms.append(Form(form, share, worth(arm, tried.spread)))
+                later = not claim.laws or not math.isfinite(claim.laws[0].inner) or arm.inner <= claim.laws[0].inner
+                forms.append(Form(form, share, worth(arm, tried.spread), later))
         best = best_form(forms)
         self.best_form = None if best is None else best.claim.laws[0]
         gain = (tried.recalibrated.chi2 - claim.fit.chi2) / self.spread - 2 * sum(t.used for t in claim.laws)

@@ -115,11 +115,16 @@ class Claim:
 
 @dataclass(frozen=True)
 class Form:
-    """A form without a name in place of the names: what it explains; worth: its gain, paid for its numbers (AIC)."""
+    """A form without a name in place of the names: what it explains; worth: its gain, paid for its numbers (AIC).
+
+    later : whether it predicts later data inside the training part no worse than the names. A form of many numbers
+        fills in what lies between data that it has seen, and says nothing of what comes after
+    """
 
     claim: Claim
     explained: Explained
     worth: float
+    later: bool = True
 
 
 @dataclass(frozen=True)
@@ -208,8 +213,8 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
         return Judgement("unmodelled", claim, named, free_form)
     if named is None:
         return Judgement(named_verdict(claim.laws), claim, None, free_form)
-    forms = [f.explained for f in weighed.forms]
-    if not forms and weighed.possible:
+    forms = [f.explained for f in weighed.forms if f.later]
+    if not forms and (weighed.possible or weighed.forms):
         forms = [replace(named, share=0.0, low=0.0, high=0.0, left=named.left_before, spread=0.0)]
     good, why = accepted(named, forms, weighed.ahead)
     least = current().verdict.share
