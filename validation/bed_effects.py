@@ -323,8 +323,8 @@ def run_rows(
             continue
         recordings = make(row, number, out / "recordings")
         result = diagnosed(recordings, out / "reports" / f"{number:02d}", args.minutes)
-        # where runs are there from a diagnosis by other code, what that one took
-        result["cpu"] = max(result.get("cpu", 0), stored.get(row.key, {}).get("cpu", 0))
+        for spent in ("seconds", "cpu"):  # where runs are there from a diagnosis by other code, what that one took
+            result[spent] = max(result.get(spent, 0), stored.get(row.key, {}).get(spent, 0))
         keep(files[row.key], result)
         results[row.key] = result
         how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
