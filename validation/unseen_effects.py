@@ -32,7 +32,7 @@ ABOUT = (
     "(some 2200 grains), simulated by the proof's code, not by the engine, and diagnosed together in another process",
     "from the tracks of the swimmer alone. The bending stiffness is believed 4 % too high. Strengths are those of",
     "[bed_effects.md](bed_effects.md), chosen, not drawn. Errors: held-out data, rms of the disks over a cycle, µm.",
-    "Lines find the runs of the naive scene and of the candidates that those before them left in the cache; a line made",
+    "Lines find the runs of the naive scene and of the candidates that earlier ones left in the cache; a line made",
     "again by later code finds its own, too, and is said with the longer time. Several diagnoses shared two cores.",
 )
 # beds in which nothing is missing, packed anew; in every third the stiffness is off by a fifth
