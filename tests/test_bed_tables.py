@@ -36,6 +36,13 @@ def run(out: Path, *names: str) -> None:
     bed_effects.run_table(args, ROWS, made, "Title", "bed_effects", ("About.",), lambda text: None)
 
 
+def test_a_number_believed_off_may_be_told_where_nothing_is_missing():
+    verdict = empty_verdict("recalibrate", "m rms")
+    assert bed_effects.judged(ROWS[1], verdict)[0] == "class"
+    assert bed_effects.judged(Row("stiffness off", {}, "recalibrate"), verdict)[0] == "right"
+    assert bed_effects.judged(ROWS[0], verdict)[0] == "wrong"
+
+
 def test_an_interrupted_table_goes_on_where_it_stopped(diagnosed, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path)
