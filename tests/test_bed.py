@@ -26,7 +26,7 @@ from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_m
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import Answer, on_held_out, plainer_of, windows_of
 from granswim_pymunk.diagnosis.bed.hidden import circles
-from granswim_pymunk.diagnosis.bed.judge import astray
+from granswim_pymunk.diagnosis.bed.judge import predictive_check
 from granswim_pymunk.diagnosis.bed.model import Windows
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
@@ -587,18 +587,18 @@ def test_a_film_at_another_pace_than_its_twins_is_no_match():
     assert pace.shape == (2,) and (pace > 1e-3).all()
     scatter = np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5]))[:, None]
     bench.paces = [pace * scatter]
-    assert astray(bench) is None
+    assert predictive_check(bench) is None
     bench.paces = [pace * scatter * [5.0, 1.0]]  # a swimmer that is held fast
-    found = astray(bench)
+    found = predictive_check(bench)
     assert found is not None and found.place.region == "swimmer"
     assert found.place.p < 1e-3 and len(found.place.bodies) == 7
     bench.paces = [pace * scatter * [1.0, 0.3]]
-    found = astray(bench)
+    found = predictive_check(bench)
     assert found is not None and found.place.bodies == () and "grains move" in found.text
 
 
 def test_a_swimmer_that_ends_elsewhere_than_its_twins_is_no_match():
-    """A push that grains hold up shows in no start and in no law's signature, but in how far the disks go astray."""
+    """A push that grains hold up shows in no start and in no law's signature, but in how far the disks go."""
     bed = bed_case(small("small_nothing"))
     bench = Bench([bed], 8, 1)
     pace = bench.predictors[0].pace()
@@ -608,9 +608,9 @@ def test_a_swimmer_that_ends_elsewhere_than_its_twins_is_no_match():
     bench.noises = [twin_noise(rng.normal(size=(8, *seen.shape)) * 30e-6)]
     for wrong, found in ((1.0, False), (1.1, False), (2.0, True)):
         off = wrong * 30e-6 * rng.normal(size=seen.shape)
-        strayed = astray(bench, [(seen - off)[:, None]])
-        assert (strayed is not None) == found, wrong
-    assert strayed.place.region == "swimmer" and "no law" in strayed.text and strayed.place.p < 1e-3
+        discrepancy = predictive_check(bench, [(seen - off)[:, None]])
+        assert (discrepancy is not None) == found, wrong
+    assert discrepancy.place.region == "swimmer" and "no law" in discrepancy.text and discrepancy.place.p < 1e-3
 
 
 def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp_path):
@@ -968,7 +968,7 @@ def test_windows_that_ask_for_a_law_of_which_none_stands_are_no_match(monkeypatc
     """p_false_alarm decides (contract): below 0.01 something is there, and what is told is the p that decided."""
     monkeypatch.setattr("granswim_pymunk.diagnosis.bed.model.moved_away", lambda *given: False)
     model = object.__new__(Windows)
-    model.null, model.notes, model.strayed = Null(np.linspace(0.0, 8.0, 499), gain), [], None
+    model.null, model.notes, model.discrepancy = Null(np.linspace(0.0, 8.0, 499), gain), [], None
     model.alone = SimpleNamespace(unexplained=left, covariance=None)
     model.state = model.naive_base = None
     model.start = SimpleNamespace(naive_values=None)

@@ -144,7 +144,7 @@ class Toy(ObservationModel):
         errors = dict(zip(MODELS, (4.0, 3.0, 2.0, 1.0), strict=True))
         return HeldOut(errors, errors, self.outcome, 7.0, self.stands or judged.claim, judged.explained)
 
-    def strays(self, judged):
+    def fails_predictive_check(self, judged):
         return self.stray
 
     def locate(self, judged):

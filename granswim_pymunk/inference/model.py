@@ -159,7 +159,7 @@ class ObservationModel(ABC):
     def hold_out(self, judged: Judgement) -> HeldOut:
         """Predict the held-out part with the naive, the recalibrated and the revised scene. First look at it."""
 
-    def strays(self, judged: Judgement) -> bool:
+    def fails_predictive_check(self, judged: Judgement) -> bool:
         """Whether the recording as a whole is unlike its replicates in what no law shows, where nothing was found."""
         return False
 

@@ -48,7 +48,7 @@ def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) ->
         if not laws and verdict != "unmodelled":
             verdict = without_laws(model.mismatch(held.claim))
         judged = replace(judged, verdict=verdict, claim=held.claim, explained=held.explained)
-    if not judged.claim.laws and model.strays(judged):
+    if not judged.claim.laws and model.fails_predictive_check(judged):
         judged = replace(judged, verdict="unmodelled")
     return judged
 

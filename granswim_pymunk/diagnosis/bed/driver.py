@@ -22,7 +22,7 @@ from .bench import Bench, Prediction, Windows, both_sides, check_runs
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import Chance, as_in_twins, chance, share_of_most
 from .cut import REACH
-from .judge import Strayed, held_gain
+from .judge import Discrepancy, held_gain
 from .places import Place, locate, locate_law
 from .plan import LEADERS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
@@ -474,21 +474,21 @@ def places_of(search: Search, answer: Answer, predicted: Mapping[str, Prediction
 
 def left_of(
     search: Search, answer: Answer, predicted: Mapping[str, Prediction], verdict: str, excess: Mapping[str, float],
-    strayed: Strayed | None, trials: Sequence[BedTrial], level: float,
+    discrepancy: Discrepancy | None, trials: Sequence[BedTrial], level: float,
 ) -> tuple[bool, Remains | None]:  # fmt: skip
     """Whether what the revised scene leaves of training windows passes for what it leaves of twins, and what it is."""
     rows = predicted.get("revised")
     if rows is None:
         return False, None
     judge = answer.judge if answer.found is not None else search.bench
-    if strayed is None and like_twins(search.bench, judge, rows, search.used, excess["revised"]):
+    if discrepancy is None and like_twins(search.bench, judge, rows, search.used, excess["revised"]):
         return True, None
     if verdict in ("no_mismatch", "recalibrate"):
         return False, None
-    looks = looks_like(search, answer, rows, trials, level) if strayed is None else NOTHING
+    looks = looks_like(search, answer, rows, trials, level) if discrepancy is None else NOTHING
     remains = remains_in(search.bench, judge, rows, search.used, looks)
-    if remains is not None and strayed is not None and strayed.place.bodies:
-        remains = replace(remains, bodies=strayed.place.bodies)
+    if remains is not None and discrepancy is not None and discrepancy.place.bodies:
+        remains = replace(remains, bodies=discrepancy.place.bodies)
     return False, remains
 
 

@@ -1,4 +1,4 @@
-"""What a fit is worth: errors and their floor, held-out windows, the verdict and its rivals, films gone astray."""
+"""What a fit is worth: errors and their floor, held-out windows, the verdict and its rivals, predictive checks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class Strayed:
+class Discrepancy:
     """Where a film as a whole is unlike its twins, in words, and what no law explains."""
 
     place: Place
@@ -34,15 +34,16 @@ class Strayed:
     what: str = "the pace of the whole film"
 
 
-def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
+def predictive_check(bench: Bench, predicted: Prediction | None = None) -> Discrepancy | None:
     """Whether swimmer or grains move at another pace than in whole films simulated from the same start.
 
-    Windows start from what was seen: a swimmer that is stuck stays stuck in them, and one that is pushed against grains
-    is held by forces that no start shows. With ``predicted``, of all windows, also whether the swimmer's disks end
-    farther from their prediction than those of twins. Student's t of the logarithm of the rms speed, or error, among
-    those of twins, corrected for the number of looks; None where all is as it should be.
+    A predictive check of what windows cannot show (Gelman, Meng & Stern 1996, Stat. Sinica 6, 733). They start from
+    what was seen: a swimmer that is stuck stays stuck in them, and one that is pushed against grains is held by forces
+    that no start shows. With ``predicted``, of all windows, also whether the swimmer's disks end farther from their
+    prediction than those of twins. Student's t of the logarithm of the rms speed, or error, among those of twins,
+    corrected for the number of looks; None where all is as it should be.
     """
-    found: list[Strayed] = []
+    found: list[Discrepancy] = []
     looks = (2 if predicted is None else 3) * len(bench.beds)
     innovations = [None] * len(bench.beds) if predicted is None else bench.innovations(predicted)
     for b, (bed, predictor, paces, rows) in enumerate(
@@ -61,7 +62,7 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
                 f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
                 "with what was seen, do not show why"
             )
-            found.append(Strayed(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
+            found.append(Discrepancy(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
         if rows is None:
             continue
         error, *others = (_rms([disks_of(r, bed)]) or 0.0 for r in (rows, *bench.noises[b].residuals))
@@ -74,7 +75,7 @@ def astray(bench: Bench, predicted: Prediction | None = None) -> Strayed | None:
         )
         if away > 0:
             place = Place(swimmer, "swimmer", None, None, None, away, min(p * looks, 1.0))
-            found.append(Strayed(place, text, "how far the swimmer ends from where it is predicted"))
+            found.append(Discrepancy(place, text, "how far the swimmer ends from where it is predicted"))
     worst = min(found, key=lambda s: s.place.p, default=None)
     return worst if worst is not None and worst.place.p <= 0.1 * current().verdict.alarm else None
 

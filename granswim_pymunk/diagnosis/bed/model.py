@@ -38,7 +38,7 @@ from .driver import (
     without_law,
 )
 from .experiment import propose
-from .judge import Strayed, astray, errors, moved_away, noise_floor, rivals_of
+from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
 from .plan import TWINS, Plan
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
@@ -95,7 +95,7 @@ class Windows(ObservationModel):
         progress("cutting windows", 0.01)
         self.start = begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, self.notes)
         self.arm: BedTrial | None = None
-        self.strayed: Strayed | None = None
+        self.discrepancy: Discrepancy | None = None
         self.scale: BedTrial | None = None
 
     @property
@@ -175,11 +175,11 @@ class Windows(ObservationModel):
         window = float(np.median([bed.span for bed in bench.beds]))
         return HeldOut(train, held, outcome, gain, Claim(tuple(laws), answer), share, window)
 
-    def strays(self, judged: Judgement) -> bool:
-        self.strayed = astray(self.state.bench, self.predicted.get("recalibrated"))
-        if self.strayed is not None:
-            self.notes.append(self.strayed.text)
-        return self.strayed is not None
+    def fails_predictive_check(self, judged: Judgement) -> bool:
+        self.discrepancy = predictive_check(self.state.bench, self.predicted.get("recalibrated"))
+        if self.discrepancy is not None:
+            self.notes.append(self.discrepancy.text)
+        return self.discrepancy is not None
 
     def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
         search, scene = self.state, self.state.bench.beds[0].scene
@@ -192,8 +192,8 @@ class Windows(ObservationModel):
                 z, p = after_looks(chance_of_law(trial, search.bench), len(self.trials))
                 entries += place_of(trial, scene, z, p, frequency)
         found = places_of(search, judged.claim.fit, self.predicted, judged.verdict)
-        if self.strayed is not None and judged.verdict != "no_mismatch":
-            found.insert(0, self.strayed.place)
+        if self.discrepancy is not None and judged.verdict != "no_mismatch":
+            found.insert(0, self.discrepancy.place)
         entries += [
             mismatch_entry(
                 q.bodies, q.z, q.p, region=q.region, phase=q.phase, t=q.t, speed=q.speed, frequency=frequency
@@ -211,7 +211,8 @@ class Windows(ObservationModel):
         search, answer = self.state, judged.claim.fit
         self.excess = excess_of(search, self.start, answer, self.predicted, self.noise)
         complete, remains = left_of(
-            search, answer, self.predicted, judged.verdict, self.excess, self.strayed, self.trials, self.chance.level
+            search, answer, self.predicted, judged.verdict, self.excess, self.discrepancy, self.trials,
+            self.chance.level,
         )
         return Left(complete, remains)
 
@@ -255,7 +256,7 @@ class Windows(ObservationModel):
 
     def false_alarm(self, course: Course) -> float:
         p = self.null.p if course.judged.claim.laws else min(self.null.p, self._p_left)
-        return p if self.strayed is None else min(p, max(self.strayed.place.p, _least_p()))
+        return p if self.discrepancy is None else min(p, max(self.discrepancy.place.p, _least_p()))
 
     def revised(self, course: Course) -> dict[str, Scene]:
         values = course.judged.claim.fit.values[: len(self.state.values)]

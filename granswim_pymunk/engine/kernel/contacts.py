@@ -7,7 +7,7 @@ from ..native import load_float, load_int, pointer_to, store_byte, store_float
 from ..neighbours import near_walls, together
 from .core import add_forces, pair_force
 from .names import *
-from .step import finite, gather, hand_over
+from .step import add_to_bodies, finite, gather
 
 # ---- text ----
 
@@ -151,7 +151,7 @@ def chipmunk_step(constraint, space):
             wall_met[i] = 0
     add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
     if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion)
+        add_to_bodies(n_mobile, bodies, state, motion)
 
 
 @cfunc(types.void(types.int64, types.float64), **CALLBACK)

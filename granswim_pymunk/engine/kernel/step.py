@@ -39,7 +39,7 @@ def fast(n_mobile, state):
 
 
 @njit(**PLAIN)
-def hand_over(n_mobile, bodies, state, motion):
+def add_to_bodies(n_mobile, bodies, state, motion):
     """What the kick does first: add the forces to what the user put on the bodies."""
     for i in range(n_mobile):
         at = bodies[i]
@@ -130,4 +130,4 @@ def verlet_step(constraint, space):
             state[i, FY] += push[i, 1]
             state[i, TORQUE] += push[i, 2]
     if I[OWN_KICK] == 0:
-        hand_over(n_mobile, bodies, state, motion)
+        add_to_bodies(n_mobile, bodies, state, motion)
