@@ -187,6 +187,8 @@ def _one_more(
         if spread > 1.0
         else [t for t, _ in scored if t.inner < base_inner + inner.slack]
     )
+    # what may as well be absent stands in the way of no other: of joints of their own one may have none
+    good = [t for t in good if t.fit is not None and _away_from_absent(t.fit, t, spread)] or good
     best = choose(good, spread, base_inner + inner.slack) if good else None
     if best is None or best.fit is None:
         return nothing

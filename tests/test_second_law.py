@@ -1,0 +1,45 @@
+"""Which law is taken beside one that was found."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from granswim_pymunk.diagnosis import pairs
+from granswim_pymunk.diagnosis.hypothesis import Free, Term
+from granswim_pymunk.diagnosis.name import Trial
+from granswim_pymunk.diagnosis.signatures import Signature
+
+
+def term(label, *names):
+    free = tuple(Free(name, "N m s", 0.0, math.inf, 0.0, 1e-6) for name in names)
+    return Term("joint_drag", label, free, lambda *a: None)
+
+
+def fitted(chi2, values, ends, score):
+    fit = SimpleNamespace(chi2=chi2, count=100, values=np.array(values), starts={}, hypothesis=None, score=score)
+    fit.interval = lambda k, spread: (fit.values[k], *ends[k])
+    return fit
+
+
+def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
+    """With one for each joint one is none and the other known badly: refused; one for both joints is taken."""
+    base = fitted(1e5, [1.0], [(0.9, 1.1)], 900.0)
+    both, each = term("joint_drag", "c"), term("joint_drag (each body)", "c[a]", "c[b]")
+    fits = {
+        both.label: fitted(5e4, [1.0, 1e-5], [(0.9, 1.1), (8e-6, 1.2e-5)], 430.0),
+        each.label: fitted(4.8e4, [1.0, 0.0, 2e-5], [(0.9, 1.1), (-9e-5, 9e-5), (-1e-6, 4e-5)], 400.0),
+    }
+    signatures = tuple(Signature(t, np.zeros((4, 1)), 0.5, 1e4) for t in (each, both))
+    monkeypatch.setattr(pairs, "make_bank", lambda *a: SimpleNamespace(signatures=signatures))
+    monkeypatch.setattr(pairs, "refit", lambda fitter, fit, signature, stages: fits[signature.term.label])
+    monkeypatch.setattr(pairs, "spread_of", lambda *a: 500.0)
+    monkeypatch.setattr(pairs, "noise_of", lambda *a: None)
+    monkeypatch.setattr(pairs, "search_nulls", lambda *a: SimpleNamespace(p=0.001))
+    inner = SimpleNamespace(score=lambda fit: (fit.score, {"r": fit.score}), slack=0.0)
+    fitter = SimpleNamespace(cases=[], fit=lambda *a, **k: base)
+    free = Free("linear_drag.c", "kg/s", 0.0, math.inf, 0.0, 1.0)
+    drag = Term("linear_drag", "linear_drag", (free,), lambda *a: None)
+    found = [Trial(Signature(drag, np.zeros((4, 1)), 1.0, 1e6), base, 1e6, 900.0)]
+    _, _, second = pairs._one_more(found, base, base, fitter, [both, each], inner, np.random.default_rng(1), [])
+    assert second is not None and second.label == "joint_drag"
