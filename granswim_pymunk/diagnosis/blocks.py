@@ -95,15 +95,20 @@ def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
 def without(fit: Fit, block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
-    delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells stays, or
-    is zero where it belongs to a force without a name. Masses and radii that are believed stay as all data tell them:
-    they are nuisances of every scene, and with those that were believed all would miss the impacts of the block alike.
+    delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells of a law
+    stays. Numbers of a force without a name have a Gaussian prior about zero, as wide as the mean square of its numbers
+    (ridge regression, Hoerl & Kennard 1970): it may take any form, and where only the block tells it, it could follow
+    anything there. Masses and radii that are believed stay as all data tell them: they are nuisances of every scene,
+    and with those that were believed all would miss the impacts of the block alike.
     """
     free = fit.hypothesis.free
     p = len(free)
     if not p:
         return fit.values
-    information, gradient, all_told = np.zeros((p, p)), np.zeros(p), np.zeros(p)
+    low, high = fit.hypothesis.bounds
+    here = np.clip(fit.values, low, high)
+    prior = _of_any_form(fit)
+    information, gradient, all_told = np.diag(prior), -prior * here, prior.copy()
     for name, (by_value, by_start) in fit.jacobian.items():
         keep = _outside(fit, name, block) if name == block.case.name else np.ones(len(by_value), dtype=bool)
         whole = by_value - project(by_start, by_value)
@@ -114,20 +119,15 @@ def without(fit: Fit, block: Block) -> np.ndarray:
         values = values - project(by_start[keep], values)
         information += values.T @ values
         gradient += values.T @ fit.used(name)[keep]
-    absent = np.array([f.neutral for f in free])
     size = np.sqrt(np.diag(information))
-    told = size**2 > current().blocks.told * np.maximum(all_told, 1e-300)
+    told = (size**2 > current().blocks.told * np.maximum(all_told, 1e-300)) | (prior > 0)
     told[fit.hypothesis.believed] = False
     if not told.any():
-        return np.where(_of_time(fit), absent, fit.values)
-    low, high = fit.hypothesis.bounds
+        return fit.values
     scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
-    here = np.clip(fit.values, low, high)
     room = (low - here)[told] * size[told], (high - here)[told] * size[told]
     moved = here.copy()
     moved[told] += _step(scaled, gradient[told] / size[told], *room) / size[told]
-    unknown = ~told & _of_time(fit)
-    moved[unknown] = absent[unknown]
     return np.clip(moved, low, high)
 
 
@@ -168,14 +168,15 @@ def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: 
     return np.asarray(lsq_linear(matrix, wanted, (low, wide)).x)
 
 
-def _of_time(fit: Fit) -> np.ndarray:
-    """(p,) numbers of a nameless force in time: where only a block tells them they could follow anything there."""
-    laws = all_laws()
-
-    def in_time(mechanism: str) -> bool:
-        return mechanism in laws and laws[mechanism].candidate == "flexible" and "t" in laws[mechanism].arguments
-
-    return np.array([in_time(term.mechanism) for term in fit.hypothesis.terms for _ in term.free], dtype=bool)
+def _of_any_form(fit: Fit) -> np.ndarray:
+    """(p,) information of the prior on numbers of forces without a name, zero for all others."""
+    laws, rows, result = all_laws(), 0, np.zeros(len(fit.values))
+    for term in fit.hypothesis.terms:
+        own = [rows + k for k, free in enumerate(term.free) if not free.inner]
+        rows += len(term.free)
+        if term.mechanism in laws and laws[term.mechanism].candidate == "flexible" and own:
+            result[own] = 1.0 / max(float(np.mean(fit.values[own] ** 2)), 1e-100)
+    return result
 
 
 def _outside(fit: Fit, name: str, block: Block) -> np.ndarray:

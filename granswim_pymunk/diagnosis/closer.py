@@ -31,7 +31,7 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
         return fitter, base
     rivals = [t for t in terms if _of_impacts(t)]
     loose = base
-    for share in current().segments.tighter:
+    for share in current().segments.closer:
         if fitter.stop():
             break
         closer = fitter.tightened(share / fitter.closeness)

@@ -49,8 +49,9 @@ class SegmentCriteria:
     ahead : frames over which a start is followed without asking, and looked ahead where there are more
     robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
         a run that misses a glancing impact is no evidence of that size
-    tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: steps of five, until what a
-        segment leaves open is nothing beside what it tells
+    tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: each by a larger factor than
+        the one before, until what a segment leaves open is nothing beside what it tells
+    closer : the same before candidates are compared. Choice: steps of five
     joins : with which chance narrower steps raise chi2 as much, before looser ones stay. Choice: one in twenty
     rivals : laws of impacts with which closer joints are tried, by first order. Choice
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
@@ -71,7 +72,8 @@ class SegmentCriteria:
     bend: float = 0.25
     ahead: int = 1000
     robust: float = 4.0
-    tighter: tuple[float, ...] = (0.2, 0.04, 0.008)
+    tighter: tuple[float, ...] = (0.2, 0.008, 6.4e-5)
+    closer: tuple[float, ...] = (0.2, 0.04, 0.008)
     joins: float = 0.05
     rivals: int = 3
     same_valley: float = 0.2
