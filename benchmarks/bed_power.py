@@ -1,9 +1,9 @@
-"""``python -m granswim_pymunk.benchmarks.bed_power RECORDING [TWINS]``: what the search in a bed loses.
+"""``python -m granswim_pymunk.benchmarks.bed_power RECORDING [REPLICATES]``: what the search in a bed loses.
 
-Of one recording of a swimmer and its grains: the variance of whitened innovations of twins, each judged by the others
-(1 where their covariance is known); what candidates gain in twins with the columns of the film, and with columns of
-the twins' own starts (a number of degrees of freedom is 1 where noise is white); the 1 % of the nulls before and after
-that is allowed for. Some five minutes for a full bed.
+Of one recording of a swimmer and its grains: the variance of whitened innovations of replicates, each judged by the
+others (1 where their covariance is known); what candidates gain in replicates with the columns of the film, and with
+columns of the replicates' own starts (a number of degrees of freedom is 1 where noise is white); the 1 % of the nulls
+before and after that is allowed for. Some five minutes for a full bed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from granswim_pymunk.diagnosis.bed.chance import own_answers
 from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, signatures_in_time
-from granswim_pymunk.diagnosis.bed.plan import LEADERS, TWINS, Plan
+from granswim_pymunk.diagnosis.bed.plan import LEADERS, REPLICATES, Plan
 from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
 from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.inference.criteria import DEFAULT, current
@@ -25,12 +25,12 @@ ASKED = 12  # candidates, the first of the search
 MINUTES = 60.0
 
 
-def main(folder: str, twins: int = TWINS) -> None:
+def main(folder: str, replicates: int = REPLICATES) -> None:
     """Print the table for the recording in ``folder``."""
     criteria = current().windows.signatures
     notes: list[str] = []
-    plan = Plan(MEMBERS, 2, twins, MOST_WINDOWS, LEADERS)
-    start = begin([read_recording(folder)], [], MINUTES, 0, twins, None, plan, True, notes)
+    plan = Plan(MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS)
+    start = begin([read_recording(folder)], [], MINUTES, 0, replicates, None, plan, True, notes)
     search, _, _ = recalibrated(start, np.random.default_rng(0), lambda text, share: print(text, file=sys.stderr))
     signatures = signatures_in_time(search, start.terms, notes)
     bench, few, nuisance = search.bench, search.few, search.few_nuisance
@@ -47,12 +47,13 @@ def main(folder: str, twins: int = TWINS) -> None:
         cross.append(np.mean(np.sum((q.T @ films) ** 2, axis=0)) / size)
         away = answers - answers.mean(axis=0)
         own.append(np.mean([np.sum((c @ a) ** 2) for a, c in zip(away, shapes, strict=True)]) / size)
-    print(f"recording {folder}, {twins} twins, {len(few[0])} windows, {len(signatures)} candidates")
+    print(f"recording {folder}, {replicates} replicates, {len(few[0])} windows, {len(signatures)} candidates")
     print(f"variance of whitened innovations: {np.mean(films**2):.2f}")
-    print(f"gain of a number in twins: {np.mean(cross):.2f} by columns of the film, {np.mean(own):.2f} by their own")
-    print(f"a bias that so many twins tell: {(twins + 1) / (twins - 1):.2f} times the scatter")
+    text = f"{np.mean(cross):.2f} by columns of the film, {np.mean(own):.2f} by their own"
+    print(f"gain of a number in replicates: {text}")
+    print(f"a bias that so many replicates tell: {(replicates + 1) / (replicates - 1):.2f} times the scatter")
     levels = [float(np.quantile(gains, 1 - DEFAULT.verdict.alarm)) for gains in (plain, null.gains)]
-    print(f"1 % of the nulls: {levels[0]:.1f} in twins, {levels[1]:.1f} in the end")
+    print(f"1 % of the nulls: {levels[0]:.1f} in replicates, {levels[1]:.1f} in the end")
     print(f"most that a candidate gains here: {null.case:.1f} ({trials[0].term.label})")
 
 

@@ -20,18 +20,18 @@ import pytest
 
 from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.diagnosis.bed import diagnose_bed
-from granswim_pymunk.diagnosis.bed.bench import Bench
 from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
-from granswim_pymunk.diagnosis.bed.chance import as_in_twins, chance, share_of_most
+from granswim_pymunk.diagnosis.bed.chance import as_in_replicates, chance, share_of_most
 from granswim_pymunk.diagnosis.bed.cut import carried_paths
 from granswim_pymunk.diagnosis.bed.driver import Answer, on_held_out, plainer_of, windows_of
 from granswim_pymunk.diagnosis.bed.hidden import circles
 from granswim_pymunk.diagnosis.bed.judge import predictive_check
+from granswim_pymunk.diagnosis.bed.likelihood import WindowLikelihood
 from granswim_pymunk.diagnosis.bed.model import Windows
 from granswim_pymunk.diagnosis.bed.places import maps
 from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
 from granswim_pymunk.diagnosis.bed.search import no_narrower, plainer_first, signature_of
-from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, to_values, twin_noise
+from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, replicate_noise, to_values
 from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.diagnosis.bed.trial import BedTrial, first_order
 from granswim_pymunk.diagnosis.bed.verdict import entry_of, parameters_of
@@ -39,7 +39,7 @@ from granswim_pymunk.diagnosis.bed.weigh import (
     by_others,
     fitted_by_others,
     held_verdict,
-    like_twins,
+    like_replicates,
     scores_of,
     share_of,
 )
@@ -243,13 +243,13 @@ def test_signature_respects_bounds_and_recalibration():
     assert to_values(one_number(neutral=1.0), np.array([-0.5]))[0] == 0.75
 
 
-def test_noise_of_twins_makes_innovations_white():
+def test_noise_of_replicates_makes_innovations_white():
     rng = np.random.default_rng(4)
     size = 12
     mix = np.eye(size) + 0.8 * np.tri(size, k=-1) / size
     bias = rng.normal(size=(10, size))
-    twins = 1e-5 * (rng.normal(size=(20, 10, size)) @ mix.T + bias)
-    noise = twin_noise(twins)
+    replicates = 1e-5 * (rng.normal(size=(20, 10, size)) @ mix.T + bias)
+    noise = replicate_noise(replicates)
     fresh = 1e-5 * (rng.normal(size=(4000, size)) @ mix.T + bias[0]) - noise.bias[0]
     white = np.stack([noise.whiten(np.repeat(f[None], 10, axis=0))[0] for f in fresh[:500]])
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.4)
@@ -258,21 +258,23 @@ def test_noise_of_twins_makes_innovations_white():
     assert np.isfinite(noise.whiten(row)).all() and (noise.whiten(row)[:, 3] == 0).all()
 
 
-class BenchOfNumbers:
+class LikelihoodOfNumbers:
     """Windows of one number each: a start that is wrong by e (in its speed), and columns made of that start."""
 
-    def __init__(self, rng: np.random.Generator, films: int, twins: int, windows: int = 12, size: int = 10) -> None:
-        self.members, self.twin_scene = 3, (Hypothesis(()), np.zeros(0))
+    def __init__(
+        self, rng: np.random.Generator, films: int, replicates: int, windows: int = 12, size: int = 10
+    ) -> None:
+        self.members, self.replicate_scene = 3, (Hypothesis(()), np.zeros(0))
         shape = (windows, size)
-        errors = rng.normal(size=(films + twins, *shape))
-        speeds = 2.0 * rng.normal(size=(films + twins, *shape))
+        errors = rng.normal(size=(films + replicates, *shape))
+        speeds = 2.0 * rng.normal(size=(films + replicates, *shape))
         # what is seen less what is predicted from a speed that is too high by e; a drag goes by that wrong speed
         self.innovations = -errors + 0.3 * rng.normal(size=errors.shape)
         self.columns = -(speeds + errors) / 3.0
         self.films = films
-        self.noises = [twin_noise(self.innovations[films:])]
+        self.noises = [replicate_noise(self.innovations[films:])]
 
-    def twin_views(self, wanted, windows, members, first=0):
+    def replicate_views(self, wanted, windows, members, first=0):
         assert len(wanted) == 2
         noise = self.noises[0]
         white = np.stack([noise.whiten(c).ravel() for c in self.columns[self.films :]])
@@ -283,15 +285,15 @@ def test_gains_that_columns_have_from_errors_of_their_starts_are_taken_off():
     rng = np.random.default_rng(11)
     before, after = [], []
     for _ in range(60):
-        bench = BenchOfNumbers(rng, 1, 8)
-        windows, noise = [np.arange(12)], bench.noises[0]
-        column = noise.whiten(bench.columns[0]).ravel()[:, None]
-        left = noise.whiten(bench.innovations[0] - noise.bias).ravel()
+        likelihood = LikelihoodOfNumbers(rng, 1, 8)
+        windows, noise = [np.arange(12)], likelihood.noises[0]
+        column = noise.whiten(likelihood.columns[0]).ravel()[:, None]
+        left = noise.whiten(likelihood.innovations[0] - noise.bias).ravel()
         nothing = np.zeros((len(left), 0))
         signature = make_signature(one_number(low=-np.inf, scale=1.0), np.ones(1), column, nothing)
         amounts, gain = signature.best(left[:, None])
         trial = BedTrial(signature, amounts[:, 0], np.zeros(1), np.eye(1), float(gain[0]), None, float(gain[0]))
-        (corrected,) = as_in_twins(bench, [trial], windows, nothing, left, 2)
+        (corrected,) = as_in_replicates(likelihood, [trial], windows, nothing, left, 2)
         before.append(trial.linear)
         after.append(corrected.linear / corrected.spread)
     # nothing is there: the fall in chi2 should be that of one number
@@ -310,14 +312,14 @@ def test_a_law_in_loud_noise_does_not_hide_one_in_quiet_noise():
         shape = count, windows, size
         return rng.normal(size=shape) + 3.0 * rng.normal(size=(count, windows, 1)) * loud
 
-    noise = twin_noise(films(8))
-    bench = SimpleNamespace(noises=[noise], beds=[SimpleNamespace(starts=np.arange(windows))])
+    noise = replicate_noise(films(8))
+    likelihood = SimpleNamespace(noises=[noise], beds=[SimpleNamespace(starts=np.arange(windows))])
     used, nothing = [np.arange(windows)], np.zeros((windows * size, 0))
     shapes = [noise.whiten(np.tile(v, (windows, 1))).ravel()[:, None] for v in (loud, quiet)]
     any_law = one_number(low=-np.inf, scale=1.0)
     terms = [replace(any_law, mechanism=name, label=name) for name in ("linear_drag", "cohesion")]
     signatures = [make_signature(t, np.ones(1), c, nothing) for t, c in zip(terms, shapes, strict=True)]
-    by_chance = chance(bench, used, nothing, signatures, rng)
+    by_chance = chance(likelihood, used, nothing, signatures, rng)
     first, second = (first_order(s, np.ones(len(nothing)), by_chance.spreads[s.term.label]) for s in signatures)
     level = np.array(by_chance.level)
     assert first.gain_at(level) > 2.0 * second.gain_at(level)
@@ -352,16 +354,16 @@ def test_without_a_window_gains_are_those_of_the_other_windows():
         rest = np.delete(np.arange(ends[-1]), np.arange(a, b))
         part = make_signature(any_law, np.ones(1), columns[rest], nothing[rest])
         gains.append(part.best(left[rest])[1])
-    assert signature.firm(left) == pytest.approx(np.min(gains, axis=0))
-    assert (signature.firm(left) < signature.best(left)[1]).all()
+    assert signature.jackknife(left) == pytest.approx(np.min(gains, axis=0))
+    assert (signature.jackknife(left) < signature.best(left)[1]).all()
 
 
 def test_budget_gives_up_the_least_first():
     free = make_plan(0.001, 24, 14, 40, 600.0, 8)
     tight = make_plan(0.1, 24, 14, 40, 300.0, 8)
     tightest = make_plan(1.0, 24, 14, 40, 60.0, 8)
-    assert (free.members, free.twins, free.leaders) == (3, 8, 7)
-    assert tight.members <= free.members and tight.twins <= free.twins and tight.windows <= free.windows
+    assert (free.members, free.replicates, free.leaders) == (3, 8, 7)
+    assert tight.members <= free.members and tight.replicates <= free.replicates and tight.windows <= free.windows
     assert tightest.members == 1 and tightest.windows < tight.windows
 
 
@@ -412,7 +414,7 @@ def test_candidates_come_from_the_registry_and_run():
 
 
 class Bent:
-    """In place of a bench: predictions that go with an amount and with its square, and a bound."""
+    """In place of a likelihood: predictions that go with an amount and with its square, and a bound."""
 
     members = 1
     beds = ()
@@ -430,8 +432,8 @@ class Bent:
 @pytest.mark.parametrize(("low", "bend"), [(-np.inf, 0.0), (0.0, 1.0), (-0.1, 1.0)])
 def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
     linear, even = np.random.default_rng(5).normal(size=(2, 400))
-    bench, term = Bent(0.1 * linear, 0.02 * even), one_number(low=low, scale=1.0)
-    found = signature_of(bench, Hypothesis(), np.zeros(0), np.zeros(400), np.zeros((400, 0)), term, [], 1)
+    likelihood, term = Bent(0.1 * linear, 0.02 * even), one_number(low=low, scale=1.0)
+    found = signature_of(likelihood, Hypothesis(), np.zeros(0), np.zeros(400), np.zeros((400, 0)), term, [], 1)
     (amount,) = found.tried
     assert 0.8 < np.sqrt(np.mean((found.columns[:, 0] * (amount - found.other[0])) ** 2)) < 2.5
     assert found.other[0] == (0.0 if bend else -amount)
@@ -508,7 +510,7 @@ def test_a_flow_is_reported_as_a_velocity(packed):
 # ---- whole runs ------------------------------------------------------------------------------
 
 FEW = ("weak_joint", "linear_drag", "actuator_lag")
-PLAN = Plan(members=2, screening=1, twins=5, windows=12, leaders=4)
+PLAN = Plan(members=2, screening=1, replicates=5, windows=12, leaders=4)
 
 
 def damaged(recording: Recording) -> Recording:
@@ -547,7 +549,7 @@ def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
     assert all(drawing.draw().axes for drawing in drawn.values())
     assert "joint 4" in headline(found)
     seen = found.evidence
-    (shown,) = maps(seen.bench, seen.predicted["recalibrated"])
+    (shown,) = maps(seen.likelihood, seen.predicted["recalibrated"])
     assert shown.disks.shape == (len(seen.beds[0].starts), 7)
 
 
@@ -580,35 +582,35 @@ def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     assert entry["name"] == "camera_scale" and s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 5e-3
 
 
-def test_a_film_at_another_pace_than_its_twins_is_no_match():
+def test_a_film_at_another_pace_than_its_replicates_is_no_match():
     bed = bed_case(small("small_nothing"))
-    bench = Bench([bed], 5, 1)
-    pace = bench.predictors[0].pace()
+    likelihood = WindowLikelihood([bed], 5, 1)
+    pace = likelihood.predictors[0].pace()
     assert pace.shape == (2,) and (pace > 1e-3).all()
     scatter = np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5]))[:, None]
-    bench.paces = [pace * scatter]
-    assert predictive_check(bench) is None
-    bench.paces = [pace * scatter * [5.0, 1.0]]  # a swimmer that is held fast
-    found = predictive_check(bench)
+    likelihood.paces = [pace * scatter]
+    assert predictive_check(likelihood) is None
+    likelihood.paces = [pace * scatter * [5.0, 1.0]]  # a swimmer that is held fast
+    found = predictive_check(likelihood)
     assert found is not None and found.place.region == "swimmer"
     assert found.place.p < 1e-3 and len(found.place.bodies) == 7
-    bench.paces = [pace * scatter * [1.0, 0.3]]
-    found = predictive_check(bench)
+    likelihood.paces = [pace * scatter * [1.0, 0.3]]
+    found = predictive_check(likelihood)
     assert found is not None and found.place.bodies == () and "grains move" in found.text
 
 
-def test_a_swimmer_that_ends_elsewhere_than_its_twins_is_no_match():
+def test_a_swimmer_that_ends_elsewhere_than_its_replicates_is_no_match():
     """A push that grains hold up shows in no start and in no law's signature, but in how far the disks go."""
     bed = bed_case(small("small_nothing"))
-    bench = Bench([bed], 8, 1)
-    pace = bench.predictors[0].pace()
-    bench.paces = [pace * np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5, 0.3, 0.1, -0.2]))[:, None]]
+    likelihood = WindowLikelihood([bed], 8, 1)
+    pace = likelihood.predictors[0].pace()
+    likelihood.paces = [pace * np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5, 0.3, 0.1, -0.2]))[:, None]]
     rng = np.random.default_rng(2)
-    seen = bench.seen[0]
-    bench.noises = [twin_noise(rng.normal(size=(8, *seen.shape)) * 30e-6)]
+    seen = likelihood.seen[0]
+    likelihood.noises = [replicate_noise(rng.normal(size=(8, *seen.shape)) * 30e-6)]
     for wrong, found in ((1.0, False), (1.1, False), (2.0, True)):
         off = wrong * 30e-6 * rng.normal(size=seen.shape)
-        discrepancy = predictive_check(bench, [(seen - off)[:, None]])
+        discrepancy = predictive_check(likelihood, [(seen - off)[:, None]])
         assert (discrepancy is not None) == found, wrong
     assert discrepancy.place.region == "swimmer" and "no law" in discrepancy.text and discrepancy.place.p < 1e-3
 
@@ -653,16 +655,16 @@ def test_whole_recordings_are_held_out():
 
 @pytest.mark.long
 def test_p_is_not_small_where_the_scene_is_the_truth():
-    """Films of twins: nothing is missing but what the estimate of starts and the bed's chaos make."""
+    """Films of replicates: nothing is missing but what the estimate of starts and the bed's chaos make."""
     recording = small("small_nothing")
     bed = bed_case(recording)
     predictor = BedPredictor(bed)
     found = []
     for number in range(4):
-        film = predictor.twin(Hypothesis(()), np.zeros(0), 50 + number)
+        film = predictor.replicate(Hypothesis(()), np.zeros(0), 50 + number)
         t, xy = film.t[2:], film.xy[2:][:, recording.track_rows]
-        twin = replace(recording, name=f"twin{number}", t=t, xy=xy)
-        found.append(diagnose_bed([twin], candidates=FEW, plan=Plan(2, 2, 6, 26, 3)))
+        replicate = replace(recording, name=f"replicate{number}", t=t, xy=xy)
+        found.append(diagnose_bed([replicate], candidates=FEW, plan=Plan(2, 2, 6, 26, 3)))
     p = sorted(d.verdict["null"]["p_false_alarm"] for d in found)
     assert p[0] > 0.004 and p[-1] > 0.1, p
     assert not any(d.verdict["mechanisms"] for d in found)
@@ -682,7 +684,7 @@ def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
     with pytest.raises(KeyboardInterrupt):
         diagnose_bed([recording], **options, progress=stop)
     rest = diagnose_bed([recording], **options)
-    assert rest.runs < 0.7 * whole.runs  # recalibration, twins and three signatures were kept
+    assert rest.runs < 0.7 * whole.runs  # recalibration, replicates and three signatures were kept
     assert rest.evidence.score == whole.evidence.score
     assert rest.verdict["recalibrated"] == whole.verdict["recalibrated"]
     assert rest.verdict["mechanisms"] == whole.verdict["mechanisms"] != []
@@ -690,7 +692,7 @@ def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
     assert again.runs == whole.runs  # with its verdict a diagnosis is forgotten: the next one starts anew
 
 
-def test_twins_have_bodies_that_are_off_as_the_recording_says():
+def test_replicates_have_bodies_that_are_off_as_the_recording_says():
     recording = replace(small("small_nothing"), radius_error=0.02, mass_error=0.03)
     scene = off_by(recording.scene, recording, np.random.default_rng(1))
     pairs = [(a, b) for a, b in zip(recording.scene.bodies, scene.bodies, strict=True) if a.role == "grain"]
@@ -702,7 +704,7 @@ def test_twins_have_bodies_that_are_off_as_the_recording_says():
     assert off_by(scene, small("small_nothing"), np.random.default_rng(1)) is scene
     # overlaps of other radii are no forces: such a film begins as calmly as one of the bodies that are believed
     predictors = [BedPredictor(bed_case(r)) for r in (small("small_nothing"), recording)]
-    calm, other = (p.of(p.twin(Hypothesis(), np.zeros(0), 0)) for p in predictors)
+    calm, other = (p.of(p.replicate(Hypothesis(), np.zeros(0), 0)) for p in predictors)
     assert not np.array_equal(calm.film.xy, other.film.xy)
     assert other.pace() == pytest.approx(calm.pace(), rel=0.3)
 
@@ -788,7 +790,7 @@ def test_radii_follow_from_who_touches_whom(stated):
 
 
 def test_a_law_is_named_though_grains_were_not_found():
-    """Without them the windows beside leave four times what twins do, and what is explained is 0.6."""
+    """Without them the windows beside leave four times what replicates do, and what is explained is 0.6."""
     verdict, out = named(without(small("small_joint"), 4))
     assert len(out) == 4 and not any("where they touch" in note for note in verdict["notes"])
     assert verdict["explained"]["share"] > 0.7 and verdict["complete"]
@@ -827,22 +829,22 @@ def test_the_budget_counts_work_and_not_the_clock(tmp_path, monkeypatch):
     spent, runs = [], []
     for _ in range(2):
         clock = Clock(1.0, Work())
-        bench = Bench(beds, 2, 1, Store("bed", "budget"), work=clock.work)
-        bench.weigh(*nothing)
+        likelihood = WindowLikelihood(beds, 2, 1, Store("bed", "budget"), work=clock.work)
+        likelihood.weigh(*nothing)
         steps = [clock.spent]
-        bench.make_twins(*nothing)
+        likelihood.make_replicates(*nothing)
         steps.append(clock.spent)
-        bench.with_twins(2).predict([nothing] * 3, bench.training, 2)
+        likelihood.with_replicates(2).predict([nothing] * 3, likelihood.training, 2)
         steps.append(clock.spent)
-        bench.twin_views([nothing], bench.training, 1)
+        likelihood.replicate_views([nothing], likelihood.training, 1)
         steps.append(clock.spent)
         spent.append(steps)
-        runs.append(bench.runs)
+        runs.append(likelihood.runs)
         monkeypatch.setattr("time.monotonic", lambda: 1e9)
     assert spent[0] == spent[1] and runs[1] < runs[0]
     assert all(a < b for a, b in pairwise([0.0, *spent[0]]))
     # two members are looked at in each of five windows, on two cores
-    assert CORES * spent[0][0] == pytest.approx(2 * 5 * bench.predictors[0].member_cost)
+    assert CORES * spent[0][0] == pytest.approx(2 * 5 * likelihood.predictors[0].member_cost)
     assert not clock.late(0.9)
     clock.work.seconds += CORES * 0.95 * 60.0
     assert clock.late(0.9)
@@ -860,10 +862,10 @@ def test_a_damaged_file_of_an_interrupted_diagnosis_is_computed_again(tmp_path):
 # ---- what explains, and what is left ---------------------------------------------------------
 
 
-class BenchOfWindows:
+class LikelihoodOfWindows:
     """One bed of windows of a few numbers each, all of them of disks; a prediction is what is shown."""
 
-    def __init__(self, rng: np.random.Generator, windows: int = 12, twins: int = 8) -> None:
+    def __init__(self, rng: np.random.Generator, windows: int = 12, replicates: int = 8) -> None:
         shape = (windows, 2, 2, 2)  # looks, disks, coordinates
         size = 8
         self.beds = [
@@ -873,7 +875,7 @@ class BenchOfWindows:
                 film=SimpleNamespace(t=2e-3 * np.arange(4 * windows + 5)), recording=SimpleNamespace(tolerance=None),
             )
         ]  # fmt: skip
-        self.noises = [twin_noise(1e-5 * rng.normal(size=(twins, windows, size)))]
+        self.noises = [replicate_noise(1e-5 * rng.normal(size=(replicates, windows, size)))]
         self.seen = [1e-5 * rng.normal(size=shape).reshape(windows, size)]
         self.used, self.held = [np.arange(windows - 4)], [np.arange(windows - 4, windows)]
 
@@ -884,45 +886,45 @@ class BenchOfWindows:
         return self.noises[0].whiten(self.innovations(rows)[0], windows[0]).ravel()
 
 
-def test_the_share_of_windows_is_beyond_what_twins_leave():
+def test_the_share_of_windows_is_beyond_what_replicates_leave():
     rng = np.random.default_rng(21)
-    bench = BenchOfWindows(rng)
+    likelihood = LikelihoodOfWindows(rng)
     wrong = 1e-4 * rng.normal(size=(12, 1, 8))
-    before, half, right = (scores_of(bench, bench, [a * wrong], bench.used) for a in (1.0, 0.5, 0.0))
+    before, half, right = (scores_of(likelihood, likelihood, [a * wrong], likelihood.used) for a in (1.0, 0.5, 0.0))
     assert before.floor.shape == (8, 8) and len(before.sums) == 8
     assert share_of(half, before, rng).share == pytest.approx(0.75, abs=0.05)
     whole = share_of(right, before, rng)
     assert whole.sure and whole.share > 0.95 and whole.low > 0.9
     assert not share_of(right, right, rng).sure
-    assert like_twins(bench, bench, [0.0 * wrong], bench.used, 9.0)
-    assert not like_twins(bench, bench, [0.5 * wrong], bench.used, 9.0)
+    assert like_replicates(likelihood, likelihood, [0.0 * wrong], likelihood.used, 9.0)
+    assert not like_replicates(likelihood, likelihood, [0.5 * wrong], likelihood.used, 9.0)
     # what does not matter to the experimenter is no reason to go on
-    bench.beds[0].recording.tolerance = 1e-3
-    assert like_twins(bench, bench, [0.5 * wrong], bench.used, 9.0)
+    likelihood.beds[0].recording.tolerance = 1e-3
+    assert like_replicates(likelihood, likelihood, [0.5 * wrong], likelihood.used, 9.0)
 
 
-def test_few_twins_that_share_their_starts_are_no_floor_that_is_too_low():
+def test_few_replicates_that_share_their_starts_are_no_floor_that_is_too_low():
     rng = np.random.default_rng(31)
     columns = rng.normal(size=(64, 2))
     film, floor, fitted, fitted_floor = [], [], [], []
     for _ in range(150):
-        bench = BenchOfWindows(rng, twins=4)
-        judge = copy(bench)
-        starts = bench.noises[0].twins[:3]
-        judge.noises = [twin_noise(0.9 * starts + math.sqrt(1 - 0.9**2) * 1e-5 * rng.normal(size=starts.shape))]
+        likelihood = LikelihoodOfWindows(rng, replicates=4)
+        judge = copy(likelihood)
+        starts = likelihood.noises[0].replicates[:3]
+        judge.noises = [replicate_noise(0.9 * starts + math.sqrt(1 - 0.9**2) * 1e-5 * rng.normal(size=starts.shape))]
         nothing = [np.zeros((12, 1, 8))]
-        scores = scores_of(bench, judge, nothing, bench.used)
+        scores = scores_of(likelihood, judge, nothing, likelihood.used)
         film.append(scores.mean)
         floor.append(scores.floors.mean())
         # a scene whose numbers were fitted to the film: to first order, what its columns explain is gone
-        white = judge.white(nothing, bench.used)
+        white = judge.white(nothing, likelihood.used)
         away = columns @ np.linalg.lstsq(columns, white, rcond=None)[0]
         back = np.concatenate([
-            bench.noises[0].roots[w] @ part for w, part in zip(bench.used[0], np.split(away, 8), strict=True)
+            likelihood.noises[0].roots[w] @ part for w, part in zip(likelihood.used[0], np.split(away, 8), strict=True)
         ]).reshape(8, 8)
         shown = np.zeros((12, 1, 8))
-        shown[bench.used[0], 0] = back
-        scores = scores_of(bench, judge, [shown], bench.used, columns)
+        shown[likelihood.used[0], 0] = back
+        scores = scores_of(likelihood, judge, [shown], likelihood.used, columns)
         fitted.append(scores.mean)
         fitted_floor.append(scores.floors.mean())
     # alike to their own errors, some 0.025
@@ -952,14 +954,14 @@ def test_a_window_is_predicted_with_numbers_from_the_others():
 
 def test_held_out_windows_withdraw_what_predicts_them_worse():
     rng = np.random.default_rng(23)
-    bench = BenchOfWindows(rng, windows=24)
-    bench.held = [np.arange(8, 24)]
+    likelihood = LikelihoodOfWindows(rng, windows=24)
+    likelihood.held = [np.arange(8, 24)]
     wrong = 5e-5 * rng.normal(size=(24, 1, 8))
-    fine, poor = bench.white([0.0 * wrong], bench.held), bench.white([wrong], bench.held)
-    assert held_verdict(bench, poor, fine, rng) == "holds"
-    assert held_verdict(bench, fine, poor, rng) == "fails"
-    assert held_verdict(bench, fine, fine, rng) == "undecided"
-    assert held_verdict(bench, fine[:0], fine[:0], rng) is None
+    fine, poor = likelihood.white([0.0 * wrong], likelihood.held), likelihood.white([wrong], likelihood.held)
+    assert held_verdict(likelihood, poor, fine, rng) == "holds"
+    assert held_verdict(likelihood, fine, poor, rng) == "fails"
+    assert held_verdict(likelihood, fine, fine, rng) == "undecided"
+    assert held_verdict(likelihood, fine[:0], fine[:0], rng) is None
 
 
 @pytest.mark.parametrize(("gain", "left", "verdict"), [(9.0, 1.0, "unmodelled"), (3.0, 1.0, "no_mismatch"),
@@ -983,15 +985,15 @@ def test_windows_that_ask_for_a_law_of_which_none_stands_are_no_match(monkeypatc
 def test_held_out_windows_that_say_little_take_no_name_away(harm, outcome):
     """They may withdraw a claim, where they are predicted worse, and never have to make one (contract)."""
     rng = np.random.default_rng(24)
-    bench = BenchOfWindows(rng, windows=24)
-    bench.held, bench.every = [np.arange(12, 24)], [np.arange(24)]
+    likelihood = LikelihoodOfWindows(rng, windows=24)
+    likelihood.held, likelihood.every = [np.arange(12, 24)], [np.arange(24)]
     plain = [np.zeros((24, 1, 8))]
     with_law = [1e-5 * harm * rng.normal(size=(24, 1, 8))]
-    bench.predict = lambda wanted, windows: [plain, plain, with_law]
+    likelihood.predict = lambda wanted, windows: [plain, plain, with_law]
     law = SimpleNamespace(mechanism="linear_drag", gain=1000.0)
-    search = SimpleNamespace(bench=bench, hypothesis=None, values=None)
+    search = SimpleNamespace(likelihood=likelihood, hypothesis=None, values=None)
     start = SimpleNamespace(naive=None, naive_values=None)
-    answer = Answer(None, np.zeros(1), np.eye(1), bench, 0.0, law)
+    answer = Answer(None, np.zeros(1), np.eye(1), likelihood, 0.0, law)
     notes: list[str] = []
     stands, _, gain, told_ = on_held_out(search, start, answer, rng, notes)
     assert stands is answer and told_ == outcome and not notes
@@ -1068,7 +1070,7 @@ def test_what_held_out_windows_turned_down_is_the_first_rival_and_said_first():
     assert standing(verdict)[0].startswith("withdrawn")
 
 
-def test_a_name_that_leaves_more_than_twins_is_the_best_approximation_so_far():
+def test_a_name_that_leaves_more_than_replicates_is_the_best_approximation_so_far():
     trial = drag_trial()
     share = Explained(0.7, 0.6, 0.8, 1.0, 3.0, True, 0.1)
     remains = Remains(8e-5, 1.6, ("3",), (0.1, 0.2), None, "nothing that was tried")

@@ -102,10 +102,10 @@ def test_grains_are_near_across_the_ends_of_a_periodic_bed():
 
 
 def test_places_among_grains_do_not_stand_out_by_chance_though_some_are_thrown_far():
-    """Squares with the tails of a few violent grains: twins tell how much chance there is in them."""
+    """Squares with the tails of a few violent grains: replicates tell how much chance there is in them."""
     criteria = current().windows.places
     rng = np.random.default_rng(5)
-    twins, windows, disks = 8, 26, 7
+    replicates, windows, disks = 8, 26, 7
     bodies = [SimpleNamespace(id=str(k)) for k in range(disks)]
     bed = SimpleNamespace(
         scene=SimpleNamespace(bodies=bodies), rows=np.arange(disks), grains=np.arange(9), phases=lambda: None,
@@ -119,7 +119,8 @@ def test_places_among_grains_do_not_stand_out_by_chance_though_some_are_thrown_f
     for _ in range(60):
         found = Map(
             bed, rng.chisquare(6, (windows, disks)) / 6, heavy(windows, 2), heavy(windows, disks),  # type: ignore[arg-type]
-            rng.chisquare(6, (twins, windows, disks)) / 6, heavy(twins, windows, 2), heavy(twins, windows, disks),
+            rng.chisquare(6, (replicates, windows, disks)) / 6, heavy(replicates, windows, 2), heavy(replicates,
+            windows, disks),
             rng.uniform(0.01, 0.1, windows),
         )  # fmt: skip
         looked = _of_one(found, np.arange(windows))

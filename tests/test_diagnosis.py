@@ -438,7 +438,7 @@ def swimmer(*more: Any) -> Scene:
     return Scene(bodies, (use("union", stiffness=50.0, damping=300.0), bending, use("linear_drag", c=4e-4), *more))
 
 
-def test_a_swimmer_without_a_bed_has_its_own_suspects():
+def test_a_swimmer_without_a_bed_has_its_own_candidates():
     """A joint at half its stiffness is told from drags; what its start was bent to do without it is left behind."""
     t, rng = np.arange(0.0, 0.5, 1 / 200), np.random.default_rng(3)
     xy = Simulation(swimmer(use("weak_joint", joint=1, factor=0.5)), dt=2e-5).sample(t)

@@ -18,7 +18,7 @@ from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
 from granswim_pymunk.diagnosis.candidates import named_terms
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis
-from granswim_pymunk.diagnosis.unseen.candidates import suspects_of
+from granswim_pymunk.diagnosis.unseen.candidates import candidates_of
 from granswim_pymunk.diagnosis.unseen.summaries import conditions_of
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.laws import Law, Parameter, law
@@ -57,12 +57,12 @@ def of_a_bed() -> set[str]:
 
 
 def of_unseen_packings() -> set[str]:
-    return {x.name for x in suspects_of(conditions_of([unseen(swimming(T))], [], 0))}
+    return {x.name for x in candidates_of(conditions_of([unseen(swimming(T))], [], 0))}
 
 
 def of_a_curve() -> set[str]:
     recorded = only_curve(toy_scene(F), *((f, 0.0, 0.01, 1e-3, 3) for f in (8.0, 9.0, 10.0)))
-    return {x.name for x in suspects_of(conditions_of([recorded], [], 0))}
+    return {x.name for x in candidates_of(conditions_of([recorded], [], 0))}
 
 
 @pytest.mark.parametrize("candidates", [of_bodies, of_a_bed, of_unseen_packings, of_a_curve])
@@ -90,7 +90,7 @@ def test_it_is_named_in_a_bed_that_is_seen(sideways: Law):
     case = bed_case(recorded)
     term = next(t for t in bed_terms([case.case]) if t.mechanism == sideways.name)
     strength = 4.0 * term.free[0].scale
-    film = BedPredictor(case).twin(Hypothesis((term,)), np.array([strength]), 50)
+    film = BedPredictor(case).replicate(Hypothesis((term,)), np.array([strength]), 50)
     seen = replace(recorded, name="turned", t=film.t[2:], xy=film.xy[2:][:, recorded.track_rows])
     verdict = diagnose_bed([seen], candidates=[sideways.name, "weak_joint"], plan=Plan(1, 1, 4, 8, 2)).verdict
     assert verdict["verdict"] == "missing_physics"

@@ -10,6 +10,7 @@ from granswim_pymunk.cli import main
 from granswim_pymunk.commands.prove import parse_seeds
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof import prove as runner
+from granswim_pymunk.proof.candidates import Sizes, typical
 from granswim_pymunk.proof.cases import _public, believed_scene, bodies_case, rivals, strength_of
 from granswim_pymunk.proof.conceal import MOMENT, conceal
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, prove_cases, table_text
@@ -25,7 +26,6 @@ from granswim_pymunk.proof.score import (
 )
 from granswim_pymunk.proof.seal import commitment, opened, read_secret
 from granswim_pymunk.proof.setups import SETUPS
-from granswim_pymunk.proof.suspects import Sizes, typical
 from granswim_pymunk.proof.world import World
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.validation import proof_pictures
@@ -194,8 +194,8 @@ def test_wrong_answers_score_as_such():
     wrong = score_case(result(named="quadratic_drag"))
     assert (wrong.right_name, wrong.right_class, wrong.covered) == (False, False, ())
     assert is_failure(wrong)
-    twin = score_case(result(named="ambient_flow"))
-    assert (twin.right_name, twin.right_class) == (False, True)
+    replicate = score_case(result(named="ambient_flow"))
+    assert (replicate.right_name, replicate.right_class) == (False, True)
     silent = score_case(result(named="", verdict="no_mismatch"))
     assert (silent.right_class, silent.located) == (False, None)
     elsewhere = score_case(result(bodies=["b"]))

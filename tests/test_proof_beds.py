@@ -8,7 +8,7 @@ import pytest
 
 from granswim_pymunk.proof import bed_cases, windows
 from granswim_pymunk.proof import kernels as k
-from granswim_pymunk.proof.bed_suspects import Plan, acting, draw, resolved, rivals_of, typical
+from granswim_pymunk.proof.bed_candidates import Plan, acting, draw, resolved, rivals_of, typical
 from granswim_pymunk.proof.beds import OUTSIDE_BED, SUSPECTS, draw_bed, packed
 from granswim_pymunk.proof.conceal import MOMENT, conceal
 from granswim_pymunk.proof.fitting import with_adjusted
@@ -234,7 +234,7 @@ def test_the_full_form_has_the_beds_that_are_asked_for():
 
 
 class Bending:
-    """A bench whose changes bend with the amount: (4 members, 3 numbers), the same for all members."""
+    """A sensitivity whose changes bend with the amount: (4 members, 3 numbers), the same for all members."""
 
     def __init__(self):
         self.columns = {}

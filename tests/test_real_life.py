@@ -208,7 +208,7 @@ class TestBeds:
     def test_effects_of_a_bed_come_in_twos_of_which_one_is_small(self, monkeypatch) -> None:
         asked = []
 
-        def reached(bench, plan, target, rough=False):
+        def reached(sensitivity, plan, target, rough=False):
             asked.append(target)
             return 1.0, target
 

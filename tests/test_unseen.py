@@ -15,7 +15,7 @@ from unseen_world import STIFFNESS, World, curve_of, filmed, world_candidates
 from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.diagnosis.hypothesis import Free
 from granswim_pymunk.diagnosis.unseen import diagnose_unseen
-from granswim_pymunk.diagnosis.unseen.candidates import dimension, suspects_of
+from granswim_pymunk.diagnosis.unseen.candidates import candidates_of, dimension
 from granswim_pymunk.diagnosis.unseen.checks import confirm, gain_of, predicted_by
 from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer
 from granswim_pymunk.diagnosis.unseen.local import near, scatter_of, wilder_there
@@ -226,7 +226,7 @@ def test_an_amount_between_too_little_and_too_much_is_found():
     assert never.best is None and not never.settled
 
 
-# ---- scenes and suspects ------------------------------------------------------------------------------
+# ---- scenes and candidates ------------------------------------------------------------------------------
 
 
 def test_softer_contacts_keep_the_restitution():
@@ -244,13 +244,13 @@ def test_softer_contacts_keep_the_restitution():
     assert stiffness == 2.2e2 / SOFTER
 
 
-def test_every_suspect_can_be_put_into_the_scene_and_known_ones_are_no_suspects():
+def test_every_candidate_can_be_put_into_the_scene_and_known_ones_are_no_candidates():
     condition = conditions_of([recording(swimming(T))], [], 0)[0]
-    suspects = suspects_of([condition])
-    names = {x.name for x in suspects}
+    candidates = candidates_of([condition])
+    names = {x.name for x in candidates}
     assert {"linear_drag", "coulomb_substrate", "contact_friction"} <= names
     assert {"actuator_lag", "weak_joint", "camera_scale"} <= names
-    for x in suspects:
+    for x in candidates:
         for row in x.design:
             changed, _ = x.term.apply(condition.scene, {}, x.neutral + row)
             assert changed.hash != condition.scene.hash
@@ -258,7 +258,7 @@ def test_every_suspect_can_be_put_into_the_scene_and_known_ones_are_no_suspects(
                 if item.name != "wall_drag":
                     changed.resolved(item)
     known = toy_scene(F).with_laws(use("linear_drag", c=1e-5))
-    known_names = {x.name for x in suspects_of(conditions_of([recording(swimming(T), known)], [], 0))}
+    known_names = {x.name for x in candidates_of(conditions_of([recording(swimming(T), known)], [], 0))}
     assert "linear_drag" not in known_names
 
 
@@ -311,7 +311,7 @@ def own_law():
 def test_a_law_of_the_users_own_is_tried_where_it_says(own_law, kind, c, first):
     mine = own_law(kind=kind, c=c)
     conditions = conditions_of([recording(swimming(T))], [], 0)
-    (found,) = [x for x in suspects_of(conditions) if x.name == mine.name]
+    (found,) = [x for x in candidates_of(conditions) if x.name == mine.name]
     assert found.design.tolist() == [[pytest.approx(first)]]
     changed, _ = found.term.apply(conditions[0].scene, {}, [first])
     assert changed.laws[-1].values["c"] == pytest.approx(first)
@@ -324,7 +324,7 @@ def test_a_users_law_is_tried_at_what_it_says_and_then_at_what_its_unit_tells(ow
     """A size that is far off, as for other bodies, does not keep the law from being tried."""
     mine = own_law(kind="body", c={"unit": "kg/m", "meaning": "drag", "low": 0.0, "typical": 1.0})
     conditions = conditions_of([recording(swimming(T))], [], 0)
-    (found,) = [x for x in suspects_of(conditions) if x.name == mine.name]
+    (found,) = [x for x in candidates_of(conditions) if x.name == mine.name]
     bed = conditions[0].scene.bed
     mass = bed.density * math.pi / 6 * 1.875 * 1e-9 * 2  # <d^3> of diameters from 1 to 2 mm is 3.75 mm^3
     speed = 0.15 * math.pi / 4 * 2 * math.pi * F * 0.021
@@ -386,7 +386,7 @@ def test_pairs_are_priced_by_the_normal_equations():
     b = a + 0.2 * b  # nearly the same, and opposite amounts
     conditions = conditions_of([recording(swimming(T))], [], 0)
     names = ("linear_drag", "head_force along the axis", "uniform_force")
-    every = {x.label: x for x in suspects_of(conditions)}
+    every = {x.label: x for x in candidates_of(conditions)}
     first, second, third = (every[n] for n in names)
     third = replace(third, term=replace(third.term, free=third.term.free[:1]), design=np.eye(1))
     columns = dict(zip(names, (a, b, c), strict=True))
@@ -495,9 +495,9 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     found = diagnose_unseen(filmed(laws, 3, films))
     verdict = found.verdict
     f = found.evidence
-    assert verdict["verdict"] == "missing_physics" and [t.suspect.name for t in f.found] == ["weak_joint"]
-    joint = next(t for t in f.search.trials if t.suspect.label == "weak_joint at joint 3")
-    worse = [t for t in f.search.trials if t.fit is not None and t.suspect.name != "weak_joint"][:2]
+    assert verdict["verdict"] == "missing_physics" and [t.candidate.name for t in f.found] == ["weak_joint"]
+    joint = next(t for t in f.search.trials if t.candidate.label == "weak_joint at joint 3")
+    worse = [t for t in f.search.trials if t.fit is not None and t.candidate.name != "weak_joint"][:2]
     assert worse
     rivals = [joint, *worse]
     confirm(f, rivals)
@@ -536,9 +536,9 @@ def test_a_flow_without_speed_is_drag(world, push, named):
     s.runner.do([j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, [0, 1])])
     s.means.refresh()
     screen(s, chosen)
-    trial = next(t for t in s.trials if t.suspect.name == "ambient_flow")
+    trial = next(t for t in s.trials if t.candidate.name == "ambient_flow")
     again(s, trial, 0.5, 2, 6)
-    assert plainer(s, trial, [trial]).suspect.name == named
+    assert plainer(s, trial, [trial]).candidate.name == named
 
 
 def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
@@ -666,8 +666,8 @@ def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, mo
     """A law that is not among the candidates: what comes closest is not named where it leaves most of the misfit."""
     films = filmed({"resting_curvature at joint 2": [0.2]}, 5)
     alone = ("head_force along the axis", "linear_drag", "camera_scale")
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.suspects_of",
-                        lambda c: [x for x in suspects_of(c) if x.label in alone])  # fmt: skip
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.candidates_of",
+                        lambda c: [x for x in candidates_of(c) if x.label in alone])  # fmt: skip
     verdict = diagnose_unseen(films).verdict
     assert verdict["verdict"] == "unmodelled" and not verdict["complete"]
     assert [m["name"] for m in verdict["mechanisms"]] == ["unknown"]
@@ -677,7 +677,7 @@ def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, mo
 def test_a_law_that_is_asked_for_and_does_not_stand_is_unmodelled_though_the_stiffness_was_off(world, monkeypatch):
     """p_false_alarm decides (contract); what comes closest is the first rival, with its share."""
 
-    def refitted_in_vain(s, bank, open_, suspects):
+    def refitted_in_vain(s, bank, open_, candidates):
         again(s, open_[0], 0.7, 1, 6)
         return [], None, []
 
@@ -716,18 +716,18 @@ FEW = Sizes(true=5, soft=5, adjustable=3, screen=2, more=0, leader=3, final=3, l
 
 
 @pytest.fixture
-def few_suspects(monkeypatch):
+def few_candidates(monkeypatch):
     """A line-up that takes seconds: dry friction, a late motor, a weak joint, the camera."""
     laws = ("coulomb_substrate", "actuator_lag", "weak_joint at joint 4")
     wanted = (*laws, "camera_scale", "camera_tilt", "time_offset")
 
     def chosen(conditions):
-        return [x for x in suspects_of(conditions) if x.label in wanted]
+        return [x for x in candidates_of(conditions) if x.label in wanted]
 
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.suspects_of", chosen)
+    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.candidates_of", chosen)
 
 
-def test_dry_friction_is_named_and_the_files_are_there(few_suspects, tmp_path):
+def test_dry_friction_is_named_and_the_files_are_there(few_candidates, tmp_path):
     found = diagnose_unseen([read_recording(FOLDER / "substrate_10_Hz")], sizes=FEW)
     verdict = found.verdict
     assert verdict["verdict"] == "missing_physics"
@@ -758,13 +758,13 @@ def test_dry_friction_is_named_and_the_files_are_there(few_suspects, tmp_path):
     assert np.isfinite(sim.state().xy).all()
 
 
-def test_nothing_is_found_where_nothing_is_missing(few_suspects):
+def test_nothing_is_found_where_nothing_is_missing(few_candidates):
     verdict = diagnose_unseen([read_recording(FOLDER / "nothing_10_Hz")], sizes=FEW).verdict
     assert verdict["verdict"] == "no_mismatch"
     assert not verdict["mechanisms"] and not verdict["mismatch"] and verdict["null"]["p_false_alarm"] > 0.01
 
 
-def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_suspects):
+def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_candidates):
     true = read_recording(FOLDER / "nothing_10_Hz")
     verdict = diagnose_unseen([replace(true, xy=1.01 * true.xy)], sizes=FEW).verdict
     assert verdict["verdict"] == "measurement"
@@ -774,7 +774,7 @@ def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_suspects):
     assert s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 2e-3
 
 
-def test_a_late_motor_is_found_at_the_head(few_suspects):
+def test_a_late_motor_is_found_at_the_head(few_candidates):
     found = diagnose_unseen([read_recording(FOLDER / f"lag_{f}_Hz") for f in (10, 14)], sizes=FEW)
     verdict = found.verdict
     # at two frequencies a lag and a late camera are nearly the same: the class, not the name, is sure
@@ -788,7 +788,7 @@ def test_a_late_motor_is_found_at_the_head(few_suspects):
     assert verdict["next_experiment"]["change"] == "film a flash that the motor triggers"
 
 
-def test_a_stiffness_that_was_off_is_recalibrated(few_suspects):
+def test_a_stiffness_that_was_off_is_recalibrated(few_candidates):
     more = replace(FEW, true=8, soft=8, screen=3, leader=6, final=6)
     verdict = diagnose_unseen([read_recording(FOLDER / "softer_10_Hz")], sizes=more).verdict
     assert verdict["verdict"] == "recalibrate" and not verdict["mechanisms"]
@@ -801,7 +801,7 @@ ALL = Sizes(true=6, soft=6, adjustable=3, screen=2, more=0, leader=3, final=3, l
 
 
 @pytest.mark.long
-def test_dry_friction_is_named_among_all_suspects():
+def test_dry_friction_is_named_among_all_candidates():
     recordings = [read_recording(FOLDER / f"substrate_{f}_Hz") for f in (10, 14)]
     verdict = diagnose_unseen(recordings, sizes=ALL).verdict
     assert verdict["verdict"] == "missing_physics"
@@ -811,6 +811,6 @@ def test_dry_friction_is_named_among_all_suspects():
 
 
 @pytest.mark.long
-def test_nothing_is_found_among_all_suspects():
+def test_nothing_is_found_among_all_candidates():
     recordings = [read_recording(FOLDER / f"nothing_{f}_Hz") for f in (10, 14)]
     assert diagnose_unseen(recordings, sizes=ALL).verdict["verdict"] == "no_mismatch"

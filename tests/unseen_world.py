@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.unseen.candidates import Suspect, suspects_of
+from granswim_pymunk.diagnosis.unseen.candidates import Candidate, candidates_of
 from granswim_pymunk.diagnosis.unseen.runs import Job, Runner
 from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
 from granswim_pymunk.recording import Recording
@@ -88,7 +88,7 @@ def _tracks(
 class World(Runner):
     """Runs that cost nothing. ``shuffle``: does them in another order, as a busy machine would."""
 
-    candidates: Mapping[str, Suspect] = {}
+    candidates: Mapping[str, Candidate] = {}
     shuffle: int | None = None
     saturates: float = 0.0  # of laws: their first amount does (1 - exp(-saturates))/saturates of what it would
     softer: float = 0.0  # by how much less a law changes the motion where contacts are soft
@@ -130,7 +130,7 @@ def amounts(label: str) -> dict[str, list[float]]:
 
 def swum(
     frequency: float, laws: Mapping[str, Sequence[float]], rng: np.random.Generator,
-    candidates: Mapping[str, Suspect], *, soft: bool = False, noise: float = 0.0, t: np.ndarray = T,
+    candidates: Mapping[str, Candidate], *, soft: bool = False, noise: float = 0.0, t: np.ndarray = T,
 ) -> np.ndarray:  # fmt: skip
     """(T, 7, 2) tracks of one packing under these laws, see ``World`` for how they act."""
     packing, wilder = SD * (MIX @ rng.normal(size=len(NAMES))), 1.0
@@ -179,11 +179,11 @@ def curve_of(laws: Mapping[str, Sequence[float]], seed: int, packings: int = 6) 
     return Recording("curve", scene, np.zeros(0), scene.ids, np.zeros((0, 7, 2)), curve=np.array(rows, dtype=CURVE))
 
 
-def world_candidates() -> dict[str, Suspect]:
+def world_candidates() -> dict[str, Candidate]:
     """All candidates at their first amounts, by label."""
     if not World.candidates:
         scene = toy_scene(10.0, adjustable=True)
         xy = _tracks(_usual(10.0), 10.0, NOISE, np.random.default_rng(0))
         shown = Recording("one", scene, T, scene.ids, xy, position_noise=NOISE)
-        World.candidates = {x.label: x for x in suspects_of(conditions_of([shown], [], 0))}
+        World.candidates = {x.label: x for x in candidates_of(conditions_of([shown], [], 0))}
     return dict(World.candidates)

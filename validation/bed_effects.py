@@ -27,8 +27,8 @@ import granswim_pymunk
 from granswim_pymunk.files import written_whole
 from granswim_pymunk.proof.bed_cases import seen_recording, shown
 from granswim_pymunk.proof.beds import BedSetup, digits, draw_bed, packed
+from granswim_pymunk.proof.candidates import camera_of, physics_of
 from granswim_pymunk.proof.fitting import with_adjusted
-from granswim_pymunk.proof.suspects import camera_of, physics_of
 from granswim_pymunk.proof.windows import calibrated, film_of
 from granswim_pymunk.proof.world import Effect
 from granswim_pymunk.recording import write_recording

@@ -19,9 +19,9 @@ import numpy as np
 
 from granswim_pymunk.proof.bed_cases import shown
 from granswim_pymunk.proof.beds import BedSetup, digits, draw_bed, packed
+from granswim_pymunk.proof.candidates import camera_of, physics_of
 from granswim_pymunk.proof.fitting import with_adjusted
 from granswim_pymunk.proof.packings import tracks
-from granswim_pymunk.proof.suspects import camera_of, physics_of
 from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.validation import bed_effects
 from granswim_pymunk.validation.bed_effects import Row, adjustable, effects_of, run_table, table_parser

@@ -30,10 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     from ..errors import InputError
     from ..proof.beds import SUSPECTS
+    from ..proof.candidates import STRENGTH
     from ..proof.cases import CATEGORIES
     from ..proof.conceal import conceal, real_kind
     from ..proof.seal import read_secret
-    from ..proof.suspects import STRENGTH
 
     if args.seed < 0:
         raise InputError(f"should be zero or more, got {args.seed}", where="--seed")

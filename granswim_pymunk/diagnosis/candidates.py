@@ -116,7 +116,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 def _stretches(law: Law) -> tuple[float, ...]:
     """From how many times its typical size a range or an exponent is looked for."""
     if law.role == "medium" or law.candidate == "flexible":
-        return (1.0,)  # its signature finds the flow itself; an arm bends wherever it begins
+        return (1.0,)  # its signature finds the flow itself; a form bends wherever it begins
     shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
     if not shapes:
         return (1.0,)
@@ -126,7 +126,7 @@ def _stretches(law: Law) -> tuple[float, ...]:
 def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
     """Values of parameters that are not fitted but belong to the recordings.
 
-    Sizes of flexible arms, from the training parts; of a joint's law the rate below which it is smooth.
+    Sizes of forms without a name, from the training parts; of a joint's law the rate below which it is smooth.
     """
     if law.kind == "joint":
         return _smooth_below(law, cases)
@@ -368,7 +368,7 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
 
 
 def flexible_terms(cases: Sequence[Case]) -> list[Term]:
-    """The arms that name nothing: smooth force fields in speed and in place."""
+    """The forms that name nothing: smooth force fields in speed and in place."""
     terms: list[Term] = []
     for law in all_laws().values():
         if law.candidate == "flexible" and not out_of_place(law, cases):

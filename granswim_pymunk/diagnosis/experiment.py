@@ -68,8 +68,8 @@ def propose(
                 truth = predictor(
                     winner.hypothesis, synthetic, winner.values, described, start, float(synthetic.t[0]), synthetic.t
                 )
-                twin = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
-                inner = Fitter([twin], predictor, None, stop, whole=True)
+                replicate = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
+                inner = Fitter([replicate], predictor, None, stop, whole=True)
                 inner.segments = {case.name: tuple(replace(s, starts=described) for s in inner.segments[case.name])}
                 found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=6)
                 total += found.chi2

@@ -349,14 +349,14 @@ def noise_floor(
         frames = case.start if case.held_out else case.training
         # a number found from few frames moves the floor more than noise does
         for _ in range(4 * repeats if alone else repeats):
-            twin = _filmed_again(case, truth, rng)
-            inner = Fitter([twin], predictor, {case.name: frames}, stop)
+            replicate = _filmed_again(case, truth, rng)
+            inner = Fitter([replicate], predictor, {case.name: frames}, stop)
             try:
                 found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=6)
-                seen = inner.predict(found, twin, np.ones(len(case.t), dtype=bool))
+                seen = inner.predict(found, replicate, np.ones(len(case.t), dtype=bool))
             except Failed:
                 continue
-            error = twin.values - seen
+            error = replicate.values - seen
             for key, mask in (("train", case.training), ("heldout", case.scored)):
                 used = error[mask]
                 used = used[np.isfinite(used)]
@@ -389,13 +389,13 @@ def right_law_errors(
             continue
     result = []
     for _ in range(repeats):
-        twins = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
-        again = Fitter(twins, predictor, None, stop)
+        replicates = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
+        again = Fitter(replicates, predictor, None, stop)
         try:
             fit = again.fit(hypothesis, training.values, training.starts, evaluations=20)
         except Failed:
             continue
-        rms = held_out_errors(hypothesis, fit, twins, predictor, stop, whole=False, followed=followed).rms
+        rms = held_out_errors(hypothesis, fit, replicates, predictor, stop, whole=False, followed=followed).rms
         if rms is not None:
             result.append(rms)
     return np.array(result)

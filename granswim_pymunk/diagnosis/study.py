@@ -60,7 +60,7 @@ class Study:
 class Tried:
     """All that was fitted alone: the scene as believed, recalibrated, and with each candidate in turn.
 
-    alive : candidates that were refitted, ``untried`` those that were not;  arms : laws without a name
+    alive : candidates that were refitted, ``untried`` those that were not;  forms : laws without a name
     spread : inflation of variances by what the ``best`` of all these fits leaves
     inner : score of each on later data inside the training part, by its label
     """
@@ -71,7 +71,7 @@ class Tried:
     bank: Bank
     alive: list[Trial]
     untried: list[Trial]
-    arms: list[Trial]
+    forms: list[Trial]
     best: Fit
     spread: float
     inner: dict[str, float]
@@ -133,28 +133,28 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     recalibrated, trials = unstuck(fitter, recalibrated, trials)
     again = fitter.fit(naive.hypothesis, naive.values, recalibrated.starts)
     naive = again if again.chi2 < naive.chi2 else naive
-    progress("the flexible arm", 0.52)
+    progress("forces without a name", 0.52)
     if late(current().budget.forms):
-        study.notes.append("the flexible arm was not tried: the time was up")
-    arms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
+        study.notes.append("forces without a name was not tried: the time was up")
+    forms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
     ahead = max((t.gain for t in trials), default=0.0)
-    flexible_trials = try_candidates(fitter, recalibrated, arms, (1.0,), lambda *a: None, ahead=ahead)
+    flexible_trials = try_candidates(fitter, recalibrated, forms, (1.0,), lambda *a: None, ahead=ahead)
     if any(t.reason.startswith("not refitted") for t in trials):
         study.notes.append("some candidates were only compared to first order: the time was up")
     alive = [t for t in trials if t.fit is not None]
-    arms_alive = [t for t in flexible_trials if t.fit is not None]
+    forms_alive = [t for t in flexible_trials if t.fit is not None]
 
-    fits = [t.fit for t in alive + arms_alive if t.fit is not None]
+    fits = [t.fit for t in alive + forms_alive if t.fit is not None]
     best = min([*fits, recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, study.training)
 
     progress("testing inside the training part", 0.56)
     scores = {"recalibrated": study.inner.score(recalibrated)[0]}
     ahead = max((t.gain for t in alive), default=0.0)
-    alive, arms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, arms_alive, spread, ahead)
-    scores |= {t.term.label: t.inner for t in alive + arms_alive}
+    alive, forms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, forms_alive, spread, ahead)
+    scores |= {t.term.label: t.inner for t in alive + forms_alive}
     untried = [t for t in trials if t.fit is None]
-    return Tried(naive, recalibrated, terms, bank, alive, untried, arms_alive, best, spread, scores)
+    return Tried(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
 
 
 def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
@@ -187,9 +187,9 @@ def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     naive = again(tried.naive)
     recalibrated = naive if tried.recalibrated is tried.naive else again(tried.recalibrated)
     bank = make_bank(fitter, recalibrated, tried.terms)
-    arms_bank = make_bank(fitter, recalibrated, [t.term for t in tried.arms])
+    forms_bank = make_bank(fitter, recalibrated, [t.term for t in tried.forms])
     alive, untried = list[Trial](), list(tried.untried)
-    for kind, signatures in ((tried.alive, bank.signatures), (tried.arms, arms_bank.signatures)):
+    for kind, signatures in ((tried.alive, bank.signatures), (tried.forms, forms_bank.signatures)):
         by_form = {_form(s.term): s for s in signatures}
         most = max((t.gain for t in kind), default=0.0)
         for t in kind:
@@ -201,13 +201,13 @@ def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
             alive.append(Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf")))
     best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, training)
-    flexible = {t.term.label for t in tried.arms}
+    flexible = {t.term.label for t in tried.forms}
     alive = score_inner(inner, sorted(alive, key=lambda t: -t.gain), spread)
     inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in alive}
-    arms = [t for t in alive if t.term.label in flexible]
+    forms = [t for t in alive if t.term.label in flexible]
     named = [t for t in alive if t.term.label not in flexible]
     untried = [t for t in untried if t.term.label not in flexible]
-    return study, Tried(naive, recalibrated, tried.terms, bank, named, untried, arms, best, spread, inner_scores)
+    return study, Tried(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
 
 
 def _slow_noise(study: Study, tried: Tried) -> Noise:

@@ -219,15 +219,15 @@ class Tracks(ObservationModel):
         if claim.laws:
             self.scores[claim.label] = scores(claim.fit)
             named = explained(self.scores[claim.label], before, rng)
-        most = max((t.gain for t in tried.arms), default=0.0)
+        most = max((t.gain for t in tried.forms), default=0.0)
         forms = []
-        for arm in tried.arms:
-            if arm.fit is not None and arm.gain > current().left.forms * most and arm.gain > 0:
-                form = Claim((arm,), arm.fit)
-                self.scores[form.label] = scores(arm.fit)
+        for trial in tried.forms:
+            if trial.fit is not None and trial.gain > current().left.forms * most and trial.gain > 0:
+                form = Claim((trial,), trial.fit)
+                self.scores[form.label] = scores(trial.fit)
                 share = explained(self.scores[form.label], before, rng)
-                later = not claim.laws or not math.isfinite(claim.laws[0].inner) or arm.inner <= claim.laws[0].inner
-                forms.append(Form(form, share, worth(arm, tried.spread), later))
+                later = not claim.laws or not math.isfinite(claim.laws[0].inner) or trial.inner <= claim.laws[0].inner
+                forms.append(Form(form, share, worth(trial, tried.spread), later))
         best = best_form(forms)
         self.best_form = None if best is None else best.claim.laws[0]
         gain = (tried.recalibrated.chi2 - claim.fit.chi2) / self.spread - 2 * sum(t.used for t in claim.laws)
@@ -409,7 +409,7 @@ class Tracks(ObservationModel):
         few = current().left
         leaders = sorted(tried.alive, key=lambda t: -t.gain)[: few.beside]
         beside = [
-            t.term for t in (*leaders, *tried.arms) if t.mechanism not in taken and len(t.term.free) <= few.numbers
+            t.term for t in (*leaders, *tried.forms) if t.mechanism not in taken and len(t.term.free) <= few.numbers
         ]
         signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
         best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
@@ -504,7 +504,7 @@ class Tracks(ObservationModel):
         naive, recalibrated, revised = (whiteness(fit, study.training, fit.numbers) for fit in fits)
         return TrackFinding(
             study.cases, *fits, judged.verdict, list(judged.claim.laws), [(r.law, r.same) for r in course.rivals],
-            tried.alive + tried.untried, self.best_form or min(tried.arms, key=lambda t: t.inner, default=None),
+            tried.alive + tried.untried, self.best_form or min(tried.forms, key=lambda t: t.inner, default=None),
             course.null, naive, recalibrated, revised, self.windows, self.spread, self.standing(course, self.train),
             self.standing(course, self.held), self.floor, tried.inner,
         )  # fmt: skip

@@ -235,7 +235,7 @@ class Law:
     reach: str | None = None
     # the parameters that make up the strength: zero (their ``neutral`` value) means that the law is absent
     strength: tuple[str, ...] = ()
-    # may be proposed as physics that a scene lacks: "named", or "flexible" (an arm that names nothing)
+    # may be proposed as physics that a scene lacks: "named", or "flexible" (a form that names nothing)
     candidate: str = ""
     # how a sentence calls it: "a uniform force"; its name where empty
     phrase: str = ""

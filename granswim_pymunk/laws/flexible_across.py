@@ -1,4 +1,4 @@
-"""The flexible arm across the motion: a force that turns a path and does no work, as on a spinning ball."""
+"""A form without a name across the motion: a force that turns a path and does no work, as on a spinning ball."""
 
 from .base import Parameter, law
 

@@ -1,4 +1,4 @@
-"""The flexible arm in drag: one on this side of a straight edge and another beyond it, as where a table is rough."""
+"""A form without a name in drag: one on this side of a straight edge, another beyond it, as on a partly rough table."""
 
 import math
 

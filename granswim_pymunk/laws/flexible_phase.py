@@ -1,4 +1,4 @@
-"""The flexible arm in the cycle: a drag that follows the phase of the drive and has no name."""
+"""A form without a name in the cycle: a drag that follows the phase of the drive and has no name."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The flexible arm in place: a smooth force field with no name."""
+"""A form without a name in place: a smooth force field with no name."""
 
 from .base import Parameter, law
 

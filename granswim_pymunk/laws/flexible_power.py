@@ -1,4 +1,4 @@
-"""The flexible arm in the power of the speed: a drag between, or beyond, those with a name."""
+"""A form without a name in the power of the speed: a drag between, or beyond, those with a name."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The flexible arm in speed: a drag curve with no name."""
+"""A form without a name in speed: a drag curve with no name."""
 
 import math
 

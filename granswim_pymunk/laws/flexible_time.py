@@ -1,4 +1,4 @@
-"""The flexible arm in time: a frame that is shaken, with no name."""
+"""A form without a name in time: a frame that is shaken, with no name."""
 
 from .base import Parameter, law
 

@@ -13,14 +13,14 @@ from ..errors import SimulationError
 from ..recording import Recording
 from ..recording.recording import CURVE
 from ..scene import Scene
-from .bed_suspects import Plan, acting, draw, rivals_of, typical
+from .bed_candidates import Plan, acting, draw, rivals_of, typical
 from .beds import BedSetup, digits, draw_bed, packed
+from .candidates import OUTSIDE, camera_of, physics_of
 from .cases import Case, plain, rounded
 from .fitting import with_adjusted
-from .packings import PackingBench, looks, numbers, speed, tracks
+from .packings import PackingSensitivity, looks, numbers, speed, tracks
 from .seal import derived, generator
-from .suspects import OUTSIDE, camera_of, physics_of
-from .windows import WindowBench, Windows, beyond, calibrated, film_of
+from .windows import Windows, WindowSensitivity, beyond, calibrated, film_of
 from .world import Effect
 
 CATEGORIES = {
@@ -42,7 +42,7 @@ TWO_SIDED = ("added_mass", "uniform_force", "head_force", "restitution", "weak_j
              "nonlinear_bending")  # fmt: skip
 
 
-class Bench(Protocol):
+class Sensitivity(Protocol):
     """What standard errors are computed with: windows through a seen bed, or packings of one that is not."""
 
     columns: dict[str, np.ndarray]
@@ -67,14 +67,14 @@ class Draw:
         return [*(plan.at(amount) for plan, amount in self.chosen), *self.cameras]
 
 
-def _sigma(bench: Bench, effects: Sequence[Effect], few: bool = False) -> float:
+def _sigma(sensitivity: Sensitivity, effects: Sequence[Effect], few: bool = False) -> float:
     try:
-        return beyond(bench.change(effects, few), bench.adjustable(few))[0]
+        return beyond(sensitivity.change(effects, few), sensitivity.adjustable(few))[0]
     except SimulationError:
         return math.nan
 
 
-def strong(bench: Bench, plan: Plan, target: float, rough: bool = False) -> tuple[float, float] | None:
+def strong(sensitivity: Sensitivity, plan: Plan, target: float, rough: bool = False) -> tuple[float, float] | None:
     """The amount at which an effect comes to ``target`` standard errors, and what it came to; None where none does.
 
     rough : the first look is at few windows and members, to save time
@@ -82,7 +82,7 @@ def strong(bench: Bench, plan: Plan, target: float, rough: bool = False) -> tupl
     amount = 1.0
     for n in range(4 if rough else 3):
         few = rough and n == 0
-        found = _sigma(bench, [plan.at(amount)], few)
+        found = _sigma(sensitivity, [plan.at(amount)], few)
         if not math.isfinite(found):
             amount *= 0.2
             continue
@@ -99,7 +99,9 @@ def strong(bench: Bench, plan: Plan, target: float, rough: bool = False) -> tupl
     return None
 
 
-def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category: str, wanted: str | None) -> Draw:
+def concealed(
+    setup: BedSetup, sensitivity: Sensitivity, rng: np.random.Generator, category: str, wanted: str | None
+) -> Draw:
     """What is concealed in a bed; a null where nothing of the category reaches its strength."""
     if category == "decoy_adjustable" and setup.scene.adjustable:
         a = setup.scene.adjustable[int(rng.integers(len(setup.scene.adjustable)))]
@@ -107,7 +109,7 @@ def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category:
         if a.parameter == "stiffness":
             return Draw(category, moved={a.name: value * float(rng.choice([0.8, 1.2]))})
         # worth five standard errors: from a small step of the same number
-        size = beyond(bench.columns[a.name], [c for n, c in bench.columns.items() if n != a.name])[0]
+        size = beyond(sensitivity.columns[a.name], [c for n, c in sensitivity.columns.items() if n != a.name])[0]
         change = float(np.clip(5.0 / max(size, 1e-12), 0.05 * value, 0.6 * value))
         return Draw(category, moved={a.name: value + change * float(rng.choice([-1.0, 1.0]))})
     if category == "decoy_camera" and setup.cameras:
@@ -115,9 +117,10 @@ def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category:
         sign = float(rng.choice([-1.0, 1.0]))
         values = {"s": sign * SCALE} if name == "camera_scale" else {"offset": OFFSET}
         # a late clock is an early drive; what a wrong scale does to contacts is not computed
-        sigma = _sigma(bench, [typical("actuator_delay", setup).at(OFFSET / 1.5e-3)]) if name == "time_offset" else None
+        late = [typical("actuator_delay", setup).at(OFFSET / 1.5e-3)]
+        sigma = _sigma(sensitivity, late) if name == "time_offset" else None
         return Draw(category, cameras=(Effect(name, values),), sigma=sigma)
-    pool = {"mechanism": setup.suspects, "pair": setup.suspects, "outside": setup.outside}.get(category, ())
+    pool = {"mechanism": setup.candidates, "pair": setup.candidates, "outside": setup.outside}.get(category, ())
     if wanted is not None:
         pool = tuple(n for n in pool if n == wanted)
     count = 2 if category == "pair" else 1
@@ -131,34 +134,34 @@ def concealed(setup: BedSetup, bench: Bench, rng: np.random.Generator, category:
         sigma = 0.0
         for name in names:
             plan = draw(name, setup, rng, other=bool(rng.random() < 0.5))
-            reached = strong(bench, plan, target, rough=not setup.small)
+            reached = strong(sensitivity, plan, target, rough=not setup.small)
             if reached is None:
                 break
             found.append((plan, reached[0]))
             sigma = reached[1]
         if len(found) == count:
             if count == 2:
-                sigma = _sigma(bench, [plan.at(amount) for plan, amount in found])
+                sigma = _sigma(sensitivity, [plan.at(amount) for plan, amount in found])
                 if not math.isfinite(sigma):
                     continue
             return Draw(category, tuple(found), sigma=sigma)
     return Draw("null")
 
 
-def rivals(setup: BedSetup, bench: Bench, plan: Plan, amount: float) -> tuple[float, dict[str, float]]:
+def rivals(setup: BedSetup, sensitivity: Sensitivity, plan: Plan, amount: float) -> tuple[float, dict[str, float]]:
     """d' that the truth's own canonical form leaves, and d' of every other mechanism beyond that, all refitted.
 
     Linear in the amounts, about those that come nearest to the truth where that is near; drags and their like only
     push one way.
     """
-    sigma = _sigma(bench, [plan.at(amount)])
+    sigma = _sigma(sensitivity, [plan.at(amount)])
     # half of the windows and fewer members are off by some two standard errors, which is much beside a weak effect
     few = not sigma < CLEAR
-    truth, known = bench.change([plan.at(amount)], few), bench.adjustable(few)
+    truth, known = sensitivity.change([plan.at(amount)], few), sensitivity.adjustable(few)
     sigma = beyond(truth, known)[0]
 
     def fitted(plans: Sequence[Plan], sizes: Sequence[float], one_sided: bool) -> tuple[float, np.ndarray]:
-        columns = [bench.change([p.at(size)], few) / size for p, size in zip(plans, sizes, strict=True)]
+        columns = [sensitivity.change([p.at(size)], few) / size for p, size in zip(plans, sizes, strict=True)]
         left, amounts = beyond(truth, [*columns, *known])
         if one_sided and amounts[0] < 0:
             left, others = beyond(truth, [*columns[1:], *known])
@@ -280,8 +283,8 @@ def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     # standard errors come from a film of the same bed without anything concealed
     nothing = film_of(setup, scene, ())
     plain_film = shown(setup, nothing, (), generator(secret, kind, seed, "other noise"))
-    bench = WindowBench(Windows(setup, scene, setup.t, plain_film, whole=False))
-    drawn = concealed(setup, bench, sealed, category, wanted)
+    sensitivity = WindowSensitivity(Windows(setup, scene, setup.t, plain_film, whole=False))
+    drawn = concealed(setup, sensitivity, sealed, category, wanted)
     true = with_adjusted(scene, drawn.moved or {})
     effects = drawn.effects
     if effects or drawn.moved:
@@ -289,7 +292,8 @@ def seen_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     else:
         xy = nothing
     seen = shown(setup, xy, effects, generator(secret, kind, seed, "noise"))
-    own, found = rivals(setup, bench, *drawn.chosen[0]) if len(drawn.chosen) == 1 else (0.0, _camera_rivals(drawn))
+    single = len(drawn.chosen) == 1
+    own, found = rivals(setup, sensitivity, *drawn.chosen[0]) if single else (0.0, _camera_rivals(drawn))
     belief = believed_bed(setup, scene, seen, guess, fitted)
     truth = _truth(kind, seed, setup, drawn, true, own, found, fitted)
     return Case((seen_recording(setup, belief, seen, f"{kind}-{seed}"),), plain(truth))
@@ -322,7 +326,7 @@ def drawn_number(secret: bytes, *parts: str | int) -> int:
     return int.from_bytes(derived(secret, *parts)[:6], "big")
 
 
-def _packing_bench(setup: BedSetup, secret: bytes, kind: str, seed: int) -> PackingBench:
+def _packing_sensitivity(setup: BedSetup, secret: bytes, kind: str, seed: int) -> PackingSensitivity:
     """Packings of the experimenter's own: not those of the recordings."""
     every = range(len(setup.drives))
     if setup.small:
@@ -330,7 +334,7 @@ def _packing_bench(setup: BedSetup, secret: bytes, kind: str, seed: int) -> Pack
     else:
         drives, count = [1, len(setup.drives) - 2], 3
     seeds = [[drawn_number(secret, kind, seed, "other packing", d, n) for n in range(count)] for d in drives]
-    return PackingBench(setup, drives, seeds)
+    return PackingSensitivity(setup, drives, seeds)
 
 
 def swimmer_case(seed: int, secret: bytes, effect: str | None = None, *, small: bool = False) -> Case:
@@ -349,10 +353,10 @@ def _unseen(seed: int, secret: bytes, effect: str | None, name: str, small: bool
     setup = draw_bed(public, name, small)
     fitted = bool(public.random() < CALIBRATED) and bool(setup.scene.adjustable)
     guess = first_guess(setup, public)
-    bench = _packing_bench(setup, secret, kind, seed)
+    sensitivity = _packing_sensitivity(setup, secret, kind, seed)
     sealed = generator(secret, kind, seed, "sealed")
     category, wanted = _category(sealed, setup, effect)
-    drawn = concealed(setup, bench, sealed, category, wanted)
+    drawn = concealed(setup, sensitivity, sealed, category, wanted)
     effects = drawn.effects
     physics, camera = physics_of(effects), camera_of(effects)
     noise = generator(secret, kind, seed, "noise")
@@ -375,13 +379,13 @@ def _unseen(seed: int, secret: bytes, effect: str | None, name: str, small: bool
     if not drawn.chosen or len(drawn.chosen) > 1:
         found_rivals = _camera_rivals(drawn)
     elif small and name == "unseen":
-        own, found_rivals = rivals(setup, bench, *drawn.chosen[0])
+        own, found_rivals = rivals(setup, sensitivity, *drawn.chosen[0])
     if fitted:
         seen = np.array([
             values[d] if name == "curve" else numbers(setup, setup.driven(setup.scene, d), values[d])
-            for d in bench.drives
+            for d in sensitivity.drives
         ])  # fmt: skip
-        guess = bench.calibrated(seen)
+        guess = sensitivity.calibrated(seen)
     belief = _believed(setup.scene, guess)
     title = "concealed case"
     truth = plain(_truth(kind, seed, setup, drawn, true, own, found_rivals, fitted))

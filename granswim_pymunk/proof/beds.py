@@ -47,7 +47,7 @@ class BedSetup:
     drives: tuple[tuple[float, float], ...]
     runs: int = 1
     lost: float = 0.0
-    suspects: tuple[str, ...] = SUSPECTS
+    candidates: tuple[str, ...] = SUSPECTS
     outside: tuple[str, ...] = OUTSIDE_BED
     cameras: tuple[str, ...] = CAMERAS
 

@@ -12,10 +12,10 @@ from ..errors import SimulationError
 from ..recording import Recording
 from ..scene import LawUse, Scene
 from .beds import digits
+from .candidates import APPARATUS, OUTSIDE, STRENGTH, Sizes, draw, scale_strength, typical
 from .fitting import Sight, Strength, calibrate, canonical, left, look, with_adjusted
 from .seal import generator
 from .setups import DRAGS, Setup, draw_setup, pin_length
-from .suspects import APPARATUS, OUTSIDE, STRENGTH, Sizes, draw, scale_strength, typical
 from .world import Effect, World
 
 TRAINING = 0.6  # of the time: a diagnosis learns from no more, so strengths are those of this part
@@ -120,9 +120,9 @@ def _draw_effects(
     if category in ("null", "decoy_adjustable"):
         return category, [], 0.0
     sizes = Sizes(setup)
-    inside = [s for s in setup.suspects if s not in OUTSIDE]
+    inside = [s for s in setup.candidates if s not in OUTSIDE]
     pool = {
-        "mechanism": inside, "pair": inside, "outside": [s for s in setup.suspects if s in OUTSIDE],
+        "mechanism": inside, "pair": inside, "outside": [s for s in setup.candidates if s in OUTSIDE],
         "decoy_camera": list(setup.cameras),
     }[category]  # fmt: skip
     if wanted is not None:
@@ -150,7 +150,7 @@ def _draw_effects(
 
 
 def rivals(setup: Setup, scene: Scene, effects: list[Effect], start: np.ndarray, sigma: float) -> Strength:
-    """d' of every other suspect of the apparatus, refitted together with starts and adjustables."""
+    """d' of every other candidate of the apparatus, refitted together with starts and adjustables."""
     t0 = float(setup.t[0])
     sight = Sight(setup.t, look(setup, scene, effects, start, setup.t, t0), setup.noise).part(TRAINING)
     sizes = Sizes(setup)
@@ -163,7 +163,7 @@ def rivals(setup: Setup, scene: Scene, effects: list[Effect], start: np.ndarray,
     found = {}
     # whatever a diagnosis may name instead, whether or not it is concealed in this apparatus
     everywhere = () if setup.scene.laws_named("drive") else (*DRAGS, "added_mass")
-    for name in dict.fromkeys((*setup.suspects, *setup.cameras, *everywhere)):
+    for name in dict.fromkeys((*setup.candidates, *setup.cameras, *everywhere)):
         if name in (truth.name, WIDER.get(truth.name), *OUTSIDE):
             continue
         rival = typical(name, setup, sizes)

@@ -17,9 +17,9 @@ from scipy.optimize import least_squares
 from ..errors import SimulationError
 from ..scene import Scene
 from . import kernels as k
+from .candidates import bounds as bounds_of
+from .candidates import camera_of, numbers, physics_of, with_numbers
 from .setups import Setup
-from .suspects import bounds as bounds_of
-from .suspects import camera_of, numbers, physics_of, with_numbers
 from .world import Effect, World
 
 FAR = 1e6  # innovation of a run that did not stay finite

@@ -19,9 +19,9 @@ from scipy.linalg import solve_triangular
 
 from ..errors import InputError, SimulationError
 from ..scene import Body, Scene
+from .candidates import APPARATUS, Sizes, numbers, scale_strength, typical, with_numbers
 from .fitting import Sight, Starts, look, solve, with_adjusted
 from .setups import Setup
-from .suspects import APPARATUS, Sizes, numbers, scale_strength, typical, with_numbers
 from .world import Effect, World
 
 MASSES = RADII = 0.02  # relative, how well they are known: drawn between 1 and 3 %

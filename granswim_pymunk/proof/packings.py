@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..scene import Scene
-from .bed_suspects import resolved
+from .bed_candidates import resolved
 from .beds import BedSetup, packed
 from .fitting import with_adjusted
 from .windows import adjusted_steps, scatter
@@ -83,7 +83,7 @@ def numbers(setup: BedSetup, scene: Scene, xy: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class PackingBench:
+class PackingSensitivity:
     """Whitened changes of the numbers of some drives, each the mean over common packings.
 
     drives : which of the setup's;  seeds : of the packings of each

@@ -15,15 +15,15 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..scene import Scene
+from .bed_candidates import Plan, acting, draw
 from .bed_cases import believed_bed, known_bed, rivals, seen_recording, strong
-from .bed_suspects import Plan, acting, draw
 from .beds import BedSetup, digits
+from .candidates import camera_of
 from .cases import Case, plain
 from .ideal import SCALE, TILT, Errors
 from .real_life import OFTEN, SECOND, disturbed, draw_errors, stated_errors, stated_noise, with_statements
 from .seal import generator
-from .suspects import camera_of
-from .windows import WindowBench, Windows, beyond, film_of
+from .windows import Windows, WindowSensitivity, beyond, film_of
 from .world import Effect
 
 NULL = 0.15  # share of the beds with nuisances alone
@@ -48,11 +48,11 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     calm = replace(errors, outliers=0.0, bursts=(), lost=setup.lost)
     quiet = replace(setup, noise=digits(math.hypot(errors.fast, errors.slow), 3))
     other = generator(secret, kind, seed, "other noise")
-    bench = WindowBench(Windows(quiet, scene, setup.t, shown(setup, scene, [], calm, other), whole=False))
+    sensitivity = WindowSensitivity(Windows(quiet, scene, setup.t, shown(setup, scene, [], calm, other), whole=False))
     chosen: list[tuple[Plan, float]] = []
     if effect not in ("null", "none") and (effect is not None or not null):
-        chosen = draw_effects(quiet, bench, sealed, effect)
-    sigmas = strengths(bench, chosen, tilt)
+        chosen = draw_effects(quiet, sensitivity, sealed, effect)
+    sigmas = strengths(sensitivity, chosen, tilt)
     effects = [plan.at(amount) for plan, amount in chosen]
     beside = [Effect("uniform_force", {"a": tilt})] if tilt is not None else []
     camera = [Effect("camera_scale", {"s": scale})] if scale else []
@@ -63,7 +63,7 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
     said = stated_errors(generator(secret, kind, seed, "statements"), errors)
     recording = with_statements(recording, stated_noise(drawn), said, False)
     # those of a weak second effect would take as long again
-    found = rivals(quiet, bench, *chosen[0])[1] if chosen else {}
+    found = rivals(quiet, sensitivity, *chosen[0])[1] if chosen else {}
     swimmer = setup.swimmer
     truth: dict[str, Any] = {
         "kind": kind, "seed": seed, "setup": f"{'small ' if small else 'full '}bed",
@@ -71,7 +71,7 @@ def real_bed_case(seed: int, secret: bytes, effect: str | None = None, *, small:
         "sigma": sigmas[0], "second_sigma": sigmas[1], "believed": [asdict(e) for e in effects],
         "rivals": found, "second_rivals": {},
         "mass": mass, "radius": radius, "scale": scale, "tilt": tilt, "gravity": False,
-        "left": remains(bench, chosen, tilt) if not (scale or mass or radius) else {}, "pin_length": None,
+        "left": remains(sensitivity, chosen, tilt) if not (scale or mass or radius) else {}, "pin_length": None,
         "bodies": sorted({b for e in effects for b in acting(e, swimmer)}), "swimmer": list(swimmer),
         "errors": asdict(errors), "stated": drawn.stated, "frames": len(setup.t), "masked": fitted,
     }  # fmt: skip
@@ -123,58 +123,58 @@ def shown(
 
 
 def draw_effects(
-    setup: BedSetup, bench: WindowBench, rng: np.random.Generator, wanted: str | None
+    setup: BedSetup, sensitivity: WindowSensitivity, rng: np.random.Generator, wanted: str | None
 ) -> list[tuple[Plan, float]]:
     """The largest effect with its amount, and in some cases another of 10 to 20 % of its standard errors."""
-    pool = tuple(n for n in setup.suspects if n in (wanted or n))
+    pool = tuple(n for n in setup.candidates if n in (wanted or n))
     for _ in range(8):
         if not pool:
             break
         plan = draw(pool[int(rng.integers(len(pool)))], setup, rng, other=False)
         target = float(LADDER[int(rng.integers(len(LADDER)))]) * float(rng.uniform(0.9, 1.1))
-        reached = strong(bench, plan, target, rough=not setup.small)
+        reached = strong(sensitivity, plan, target, rough=not setup.small)
         if reached is None:
             continue
         first = (plan, reached[0])
         if rng.random() >= SECOND:
             return [first]
-        others = [n for n in setup.suspects if n != plan.name]
+        others = [n for n in setup.candidates if n != plan.name]
         second = draw(others[int(rng.integers(len(others)))], setup, rng, other=False)
         share = float(rng.uniform(0.1, 0.2))
-        two = strong(bench, second, share * reached[1], rough=False)
+        two = strong(sensitivity, second, share * reached[1], rough=False)
         return [first] if two is None else [first, (second, two[0])]
     return []
 
 
 def _changes(
-    bench: WindowBench, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
+    sensitivity: WindowSensitivity, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """What each effect changes, and the columns of a tilt where there is one. Raises SimulationError."""
-    tilts = [bench.change([Effect("uniform_force", {"a": a})]) for a in ((0.3, 0.0), (0.0, 0.3))] if tilt else []
-    return [bench.change([plan.at(amount)]) for plan, amount in chosen], tilts
+    tilts = [sensitivity.change([Effect("uniform_force", {"a": a})]) for a in ((0.3, 0.0), (0.0, 0.3))] if tilt else []
+    return [sensitivity.change([plan.at(amount)]) for plan, amount in chosen], tilts
 
 
 def strengths(
-    bench: WindowBench, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
+    sensitivity: WindowSensitivity, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Standard errors of both effects, the other one, a tilt and the adjustable numbers taken off."""
     if not chosen:
         return 0.0, 0.0
     try:
-        changes, tilts = _changes(bench, chosen, tilt)
+        changes, tilts = _changes(sensitivity, chosen, tilt)
     except SimulationError:
         return math.nan, math.nan
-    known = [*bench.adjustable(), *tilts]
+    known = [*sensitivity.adjustable(), *tilts]
     result = [beyond(c, [*known, *(o for o in changes if o is not c)])[0] for c in changes]
     return result[0], result[1] if len(result) > 1 else 0.0
 
 
 def remains(
-    bench: WindowBench, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
+    sensitivity: WindowSensitivity, chosen: list[tuple[Plan, float]], tilt: tuple[float, float] | None
 ) -> dict[str, float]:
     """Standard errors of what was drawn and is not named, for every set of names; empty where it cannot be told."""
     try:
-        changes, tilts = _changes(bench, chosen, tilt)
+        changes, tilts = _changes(sensitivity, chosen, tilt)
     except SimulationError:
         return {}
     parts: dict[str, tuple[np.ndarray, list[np.ndarray]]] = {
@@ -187,5 +187,5 @@ def remains(
         named = [name for k, name in enumerate(sorted(parts)) if bits >> k & 1]
         rest = [parts[name][0] for name in parts if name not in named]
         fitted = [column for name in named for column in parts[name][1]]
-        result["+".join(named)] = beyond(np.sum(rest, axis=0), [*bench.adjustable(), *fitted])[0] if rest else 0.0
+        result["+".join(named)] = beyond(np.sum(rest, axis=0), [*sensitivity.adjustable(), *fitted])[0] if rest else 0.0
     return result

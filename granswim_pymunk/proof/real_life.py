@@ -17,12 +17,12 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..recording import Recording
+from .candidates import OUTSIDE, Sizes, draw, scale_strength
 from .cases import Case, as_recording, believed_scene, plain, plausible, rounded
 from .fitting import look
 from .ideal import MASSES, RADII, SCALE, TILT, Errors, Response, Truth, has_gravity, slid, touching
 from .seal import generator
 from .setups import DRAGS, SETUPS, Setup, pin_length, pucks
-from .suspects import OUTSIDE, Sizes, draw, scale_strength
 from .world import Effect, World
 
 MIX = {"table": 0.15, "meeting": 0.12, "pressing": 0.08, "pendulum": 0.15, "cart": 0.15, "motor": 0.10,
@@ -119,7 +119,7 @@ def reached(
 def draw_effects(truth: Truth, errors: Errors, start: np.ndarray, rng: np.random.Generator, wanted: str | None):
     """The truth with its largest effect and perhaps a second one, and their standard errors; None where none shows."""
     setup = truth.setup
-    pool = [s for s in setup.suspects if s not in OUTSIDE and s in (wanted or s)]
+    pool = [s for s in setup.candidates if s not in OUTSIDE and s in (wanted or s)]
     sizes = Sizes(setup)
     for _ in range(12):
         if not pool:
@@ -155,7 +155,7 @@ def _with_second(
     setup, first = truth.setup, truth.first
     assert first is not None
     # a push beside a tilt would be one and the same
-    pool = [s for s in setup.suspects if s not in OUTSIDE and s != first.name
+    pool = [s for s in setup.candidates if s not in OUTSIDE and s != first.name
             and not (s == "uniform_force" and truth.tilt is not None)]  # fmt: skip
     for _ in range(4):
         if not pool:
@@ -319,6 +319,6 @@ def everywhere(setup: Setup) -> tuple[str, ...]:
     """All that may be named in place of an effect of this apparatus."""
     beside = () if setup.scene.laws_named("drive") else (*DRAGS, "added_mass")
     cameras = () if setup.angles else ("camera_scale",)
-    names = dict.fromkeys((*setup.suspects, *setup.cameras, *cameras, *beside))
+    names = dict.fromkeys((*setup.candidates, *setup.cameras, *cameras, *beside))
     return tuple(n for n in names if n not in OUTSIDE)
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from ..errors import InputError
-from .suspects import APPARATUS, fitted
+from .candidates import APPARATUS, fitted
 from .world import Effect
 
 STRONG = 5.0  # standard errors

@@ -18,7 +18,7 @@ class Setup:
     scene : bodies with ``initial``, the laws everybody knows, ``adjustable`` with bounds
     t : (T,) frame times [s];  dt : time step of the proof's simulator [s]
     noise : one standard deviation [m], or [rad] where ``angles`` (an encoder on the pin)
-    suspects : names of effects that may be concealed here;  cameras : faults of the camera that could show
+    candidates : names of effects that may be concealed here;  cameras : faults of the camera that could show
     """
 
     name: str
@@ -26,7 +26,7 @@ class Setup:
     t: np.ndarray
     dt: float
     noise: float
-    suspects: tuple[str, ...]
+    candidates: tuple[str, ...]
     cameras: tuple[str, ...]
     angles: bool = False
 
@@ -134,9 +134,9 @@ def meeting(rng: np.random.Generator) -> Setup:
     item = Adjustable("contact_elastic", "restitution", float(f"{rng.uniform(0.3, 0.5):.3g}"), 1.0)
     t, _ = _times(rng, rng.uniform(0.6, 0.9), 110.0)
     scene = Scene(tuple(bodies), (use("contact_elastic", restitution=restitution),), adjustable=_maybe(rng, 0.6, item))
-    suspects = ("restitution", "distance_force", "pair_lubrication", "cohesion", *DRAGS[:3], "uniform_force",
+    candidates = ("restitution", "distance_force", "pair_lubrication", "cohesion", *DRAGS[:3], "uniform_force",
                 "cubic_drag", "transverse_force", "attraction")  # fmt: skip
-    return Setup("meeting", scene, t, 5e-4, between(rng, 1.2e-5, 5e-5), suspects, ("camera_scale",))
+    return Setup("meeting", scene, t, 5e-4, between(rng, 1.2e-5, 5e-5), candidates, ("camera_scale",))
 
 
 def pressing(rng: np.random.Generator) -> Setup:
@@ -166,9 +166,9 @@ def pressing(rng: np.random.Generator) -> Setup:
     t, _ = _times(rng, rng.uniform(0.6, 0.9), 120.0)
     law = use("contact_linear", stiffness=stiffness, damping=damping)
     scene = Scene(tuple(bodies), (law,), adjustable=_maybe(rng, 0.6, item))
-    suspects = ("contact_friction", "restitution", "cohesion", "distance_force", "pair_lubrication", "linear_drag",
+    candidates = ("contact_friction", "restitution", "cohesion", "distance_force", "pair_lubrication", "linear_drag",
                 "coulomb_substrate", "cubic_drag")  # fmt: skip
-    return Setup("pressing", scene, t, 2e-4, between(rng, 1.2e-5, 4e-5), suspects, ("camera_scale",))
+    return Setup("pressing", scene, t, 2e-4, between(rng, 1.2e-5, 4e-5), candidates, ("camera_scale",))
 
 
 def pendulum(rng: np.random.Generator) -> Setup:
@@ -196,11 +196,11 @@ def pendulum(rng: np.random.Generator) -> Setup:
     angles = bool(rng.random() < 0.5)
     t, _ = _times(rng, rng.uniform(2.5, 4.0), 40.0)
     scene = Scene((body,), tuple(laws), gravity=(0.0, -9.81), adjustable=adjustable)
-    suspects = ("linear_drag", "quadratic_drag", "joint_friction", "uniform_force", "added_mass", "cubic_drag",
+    candidates = ("linear_drag", "quadratic_drag", "joint_friction", "uniform_force", "added_mass", "cubic_drag",
                 "shaking")  # fmt: skip
     noise = between(rng, 3e-4, 2e-3) if angles else between(rng, 5e-5, 2e-4)
     cameras = ("camera_tilt",) if angles else ("camera_tilt", "camera_scale", "tracking_bias")
-    return Setup("pendulum", scene, t, 4e-4, noise, suspects, cameras, angles)
+    return Setup("pendulum", scene, t, 4e-4, noise, candidates, cameras, angles)
 
 
 def cart(rng: np.random.Generator) -> Setup:
@@ -228,10 +228,10 @@ def cart(rng: np.random.Generator) -> Setup:
         laws.append(use("linear_drag", c=c))
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     t, _ = _times(rng, rng.uniform(2.5, 4.0), 30.0)
-    suspects = ("nonlinear_spring", "linear_drag", "quadratic_drag", "coulomb_substrate", "uniform_force", "added_mass",
-                "cubic_drag", "shaking")  # fmt: skip
+    candidates = ("nonlinear_spring", "linear_drag", "quadratic_drag", "coulomb_substrate", "uniform_force",
+                  "added_mass", "cubic_drag", "shaking")  # fmt: skip
     return Setup("cart", Scene((body,), tuple(laws), adjustable=adjustable), t, 5e-4, between(rng, 4e-5, 2e-4),
-                 suspects, ("tracking_bias",))  # fmt: skip
+                 candidates, ("tracking_bias",))  # fmt: skip
 
 
 def motor(rng: np.random.Generator) -> Setup:
@@ -274,9 +274,9 @@ def falling(rng: np.random.Generator) -> Setup:
         laws.append(use("linear_drag", c=c))
         adjustable = (_bounded(rng, "linear_drag", "c", c),)
     t, _ = _times(rng, rng.uniform(0.6, 0.9), 80.0)
-    suspects = ("linear_drag", "quadratic_drag", "uniform_force", "added_mass", "ambient_flow", *OUTSIDE_FREE)
+    candidates = ("linear_drag", "quadratic_drag", "uniform_force", "added_mass", "ambient_flow", *OUTSIDE_FREE)
     scene = Scene(tuple(bodies), tuple(laws), gravity=(0.0, -9.81), adjustable=adjustable)
-    return Setup("falling", scene, t, 5e-4, between(rng, 1e-4, 6e-4), suspects, ("camera_scale", "camera_tilt"))
+    return Setup("falling", scene, t, 5e-4, between(rng, 1e-4, 6e-4), candidates, ("camera_scale", "camera_tilt"))
 
 
 def pucks(rng: np.random.Generator) -> Setup:
@@ -296,9 +296,9 @@ def pucks(rng: np.random.Generator) -> Setup:
         restitution = float(f"{rng.uniform(0.7, 0.97):.3g}")
         scene = Scene(tuple(bodies), (use("contact_elastic", restitution=restitution),))
         t, _ = _times(rng, rng.uniform(1.0, 1.5), 240.0)
-        suspects = ("restitution", "distance_force", "contact_friction", "linear_drag", "quadratic_drag",
+        candidates = ("restitution", "distance_force", "contact_friction", "linear_drag", "quadratic_drag",
                     "coulomb_substrate", "uniform_force")  # fmt: skip
-        setup = Setup("pucks", scene, t, 2e-4, between(rng, 1e-4, 4e-4), suspects, ("camera_scale",))
+        setup = Setup("pucks", scene, t, 2e-4, between(rng, 1e-4, 4e-4), candidates, ("camera_scale",))
         if _far_apart(scene) and 3 <= len(meetings(setup)) <= 10:
             return setup
     raise AssertionError("no pucks that meet in 500 draws")

@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import SimulationError
 from ..scene import Scene
 from . import kernels as k
-from .bed_suspects import resolved
+from .bed_candidates import resolved
 from .beds import BedSetup
 from .fitting import with_adjusted
 from .world import Effect, World
@@ -268,7 +268,7 @@ def beyond(truth: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[float, np.
 
 
 @dataclass
-class WindowBench:
+class WindowSensitivity:
     """Whitened changes of what windows show (m, N), one row a member; those of a small step of each adjustable."""
 
     windows: Windows

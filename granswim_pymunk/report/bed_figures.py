@@ -55,14 +55,14 @@ def _reference_model(d: BedFinding) -> str:
 def _disk_rms(d: BedFinding, model: str, number: int) -> np.ndarray:
     """(W, s) root mean square of a disk's innovations after the start [m]."""
     bed = d.beds[number]
-    rows = d.bench.innovations(d.predicted[model])[number][:, : bed.swimmer_size]
+    rows = d.likelihood.innovations(d.predicted[model])[number][:, : bed.swimmer_size]
     cut = rows.reshape(len(rows), len(bed.looks), len(bed.rows), 2)[:, 1:]
     return np.sqrt(_mean(cut**2, (1, 3)))
 
 
-def _twin_rms(d: BedFinding, number: int) -> np.ndarray:
-    """(N, W, s) the same of twins."""
-    bed, noise = d.beds[number], d.bench.noises[number]
+def _replicate_rms(d: BedFinding, number: int) -> np.ndarray:
+    """(N, W, s) the same of replicates."""
+    bed, noise = d.beds[number], d.likelihood.noises[number]
     rows = noise.residuals[:, :, : bed.swimmer_size]
     cut = rows.reshape(*rows.shape[:2], len(bed.looks), len(bed.rows), 2)[:, :, 1:]
     return np.sqrt(_mean(cut**2, (2, 4)))
@@ -130,7 +130,7 @@ def map_on_frame(d: BedFinding, z: np.ndarray, window: int) -> Figure:
 
 @styled
 def over_the_cycle(d: BedFinding) -> Figure:
-    """Innovations of each disk by the phase of the drive, over those of twins; all windows of all recordings."""
+    """Innovations of each disk by the phase of the drive, over those of replicates; all windows of all recordings."""
     model = _reference_model(d)
     ids = [d.beds[0].scene.bodies[k].id for k in d.beds[0].rows]
     table = np.full((len(ids), BINS), np.nan)
@@ -139,10 +139,10 @@ def over_the_cycle(d: BedFinding) -> Figure:
         phases = bed.phases()
         if phases is None or len(bed.rows) != len(ids):
             continue
-        own, twins = _disk_rms(d, model, number) ** 2, _twin_rms(d, number) ** 2
+        own, replicates = _disk_rms(d, model, number) ** 2, _replicate_rms(d, number) ** 2
         for w, part in enumerate(np.floor(BINS * phases).astype(int) % BINS):
             sums[0, :, part] += np.nan_to_num(own[w])
-            sums[1, :, part] += np.nan_to_num(twins[:, w].mean(axis=0))
+            sums[1, :, part] += np.nan_to_num(replicates[:, w].mean(axis=0))
     good = sums[1] > 0
     table[good] = np.sqrt(sums[0][good] / sums[1][good])
     figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
@@ -160,19 +160,20 @@ def over_the_cycle(d: BedFinding) -> Figure:
 
 @styled
 def along_the_body(d: BedFinding) -> Figure:
-    """Root mean square of each disk's innovations under each model, and the band of twins."""
+    """Root mean square of each disk's innovations under each model, and the band of replicates."""
     figure = Figure(figsize=(WIDTH, 2.8), layout="constrained")
     axis = figure.subplots()
     bed = d.beds[0]
     place = np.arange(len(bed.rows))
-    twins = np.sqrt(_mean(_twin_rms(d, 0) ** 2, (1,)))
-    axis.fill_between(place, 1e6 * twins.min(axis=0), 1e6 * twins.max(axis=0), color=FLOOR, alpha=0.25, linewidth=0)
+    replicates = np.sqrt(_mean(_replicate_rms(d, 0) ** 2, (1,)))
+    axis.fill_between(place, 1e6 * replicates.min(axis=0), 1e6 * replicates.max(axis=0), color=FLOOR, alpha=0.25,
+    linewidth=0)
     handles = []
     for model in shown_models(d):
         rms = np.sqrt(_mean(_disk_rms(d, model, 0) ** 2, (0,)))
         axis.plot(place, 1e6 * rms, "o-", color=COLOURS[model], markersize=4)
         handles.append(Line2D([], [], color=COLOURS[model], marker="o", markersize=4, label=model))
-    handles.append(Line2D([], [], color=FLOOR, linewidth=6, alpha=0.4, label="perfect knowledge (twins)"))
+    handles.append(Line2D([], [], color=FLOOR, linewidth=6, alpha=0.4, label="perfect knowledge (replicates)"))
     axis.set_xticks(place, [plain(bed.scene.bodies[k].id) for k in bed.rows])
     axis.set_xlabel("disk, head first")
     axis.set_ylabel("misfit (µm rms)")
@@ -195,7 +196,7 @@ def candidates(d: BedFinding, most: int = 20) -> Figure:
         else:
             axis.barh(k, max(t.gain, 0.0), height=0.62, color=colour)
         # the level is that of gains without the window that brings most
-        limit = float(t.gain_at(np.array(d.level))) * (t.linear / t.firm if t.firm > 0 else 1.0)
+        limit = float(t.gain_at(np.array(d.level))) * (t.linear / t.jackknife if t.jackknife > 0 else 1.0)
         axis.plot([limit, limit], [k - 0.45, k + 0.45], color=FLOOR, linewidth=1.2)
         side.plot([0, t.signature.surviving], [k, k], color=MUTED, linewidth=0.8)
         side.plot(t.signature.surviving, k, "o", color=colour if t.gain is not None else MUTED, markersize=4)
@@ -211,7 +212,7 @@ def candidates(d: BedFinding, most: int = 20) -> Figure:
 
 @styled
 def null_histogram(d: BedFinding) -> Figure:
-    """The best gain in windows of twins, and that of the case, each without the window that brings most of it."""
+    """The best gain in windows of replicates, and that of the case, each without the window that brings most of it."""
     figure = Figure(figsize=(WIDTH, 2.3), layout="constrained")
     axis = figure.subplots()
     far = d.score > 3 * max(float(d.null.max()), 1.0)
@@ -239,8 +240,9 @@ def held_out(d: BedFinding) -> Figure:
         number = next(k for k, b in enumerate(d.beds) if b is bed)
         t = bed.times
         order = np.argsort(t)
-        twins = np.sqrt(_mean(_twin_rms(d, number) ** 2, (2,)))
-        axis.fill_between(t[order], 1e6 * twins.min(axis=0)[order], 1e6 * twins.max(axis=0)[order], color=FLOOR,
+        replicates = np.sqrt(_mean(_replicate_rms(d, number) ** 2, (2,)))
+        axis.fill_between(t[order], 1e6 * replicates.min(axis=0)[order], 1e6 * replicates.max(axis=0)[order],
+        color=FLOOR,
                           alpha=0.2, linewidth=0)  # fmt: skip
         if (~bed.training).any():
             begin = float(t[~bed.training].min()) - 0.25 * bed.span
@@ -256,7 +258,7 @@ def held_out(d: BedFinding) -> Figure:
     axes[-1].set_xlabel("time of the window's start (s)")
     for model in shown_models(d):
         handles.append(Line2D([], [], color=COLOURS[model], marker="o", markersize=3, label=model))
-    handles.append(Line2D([], [], color=FLOOR, linewidth=6, alpha=0.35, label="twins, least to most"))
+    handles.append(Line2D([], [], color=FLOOR, linewidth=6, alpha=0.35, label="replicates, least to most"))
     legend_above(figure, handles)
     return figure
 
@@ -264,7 +266,7 @@ def held_out(d: BedFinding) -> Figure:
 @styled
 def overlay(d: BedFinding, count: int = 4) -> Figure:
     """The swimmer at the end of some windows: seen, and predicted before and after; deviations enlarged."""
-    bed, bench = d.beds[0], d.bench
+    bed, likelihood = d.beds[0], d.likelihood
     model = _reference_model(d)
     s, looks = len(bed.rows), len(bed.looks)
     size = np.nansum(_disk_rms(d, model, 0) ** 2, axis=1)
@@ -273,9 +275,9 @@ def overlay(d: BedFinding, count: int = 4) -> Figure:
     shown = [(model, NAIVE if model == "naive" else RECALIBRATED)]
     if better in shown_models(d):
         shown.append((better, COLOURS[better]))
-    seen = bench.seen[0][:, : bed.swimmer_size].reshape(-1, looks, s, 2)
+    seen = likelihood.seen[0][:, : bed.swimmer_size].reshape(-1, looks, s, 2)
     gone = {
-        name: bench.innovations(d.predicted[name])[0][:, : bed.swimmer_size].reshape(-1, looks, s, 2)
+        name: likelihood.innovations(d.predicted[name])[0][:, : bed.swimmer_size].reshape(-1, looks, s, 2)
         for name, _ in shown
     }
     worst = max(float(np.nanmax(np.abs(gone[name][chosen, -1]))) for name, _ in shown)
@@ -355,6 +357,6 @@ def pictures(d: BedFinding) -> dict[str, Drawing]:
         result["cycle"] = Drawing(
             lambda: over_the_cycle(d), where,
             f"When in the cycle. Misfit {noun} of each disk by the phase of the drive in the middle of the window, "
-            "over that of twins; 1 is noise.",
+            "over that of replicates; 1 is noise.",
         )  # fmt: skip
     return {name: result[name] for name in NAMES if name in result}

@@ -33,7 +33,7 @@ def film_of(d: BedFinding) -> Moving | None:
     shape = (len(order), len(bed.looks), len(bed.rows), 2)
     panels = {"seen": disks}
     for name in names:
-        rows = d.bench.innovations(d.predicted[name])[0][order]
+        rows = d.likelihood.innovations(d.predicted[name])[0][order]
         off = np.zeros(shape)
         off[:, 1:] = disks_of(rows, bed).reshape(shape[0], shape[1] - 1, *shape[2:])
         panels[name] = disks - off.reshape(-1, *shape[2:])

@@ -28,12 +28,12 @@ from .track_drawing import HEAT, end_of_rod, hinged_places, span_of
 def flexible(diagnosis: TrackFinding) -> Figure:
     """The force that no named law gives, over the speeds, times or places that the recordings visit.
 
-    A curve with its central 95 % where the arm sees velocities only (force over speed) or times only (acceleration);
-    arrows along the tracks where it sees places. Raises ValueError where no flexible arm was fitted.
+    A curve with its central 95 % where the form sees velocities only (force over speed) or times only (acceleration);
+    arrows along the tracks where it sees places. Raises ValueError where no form without a name was fitted.
     """
     trial = diagnosis.flexible
     if trial is None or trial.fit is None:
-        raise ValueError("no flexible arm was fitted")
+        raise ValueError("no form without a name was fitted")
     case = next(c for c in diagnosis.cases if c.name in trial.fit.innovations)
     scene, _ = trial.fit.hypothesis.scene(case, trial.fit.values.tolist())
     item = scene.laws[-1]

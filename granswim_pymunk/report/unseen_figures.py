@@ -1,4 +1,4 @@
-"""Figures of the report on a bed that is not seen: angles, numbers, speeds, suspects, nulls, held-out errors."""
+"""Figures of the report on a bed that is not seen: angles, numbers, speeds, candidates, nulls, held-out errors."""
 
 from __future__ import annotations
 
@@ -155,12 +155,12 @@ def candidates(f: Finding) -> Figure:
     trials = sorted((t for t in f.search.trials if not t.reason), key=lambda t: -t.gain)[:16]
     figure = Figure(figsize=(WIDTH, 0.6 + 0.24 * len(trials)), layout="constrained")
     axis = figure.subplots()
-    chosen = {t.suspect.label for t in f.found}
+    chosen = {t.candidate.label for t in f.found}
     y = np.arange(len(trials))
-    colours = [REVISED if t.suspect.label in chosen else MUTED for t in trials]
+    colours = [REVISED if t.candidate.label in chosen else MUTED for t in trials]
     axis.barh(y, [max(t.gain, 0.0) for t in trials], color=colours)
     axis.set_yticks(y)
-    axis.set_yticklabels([f"{shortened(t.suspect.label, 34)} ({t.surviving:.2f})" for t in trials])
+    axis.set_yticklabels([f"{shortened(t.candidate.label, 34)} ({t.surviving:.2f})" for t in trials])
     axis.invert_yaxis()
     if f.search.nulls is not None:
         axis.axvline(at_alarm(f.search.nulls.best), color=SEEN, lw=0.8, ls="--")
@@ -178,7 +178,7 @@ def nulls(f: Finding) -> Figure:
     top = max((t.gain for t in f.search.trials if not t.reason), default=0.0)
     for axis, sample, here, label in (
         (axes[0], found.chi2, f.search.naive.chi2, "misfit (chi2) of the naive scene"),
-        (axes[1], found.best, top, "gain of the best suspect (chi2)"),
+        (axes[1], found.best, top, "gain of the best candidate (chi2)"),
     ):
         axis.hist(sample, bins=30, color=MUTED)
         axis.axvline(here, color=NAIVE, lw=1.6)
@@ -235,7 +235,7 @@ def pictures(f: Finding) -> dict[str, Drawing]:
     if any(not t.reason for t in f.search.trials):
         result["candidates"] = Drawing(
             lambda: candidates(f), "Candidates",
-            "Suspects: how much each explains (fall of the misfit, adjustables refitted) and, in brackets, the share "
+            "Candidates: how much each explains (fall of the misfit, adjustables refitted) and, in brackets, the share "
             "of its signature that recalibration cannot imitate.",
         )  # fmt: skip
     if any(v is not None for v in f.held.values()):

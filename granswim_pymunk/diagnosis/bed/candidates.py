@@ -292,7 +292,7 @@ def check_bed(scene: Scene, name: str) -> None:
 def flexible_terms(
     case: Case, places: np.ndarray, speeds: np.ndarray, bodies: tuple[str, ...] | None = None
 ) -> list[Term]:
-    """The arms that name nothing: smooth in place (a force, an acceleration), in speed, in the drive's phase.
+    """The forms that name nothing: smooth in place (a force, an acceleration), in speed, in the drive's phase.
 
     places : (k, 2) where bodies are seen [m];  speeds : (k,) how fast they go [m/s];  bodies : on which they act, all
     that move where not given
@@ -304,7 +304,7 @@ def flexible_terms(
     force = mean_grain_mass(scene) * criteria.acceleration
     place: dict[str, Any] = {"centre": (float(centre[0]), float(centre[1])), "size": size}
     linear = [f"{axis}{k}" for axis in "ab" for k in range(3)]
-    arms: list[tuple[Law, str, dict[str, Any], Sequence[str], float]] = [
+    forms: list[tuple[Law, str, dict[str, Any], Sequence[str], float]] = [
         (flexible("place"), "a force smooth in place", {**place, "q": 0}, linear, force),
         (flexible("place"), "an acceleration smooth in place", {**place, "q": 1}, linear, criteria.acceleration),
         (
@@ -315,10 +315,10 @@ def flexible_terms(
     cycle = _cycle(scene)
     if cycle:
         names = ["c0", "a1", "b1", "a2", "b2"]
-        arms.append((flexible("cycle"), "a drag that follows the drive", cycle, names, force / criteria.speed))
+        forms.append((flexible("cycle"), "a drag that follows the drive", cycle, names, force / criteria.speed))
     return [
         _nameless(law, label, fixed, numbers, scale, mobile, bodies)
-        for law, label, fixed, numbers, scale in arms
+        for law, label, fixed, numbers, scale in forms
     ]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...inference.criteria import current
 from ...inference.model import Proposal
 from ..hypothesis import Failed, Hypothesis, Term
-from .bench import Bench, Windows
+from .likelihood import WindowLikelihood, Windows
 from .signatures import off
 from .windows import HALF, POOL
 
@@ -28,7 +28,8 @@ def _drive(key: str, factor: float) -> Term:
 
 
 def propose(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, found: BedTrial, rival: BedTrial, windows: Windows
+    likelihood: WindowLikelihood, hypothesis: Hypothesis, values: np.ndarray, found: BedTrial, rival: BedTrial,
+    windows: Windows
 ) -> Proposal | None:
     """The frequency of the drive, or the length of the film, that separates the two best; None where none can be run.
 
@@ -37,7 +38,7 @@ def propose(
     Atkinson & Fedorov 1975, Biometrika 62, 57).
     """
     number = next(k for k, w in enumerate(windows) if len(w))
-    bed, predictor, noise = bench.beds[number], bench.predictors[number], bench.noises[number]
+    bed, predictor, noise = likelihood.beds[number], likelihood.predictors[number], likelihood.noises[number]
     bending = bed.scene.laws_as("stroke")
     options: list[tuple[str, Term]] = []
     if bending:
@@ -50,7 +51,7 @@ def propose(
         plain = Hypothesis((option[1],)).with_term(*hypothesis.terms)
         winner, other = plain.with_term(found.term), plain.with_term(rival.term)
         try:
-            film = predictor.twin(winner, np.concatenate([values, found.values]), 90)
+            film = predictor.replicate(winner, np.concatenate([values, found.values]), 90)
             own = predictor.of(film, 2)
             rows = [
                 own.weigh(winner, np.concatenate([values, found.values]), chosen),
@@ -73,7 +74,7 @@ def propose(
 
         taken = np.column_stack([white(m - means[2]) for m in (means[1], *means[3:])])
         left = off(taken, white(means[0] - means[1]))
-        share = sum(len(b.starts) for b in bench.beds) / max(int(late.sum()), 1)
+        share = sum(len(b.starts) for b in likelihood.beds) / max(int(late.sum()), 1)
         return math.sqrt(float(left @ left) * share)
 
     found_d = list(POOL.map(weigh, options))

@@ -19,12 +19,11 @@ from ...recording import Recording
 from ...scene import Scene
 from ..hypothesis import Term
 from ..swimmer_terms import INTERVAL
-from .bench import Bench, Prediction
 from .driver import (
     Answer,
     begin,
     beyond_names,
-    by_arm,
+    by_form,
     excess_of,
     leading_laws,
     left_of,
@@ -39,7 +38,8 @@ from .driver import (
 )
 from .experiment import propose
 from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
-from .plan import TWINS, Plan
+from .likelihood import Prediction, WindowLikelihood
+from .plan import REPLICATES, Plan
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
 from .weigh import before_of, closest_of, explained_by_scale, rival_gains, weighed
@@ -51,7 +51,7 @@ class BedFinding:
     """What the figures are drawn from. ``predicted`` : all windows by model;  ``level`` : see ``Chance.level``
     map : size of each body's innovation where it is largest, and that window."""
 
-    bench: Bench
+    likelihood: WindowLikelihood
     verdict: str
     adjustables: tuple[Term, ...]
     laws: list[BedTrial]
@@ -64,7 +64,7 @@ class BedFinding:
 
     @property
     def beds(self) -> list[BedCase]:
-        return self.bench.beds
+        return self.likelihood.beds
 
 
 def _least_p() -> float:
@@ -73,14 +73,14 @@ def _least_p() -> float:
 
 
 class Windows(ObservationModel):
-    """Windows of some milliseconds: states are drawn from what the frames say, twins tell bias, spread and nulls."""
+    """Windows of some milliseconds: states drawn from what the frames say; replicates tell bias, spread and nulls."""
 
     kind = "bed"
-    tail = "F, normal and chi-squared tails of sums over windows, as twins tell their spread, all places counted"
+    tail = "F, normal and chi-squared tails of sums over windows, as replicates tell their spread, all places counted"
 
     def __init__(
         self, recordings: Sequence[Recording], hold_out: Sequence[Recording] = (), *, minutes: float | None = None,
-        seed: int = 0, progress: Progress = lambda text, share: None, twins: int = TWINS,
+        seed: int = 0, progress: Progress = lambda text, share: None, replicates: int = REPLICATES,
         candidates: Sequence[str] | None = None, plan: Plan | None = None, cut: bool = True,
     ) -> None:  # fmt: skip
         """``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out.
@@ -93,8 +93,8 @@ class Windows(ObservationModel):
         self.rng, self.progress, self.notes = np.random.default_rng(seed), progress, []
         self.judging = np.random.default_rng((seed, 1))  # of its own: what is found does not hang on how it is judged
         progress("cutting windows", 0.01)
-        self.start = begin(recordings, hold_out, minutes, seed, twins, candidates, plan, cut, self.notes)
-        self.arm: BedTrial | None = None
+        self.start = begin(recordings, hold_out, minutes, seed, replicates, candidates, plan, cut, self.notes)
+        self.form: BedTrial | None = None
         self.discrepancy: Discrepancy | None = None
         self.scale: BedTrial | None = None
 
@@ -123,24 +123,24 @@ class Windows(ObservationModel):
             self.notes,
         )  # fmt: skip
         if answer.unexplained > current().windows.search.unexplained and p <= current().verdict.alarm:
-            self.arm, ahead = beyond_names(search, answer, self.trials, self.notes)
-            if self.arm is not None and ahead:
-                self.trials = [self.arm, *self.trials]
-                answer = by_arm(search, self.arm, answer.unexplained)
+            self.form, ahead = beyond_names(search, answer, self.trials, self.notes)
+            if self.form is not None and ahead:
+                self.trials = [self.form, *self.trials]
+                answer = by_form(search, self.form, answer.unexplained)
         return Claim(tuple(answer.laws), answer)
 
     def weigh(self, claim: Claim) -> Weighed:
         self.progress("what explains", 0.87)
         search, answer = self.state, claim.fit
         self.before = before_of(search)
-        named, forms = weighed(search, answer, self.arm, self.trials, self.before, self.judging)
-        told = tuple(Form(Claim((t,), by_arm(search, t, answer.unexplained)), e, t.worth) for t, e in forms)
+        named, forms = weighed(search, answer, self.form, self.trials, self.before, self.judging)
+        told = tuple(Form(Claim((t,), by_form(search, t, answer.unexplained)), e, t.worth) for t, e in forms)
         return Weighed(named, told, possible=True, few=True)
 
     def mismatch(self, claim: Claim) -> Mismatch:
         moved = moved_away(self.state, self.naive_base, self.start.naive_values, self.alone.covariance)
         if not claim.laws and self.null.p <= current().verdict.alarm:
-            self.notes.append("the windows ask for a law more than those of twins do, but none that was tried stands")
+            self.notes.append("windows ask for a law more than those of replicates do, but none stands that was tried")
         return Mismatch.of(claim.laws, min(self.null.p, self._p_left), moved)
 
     @property
@@ -151,7 +151,7 @@ class Windows(ObservationModel):
     def hold_out(self, judged: Judgement) -> HeldOut:
         self.progress("held-out windows", 0.88)
         search, start = self.state, self.start
-        bench = search.bench
+        likelihood = search.likelihood
         answer, predicted, gain, outcome = on_held_out(search, start, judged.claim.fit, self.judging, self.notes)
         laws, share = list(answer.laws), judged.explained if answer.laws else None
         if start.wrong is not None:
@@ -168,28 +168,28 @@ class Windows(ObservationModel):
             share = explained_by_scale(search, answer.judge, predicted, self.judging)
         self.predicted = predicted
         train, held = (
-            {label: errors(bench, rows, windows).rms for label, rows in predicted.items()}
-            | {"noise_floor": noise_floor(bench, windows)}
-            for windows in (bench.training, bench.held)
+            {label: errors(likelihood, rows, windows).rms for label, rows in predicted.items()}
+            | {"noise_floor": noise_floor(likelihood, windows)}
+            for windows in (likelihood.training, likelihood.held)
         )
-        window = float(np.median([bed.span for bed in bench.beds]))
+        window = float(np.median([bed.span for bed in likelihood.beds]))
         return HeldOut(train, held, outcome, gain, Claim(tuple(laws), answer), share, window)
 
     def fails_predictive_check(self, judged: Judgement) -> bool:
-        self.discrepancy = predictive_check(self.state.bench, self.predicted.get("recalibrated"))
+        self.discrepancy = predictive_check(self.state.likelihood, self.predicted.get("recalibrated"))
         if self.discrepancy is not None:
             self.notes.append(self.discrepancy.text)
         return self.discrepancy is not None
 
     def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
-        search, scene = self.state, self.state.bench.beds[0].scene
+        search, scene = self.state, self.state.likelihood.beds[0].scene
         if not judged.claim.laws and "recalibrated" in self.predicted:
             self.predicted["revised"] = self.predicted["recalibrated"]
         frequency = self.frequencies()
         entries = []
         if judged.verdict == "missing_physics":
             for trial in judged.claim.laws:
-                z, p = after_looks(chance_of_law(trial, search.bench), len(self.trials))
+                z, p = after_looks(chance_of_law(trial, search.likelihood), len(self.trials))
                 entries += place_of(trial, scene, z, p, frequency)
         found = places_of(search, judged.claim.fit, self.predicted, judged.verdict)
         if self.discrepancy is not None and judged.verdict != "no_mismatch":
@@ -204,7 +204,7 @@ class Windows(ObservationModel):
 
     def frequencies(self) -> tuple[float, float] | None:
         """The lowest and the highest of the drive [Hz]."""
-        found = [f for b in self.state.bench.beds if (f := b.frequency()) is not None]
+        found = [f for b in self.state.likelihood.beds if (f := b.frequency()) is not None]
         return (min(found), max(found)) if found else None
 
     def left(self, judged: Judgement) -> Left:
@@ -234,12 +234,12 @@ class Windows(ObservationModel):
         if not laws or not rivals or self.start.wrong is not None or search.clock.late(0.93):
             return None
         self.progress("the next experiment", 0.93)
-        return propose(search.bench, search.hypothesis, search.values, laws[0], rivals[0].law, search.used)
+        return propose(search.likelihood, search.hypothesis, search.values, laws[0], rivals[0].law, search.used)
 
     # ---- what is handed over
 
     def mechanisms(self, course: Course) -> list[dict[str, Any]]:
-        scene = self.state.bench.beds[0].scene
+        scene = self.state.likelihood.beds[0].scene
         return [entry_of(trial, scene, course.held.gain) for trial in course.judged.claim.laws]
 
     def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
@@ -261,11 +261,11 @@ class Windows(ObservationModel):
     def revised(self, course: Course) -> dict[str, Scene]:
         values = course.judged.claim.fit.values[: len(self.state.values)]
         laws = course.judged.claim.laws
-        return {bed.name: revised_scene(bed, self.start.naive, values, laws) for bed in self.state.bench.beds}
+        return {bed.name: revised_scene(bed, self.start.naive, values, laws) for bed in self.state.likelihood.beds}
 
     def used(self) -> tuple[Used, ...]:
         found = []
-        for bed in self.state.bench.beds:
+        for bed in self.state.likelihood.beds:
             part = HELD_OUT if not bed.training.any() else TRAINING if bed.training.all() else PARTLY
             found.append(Used.of(bed.given, part, bed.dt))
         return tuple(found)
@@ -277,9 +277,10 @@ class Windows(ObservationModel):
             model = "naive" if judged.verdict == "recalibrate" else "recalibrated"
             values = self.start.naive_values if model == "naive" else search.values
             if model in self.predicted:
-                shown = body_map(search.bench, self.predicted[model], self.start.naive, values)
+                shown = body_map(search.likelihood, self.predicted[model], self.start.naive, values)
         return BedFinding(
-            search.bench, judged.verdict, self.start.naive.terms, list(judged.claim.laws), self.trials, self.null.gains,
+            search.likelihood, judged.verdict, self.start.naive.terms, list(judged.claim.laws), self.trials,
+            self.null.gains,
             self.null.case, self.chance.level, self.predicted, shown,
         )  # fmt: skip
 
@@ -299,7 +300,7 @@ class Windows(ObservationModel):
 
     @property
     def runs(self) -> int:
-        return self.state.bench.runs
+        return self.state.likelihood.runs
 
     def done(self) -> None:
         self.start.store.forget()
@@ -310,7 +311,7 @@ def diagnose_bed(
 ) -> Diagnosis:
     """Explain recordings of a swimmer and its grains, both seen, by what their scene lacks.
 
-    ``seed``: of draws, twins and nulls;  ``options``: those of ``Windows``: minutes, progress, plan, ...
+    ``seed``: of draws, replicates and nulls;  ``options``: those of ``Windows``: minutes, progress, plan, ...
     Raises InputError for recordings that cannot be used.
     """
     return diagnose_by(Windows(training, held, seed=seed, **options), seed)

@@ -1,4 +1,4 @@
-"""Where innovations are beyond what twins show: disks, grains near and far, parts of the cycle, times, speeds."""
+"""Where innovations are beyond what replicates show: disks, grains near and far, parts of the cycle, times, speeds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy import stats
 
 from ...inference.criteria import current
 from ...inference.significance import after_looks
-from .bench import Bench, Prediction, Windows
+from .likelihood import Prediction, WindowLikelihood, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
 
@@ -38,12 +38,12 @@ class Place:
 
 @dataclass(frozen=True)
 class Map:
-    """Sizes of the innovations of one recording against those of twins; 1 is what noise gives.
+    """Sizes of the innovations of one recording against those of replicates; 1 is what noise gives.
 
     disks : (W, s) mean square of each disk in each window;  sums : (W, 2) of grains near and far
     cells : (W, s) of the near grains about each disk
-    twin_disks : (N, W, s), twin_sums : (N, W, 2), twin_cells : (N, W, s) the same of twins, each against the spread of
-    all
+    replicate_disks : (N, W, s), replicate_sums : (N, W, 2), replicate_cells : (N, W, s) the same of replicates, each
+    against the spread of all
     speed : (W,) of the swimmer's disks [m/s], root mean square
     """
 
@@ -51,19 +51,20 @@ class Map:
     disks: np.ndarray
     sums: np.ndarray
     cells: np.ndarray
-    twin_disks: np.ndarray
-    twin_sums: np.ndarray
-    twin_cells: np.ndarray
+    replicate_disks: np.ndarray
+    replicate_sums: np.ndarray
+    replicate_cells: np.ndarray
     speed: np.ndarray
 
 
-def maps(bench: Bench, predicted: Prediction) -> list[Map]:
+def maps(likelihood: WindowLikelihood, predicted: Prediction) -> list[Map]:
     """One map for each recording, of all its windows."""
     criteria = current().windows.places
     found = []
-    for bed, noise, rows, seen in zip(bench.beds, bench.noises, bench.innovations(predicted), bench.seen, strict=True):
+    innovations = likelihood.innovations(predicted)
+    for bed, noise, rows, seen in zip(likelihood.beds, likelihood.noises, innovations, likelihood.seen, strict=True):
         spread = np.sqrt(np.maximum(np.mean(np.square(np.nan_to_num(noise.residuals)), axis=(0, 1)), 1e-18))
-        own, twins = np.nan_to_num(rows / spread) ** 2, np.nan_to_num(noise.residuals / spread) ** 2
+        own, replicates = np.nan_to_num(rows / spread) ** 2, np.nan_to_num(noise.residuals / spread) ** 2
         s, looks = len(bed.rows), len(bed.looks)
 
         def disks(values: np.ndarray, bed=bed, looks=looks, s=s) -> np.ndarray:
@@ -83,14 +84,14 @@ def maps(bench: Bench, predicted: Prediction) -> list[Map]:
         path = seen[:, : bed.swimmer_size].reshape(len(bed.starts), looks, s, 2)
         moved = np.hypot(*np.moveaxis(path[:, -1] - path[:, 0], -1, 0)) / bed.span
         speed = np.sqrt(np.nanmean(np.where(np.isfinite(moved), moved, 0.0) ** 2, axis=1))
-        found.append(Map(bed, disks(own), *grains(own), disks(twins), *grains(twins), speed))
+        found.append(Map(bed, disks(own), *grains(own), disks(replicates), *grains(replicates), speed))
     return found
 
 
-def locate(bench: Bench, predicted: Prediction, windows: Sequence[np.ndarray]) -> list[Place]:
-    """Places where the innovations are beyond the twins', the clearest first, each after all looks."""
+def locate(likelihood: WindowLikelihood, predicted: Prediction, windows: Sequence[np.ndarray]) -> list[Place]:
+    """Places where the innovations are beyond the replicates', the clearest first, each after all looks."""
     candidates: list[tuple[Place, float]] = []
-    for found, chosen in zip(maps(bench, predicted), windows, strict=True):
+    for found, chosen in zip(maps(likelihood, predicted), windows, strict=True):
         candidates += _of_one(found, np.asarray(chosen))
     looked = max(len(candidates), 1)
     places = []
@@ -170,7 +171,7 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
     if not len(chosen):
         return []
     bed = found.bed
-    disks, twins = found.disks[chosen], found.twin_disks[:, chosen]
+    disks, replicates = found.disks[chosen], found.replicate_disks[:, chosen]
     ids = [bed.scene.bodies[r].id for r in bed.rows]
     result: list[tuple[Place, float]] = []
 
@@ -180,20 +181,20 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
         scatter = squares.mean(axis=1).var(axis=0, ddof=1)
         return max(2.0 * float(np.mean(mean**2) / max(float(np.mean(scatter)), 1e-12)) / len(chosen), 0.3)
 
-    per_window = freedom_of(twins)
+    per_window = freedom_of(replicates)
 
     def judge(mine: np.ndarray, others: np.ndarray, freedom: float) -> float:
         ratio = float(mine.mean() / max(others.mean(), 1e-12))
-        return float(stats.f.sf(ratio, max(freedom, 1.0), max(freedom * len(twins), 1.0)))
+        return float(stats.f.sf(ratio, max(freedom, 1.0), max(freedom * len(replicates), 1.0)))
 
     def add(p: float, bodies=(), region=None, phase=None, t=None, speed=None) -> None:
         result.append((Place(tuple(bodies), region, phase, t, speed, 0.0, 1.0), p))
 
     n = len(chosen)
     for k, name in enumerate(ids):
-        add(judge(disks[:, k], twins[:, :, k], per_window * n), [name], _role(k, len(ids)))
+        add(judge(disks[:, k], replicates[:, :, k], per_window * n), [name], _role(k, len(ids)))
     if len(bed.grains):
-        sums, cells = found.twin_sums[:, chosen], found.twin_cells[:, chosen]
+        sums, cells = found.replicate_sums[:, chosen], found.replicate_cells[:, chosen]
         of_sums, of_cells = n * freedom_of(sums), n * freedom_of(cells)
         for k, region in enumerate(GRAINS):
             add(judge(found.sums[chosen, k], sums[:, :, k], of_sums), (), region)
@@ -201,17 +202,17 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
             about = judge(found.cells[chosen, k], cells[:, :, k], of_cells)
             add(about, (), f"grains within two diameters of disk {name}")
     whole = disks.mean(axis=1)
-    whole_twins = twins.mean(axis=2)
+    whole_replicates = replicates.mean(axis=2)
     for mine, phase in _by_phase(bed, chosen):
-        p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
+        p = judge(whole[mine], whole_replicates[:, mine], per_window * mine.sum())
         add(p, ids, "swimmer", phase=phase)
     edges = np.quantile(found.speed[chosen], [0.0, 1 / 3, 2 / 3, 1.0])
     for low, high in pairwise(edges):
         mine = (found.speed[chosen] >= low) & (found.speed[chosen] <= high)
         if mine.any() and high > low:
-            p = judge(whole[mine], whole_twins[:, mine], per_window * mine.sum())
+            p = judge(whole[mine], whole_replicates[:, mine], per_window * mine.sum())
             add(p, ids, "swimmer", speed=(float(low), float(high)))
     for k, w in enumerate(chosen):
         t = float(bed.times[w])
-        add(judge(whole[k : k + 1], whole_twins[:, k : k + 1], per_window), ids, "swimmer", t=(t, t + bed.span))
+        add(judge(whole[k : k + 1], whole_replicates[:, k : k + 1], per_window), ids, "swimmer", t=(t, t + bed.span))
     return result

@@ -8,7 +8,7 @@ from ...inference.criteria import current
 from .windows import MEMBERS, MOST_WINDOWS
 from .work import CORES, Work
 
-TWINS = 8
+REPLICATES = 8
 LEADERS = 7
 MINUTES = 10.0  # where no budget is given
 
@@ -30,45 +30,46 @@ class Clock:
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is simulated: members of a window, of a signature; twins; windows of a recording; leaders."""
+    """How much is simulated: members of a window, of a signature; replicates; windows of a recording; leaders."""
 
     members: int
     screening: int
-    twins: int
+    replicates: int
     windows: int
     leaders: int
 
 
 def make_plan(
-    cost: float, windows: int, training: int, terms: int, seconds: float, twins: int, whole: float = 1.0
+    cost: float, windows: int, training: int, terms: int, seconds: float, replicates: int, whole: float = 1.0
 ) -> Plan:
     """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window on ``CORES``.
 
     Every step is counted, though few recordings ask for all of them.
 
-    ``whole``: how many times the bodies of a window the whole bed has, of which twins are simulated.
+    ``whole``: how many times the bodies of a window the whole bed has, of which replicates are simulated.
 
-    What is given up first: the fourth and third member, then windows, then twins, then leaders.
+    What is given up first: the fourth and third member, then windows, then replicates, then leaders.
     """
     plans = [
         Plan(m, s, n, w, k)
         for m, s, n, w, k in (
-            (MEMBERS, 2, twins, MOST_WINDOWS, LEADERS), (MEMBERS, 2, twins, 26, LEADERS), (MEMBERS, 2, 6, 26, LEADERS),
+            (MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS), (MEMBERS, 2, replicates, 26, LEADERS), (MEMBERS, 2, 6,
+            26, LEADERS),
             (2, 2, 6, 26, LEADERS), (2, 1, 6, 26, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
             (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
         )
-        if n <= twins
-    ] or [Plan(2, 1, twins, 26, 5)]  # fmt: skip
+        if n <= replicates
+    ] or [Plan(2, 1, replicates, 26, 5)]  # fmt: skip
     for plan in plans:
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)
-        runs = 13 * used * plan.members + plan.twins * every * (plan.members + 1.4 * whole)
+        runs = 13 * used * plan.members + plan.replicates * every * (plan.members + 1.4 * whole)
         runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
-        runs += plan.twins * used * plan.screening * 2.5 * current().windows.search.leaning
+        runs += plan.replicates * used * plan.screening * 2.5 * current().windows.search.leaning
         runs += (
             (plan.leaders - 2) * 4 * used * plan.members
             + 3 * every * plan.members
-            + 0.6 * plan.twins * every * (plan.members + 1.4 * whole)
+            + 0.6 * plan.replicates * every * (plan.members + 1.4 * whole)
         )
         if runs * cost < seconds:
             return plan

@@ -1,4 +1,4 @@
-"""Adjustables and laws fitted together, with the bias and the scatter of twins that have the laws."""
+"""Adjustables and laws fitted together, with the bias and the scatter of replicates that have the laws."""
 
 from __future__ import annotations
 
@@ -6,30 +6,31 @@ import numpy as np
 from scipy import stats
 
 from ..hypothesis import Failed, Hypothesis
-from .bench import Bench, Windows, both_sides
+from .likelihood import WindowLikelihood, Windows, both_sides
 from .plan import Plan
 from .signatures import whole_films
 from .trial import BedTrial, moved_to
 
 
 def readjusted(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, nuisance: np.ndarray, trial: BedTrial, windows: Windows
+    likelihood: WindowLikelihood, hypothesis: Hypothesis, values: np.ndarray, nuisance: np.ndarray, trial: BedTrial,
+    windows: Windows
 ) -> np.ndarray:
     """Adjustables moved, to first order, to where they belong once the law is there."""
     if not len(values):
         return values
     full = hypothesis.with_term(trial.term)
-    predicted = bench.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
+    predicted = likelihood.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
     if predicted is None:
         return values
     low, high = hypothesis.bounds
-    change = np.linalg.lstsq(nuisance, bench.white(predicted, windows), rcond=1e-10)[0]
+    change = np.linalg.lstsq(nuisance, likelihood.white(predicted, windows), rcond=1e-10)[0]
     reach = 0.15 * (high - low)
     return np.clip(values + np.clip(change, -reach, reach), low, high)
 
 
 def polish(
-    bench: Bench,
+    likelihood: WindowLikelihood,
     hypothesis: Hypothesis,
     values: np.ndarray,
     trial: BedTrial,
@@ -38,12 +39,12 @@ def polish(
     late: bool,
     plan: Plan,
     adjusted: int,
-) -> tuple[np.ndarray, np.ndarray, BedTrial, Bench, np.ndarray | None]:
-    """Adjustables and laws together, with the bias of twins that have the laws.
+) -> tuple[np.ndarray, np.ndarray, BedTrial, WindowLikelihood, np.ndarray | None]:
+    """Adjustables and laws together, with the bias of replicates that have the laws.
 
     The estimator's bias depends on the physics, and the first-order step from a scene without the law falls short.
     ``hypothesis``, ``values``: what is there beside the law of ``trial``; the first ``adjusted`` are adjustables.
-    Returns values of all, their covariance, the trial, the bench of those twins, and its whitened columns.
+    Returns values of all, their covariance, the trial, the likelihood of those replicates, and its whitened columns.
     """
     full = hypothesis.with_term(trial.term)
     z = np.concatenate([values, trial.values])
@@ -52,8 +53,8 @@ def polish(
     rough = np.full((len(z), len(z)), np.nan)
     rough[n:, n:] = trial.covariance
     if hurried:
-        return z, rough, trial, bench, None
-    second = bench.with_twins(max(min(plan.twins - 2, 6), 3))
+        return z, rough, trial, likelihood, None
+    second = likelihood.with_replicates(max(min(plan.replicates - 2, 6), 3))
     told: np.ndarray | None = None
     steps = np.array([0.1 * (f.high - f.low) for f in free[:adjusted]] + [
         0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale
@@ -61,9 +62,9 @@ def polish(
     ])  # fmt: skip
     low, high = full.bounds
     try:
-        second.make_twins(full, z)
+        second.make_replicates(full, z)
         if not late:
-            told = _told_by_twins(second, full, z, steps, windows)
+            told = _told_by_replicates(second, full, z, steps, windows)
         bias = 0.0 if told is None else told.mean(axis=0)
         for _ in range(3):
             # to both sides: a base that the columns share with the innovations would push along its own chaos
@@ -71,7 +72,7 @@ def polish(
             here, *beside = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
             columns = second.columns(beside, spans, windows)
             white = second.white(here, windows)
-            steered, away = _bias_follows(bench, second, columns, windows, trial, n, z)
+            steered, away = _bias_follows(likelihood, second, columns, windows, trial, n, z)
             answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
             change = steered @ (answer - away - bias)
             # never further than the columns were taken
@@ -80,28 +81,28 @@ def polish(
             if np.all(np.abs(z - before) < 0.15 * spans):
                 break
     except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
-        return np.concatenate([values, trial.values]), rough, trial, bench, None
-    # the twins' covariance is measured, not known, and columns carry the bed's chaos
+        return np.concatenate([values, trial.values]), rough, trial, likelihood, None
+    # the replicates' covariance is measured, not known, and columns carry the bed's chaos
     rest = white - columns @ answer
     size = max(float(rest @ rest) / max(len(white) - len(z), 1), 1.0)
     covariance = widened(np.linalg.pinv(columns.T @ columns) * size, columns, white, sum(len(w) for w in windows))
     if told is None:
-        # the columns of the film in place of those of each twin
+        # the columns of the film in place of those of each replicate
         told = np.linalg.lstsq(columns, whole_films(second.noises, windows), rcond=1e-10)[0].T
-    covariance = steered @ as_twins_scatter(covariance, told) @ steered.T
+    covariance = steered @ as_replicates_scatter(covariance, told) @ steered.T
     return z, covariance, moved_to(trial, z[n:], covariance[n:, n:]), second, columns
 
 
-def _told_by_twins(
-    bench: Bench, full: Hypothesis, z: np.ndarray, steps: np.ndarray, windows: Windows
+def _told_by_replicates(
+    likelihood: WindowLikelihood, full: Hypothesis, z: np.ndarray, steps: np.ndarray, windows: Windows
 ) -> np.ndarray:
-    """Answers (N, p) of twins of ``z``, each with columns of its own starts.
+    """Answers (N, p) of replicates of ``z``, each with columns of its own starts.
 
-    The truth of twins is known: the mean is the bias of least squares whose columns have the errors of the starts.
+    The truth of replicates is known: the mean is the bias of least squares whose columns have the errors of the starts.
     """
     ends, spans = both_sides(z, steps, *full.bounds)
-    views = bench.twin_views([(full, end) for end in ends], windows, bench.members)
-    films = whole_films(bench.noises, windows)
+    views = likelihood.replicate_views([(full, end) for end in ends], windows, likelihood.members)
+    films = whole_films(likelihood.noises, windows)
     return np.array(
         [
             np.linalg.lstsq((shown[:, 1::2] - shown[:, ::2]) / spans, film, rcond=1e-10)[0]
@@ -111,16 +112,17 @@ def _told_by_twins(
 
 
 def _bias_follows(
-    bench: Bench, second: Bench, columns: np.ndarray, windows: Windows, trial: BedTrial, n: int, z: np.ndarray
+    likelihood: WindowLikelihood, second: WindowLikelihood, columns: np.ndarray, windows: Windows, trial: BedTrial,
+    n: int, z: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """How the estimator's bias, which grows with the law, changes a step: change = M (least squares - away).
 
-    The twins of ``second`` have the law as strong as in ``trial``, those of ``bench`` have none; between and beyond
-    the bias b is linear in the first number of the law: b = b_1 + (b_1 - b_0) (z - z_1)/(z_1 - neutral). (Grains that
-    roll, say: no film shows their spin, so each window begins without.)
+    The replicates of ``second`` have the law as strong as in ``trial``, those of ``likelihood`` have none; between and
+    beyond the bias b is linear in the first number of the law: b = b_1 + (b_1 - b_0) (z - z_1)/(z_1 - neutral). (Grains
+    that roll, say: no film shows their spin, so each window begins without.)
     """
     parts = []
-    for after, before, seen, chosen in zip(second.noises, bench.noises, bench.seen, windows, strict=True):
+    for after, before, seen, chosen in zip(second.noises, likelihood.noises, likelihood.seen, windows, strict=True):
         hidden = np.where(np.isfinite(seen), 0.0, np.nan)
         parts.append(after.whiten(after.bias - before.bias + hidden, chosen).ravel())
     size = len(z)
@@ -156,8 +158,8 @@ def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, wind
     return covariance * np.outer(factor, factor)
 
 
-def as_twins_scatter(covariance: np.ndarray, answers: np.ndarray) -> np.ndarray:
-    """The covariance, no narrower than the scatter of the answers (N, p) that twins give, whose truth is known.
+def as_replicates_scatter(covariance: np.ndarray, answers: np.ndarray) -> np.ndarray:
+    """The covariance, no narrower than the scatter of the answers (N, p) that replicates give, whose truth is known.
 
     Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, ch. 6 (parametric bootstrap).
     """

@@ -2,7 +2,7 @@
 
 Of two grains that touch most of the time the distance is the sum of their radii, whatever the rest of the bed does.
 Each grain has some four such neighbours, and all their radii follow from all those distances together. What is left of
-the error is told, so that twins are as far off.
+the error is told, so that replicates are as far off.
 """
 
 from __future__ import annotations

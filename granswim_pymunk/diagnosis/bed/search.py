@@ -1,4 +1,4 @@
-"""The search for the law that is missing: signatures, leaders refitted by simulation, a second law, arms."""
+"""The search for the law that is missing: signatures, leaders refitted by simulation, a second law, forms."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ...inference.simpler import special_cases
 from ...laws import has_role
 from ..hypothesis import Failed, Hypothesis, Term
 from ..swimmer_terms import tried_below
-from .bench import Bench, Prediction, Windows, both_sides
 from .candidates import flexible_terms, siblings
 from .chance import chance
+from .likelihood import Prediction, WindowLikelihood, Windows, both_sides
 from .plan import Clock, Plan
 from .signatures import BedSignature, limits, make_signature, off, to_values
 from .trial import BedTrial, first_order, smooth_minimum, trial_of
@@ -31,7 +31,8 @@ def _shifts_the_drive(t: BedTrial) -> bool:
 
 
 def signature_of(
-    bench: Bench, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray, term: Term,
+    likelihood: WindowLikelihood, hypothesis: Hypothesis, values: np.ndarray, base: Prediction, nuisance: np.ndarray,
+    term: Term,
     windows: Windows, members: int,
 ) -> BedSignature | None:  # fmt: skip
     """Columns of a term, each from an amount that changes the prediction by about a standard deviation.
@@ -45,7 +46,7 @@ def signature_of(
         """With these amounts of number k; the scene without the term where that is none."""
         numbers = [to_values(term, amount * np.eye(len(term.free))[k]) for amount in amounts if amount]
         wanted = [(extended, np.concatenate([values, n])) for n in numbers]
-        found = bench.predict(wanted, windows, members, bench.members)
+        found = likelihood.predict(wanted, windows, members, likelihood.members)
         return found if all(amounts) else [*found, base]
 
     weak, strong = current().windows.search.response
@@ -68,7 +69,7 @@ def signature_of(
                 smallest_failed = amount
                 amount *= 0.15
                 continue
-            change = bench.change(after, before, windows)
+            change = likelihood.change(after, before, windows)
             kept = there, back, change / (there - back)
             size = float(np.sqrt(np.mean(change**2)))
             if size < weak:
@@ -86,7 +87,7 @@ def signature_of(
         tried.append(kept[0])
         other.append(kept[1])
         columns.append(kept[2])
-    sizes = [bed.size for bed, w in zip(bench.beds, windows, strict=True) for _ in w]
+    sizes = [bed.size for bed, w in zip(likelihood.beds, windows, strict=True) for _ in w]
     return make_signature(term, np.array(tried), np.column_stack(columns), nuisance, np.array(other), sizes)
 
 
@@ -99,10 +100,10 @@ def thinned(windows: Windows, share: float) -> list[np.ndarray]:
     return result
 
 
-def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
+def positions(likelihood: WindowLikelihood, windows: Windows, chosen: Windows) -> np.ndarray:
     """Rows that ``chosen`` windows have in stacked numbers of all ``windows``."""
     rows, start = [], 0
-    for bed, every, some in zip(bench.beds, windows, chosen, strict=True):
+    for bed, every, some in zip(likelihood.beds, windows, chosen, strict=True):
         index = start + np.arange(len(every) * bed.size).reshape(len(every), bed.size)
         rows.append(index[np.isin(every, some)].ravel())
         start += len(every) * bed.size
@@ -113,7 +114,7 @@ def positions(bench: Bench, windows: Windows, chosen: Windows) -> np.ndarray:
 class Search:
     """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well."""
 
-    bench: Bench
+    likelihood: WindowLikelihood
     hypothesis: Hypothesis
     values: np.ndarray
     base: Prediction
@@ -128,7 +129,7 @@ class Search:
     @property
     def white(self) -> np.ndarray:
         """(n,) whitened innovations of the windows that are used."""
-        return self.bench.white(self.base, self.used)
+        return self.likelihood.white(self.base, self.used)
 
     @property
     def whole(self) -> bool:
@@ -151,12 +152,12 @@ class Search:
         With the members of the innovations, the chaos of these would be in both and look like every candidate.
         """
         wanted = [(self.hypothesis, self.values)]
-        return self.bench.predict_surely(wanted, self.few, self.plan.screening, self.bench.members)[0]
+        return self.likelihood.predict_surely(wanted, self.few, self.plan.screening, self.likelihood.members)[0]
 
     def signature(self, term: Term, apart: Prediction) -> BedSignature | None:
         """See ``signature_of``; ``apart`` as the method of that name gives it."""
         return signature_of(
-            self.bench, self.hypothesis, self.values, apart, self.few_nuisance, term, self.few, self.plan.screening
+            self.likelihood, self.hypothesis, self.values, apart, self.few_nuisance, term, self.few, self.plan.screening
         )
 
     def with_siblings(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
@@ -200,7 +201,7 @@ class Search:
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
             if k < 1 or not self.clock.late(0.84):
                 mine = span if self.whole else None
-                done.append(self.refit(t, self.used, self.nuisance, self.bench.members, criteria.fine, mine))
+                done.append(self.refit(t, self.used, self.nuisance, self.likelihood.members, criteria.fine, mine))
         done = no_narrower(done)
         # the best form of each is kept; gains in few windows are not comparable
         known = {t.term.label for t in done}
@@ -216,7 +217,7 @@ class Search:
         span: np.ndarray | None = None,
     ) -> float:  # fmt: skip
         """Of what is left, or of its part in the span (m, r) of all that is suspected: chaos is mostly elsewhere."""
-        rest = off(nuisance, self.bench.white(predicted, windows, members))
+        rest = off(nuisance, self.likelihood.white(predicted, windows, members))
         if span is not None:
             rest = span.T @ rest
         return float(rest @ rest)
@@ -234,7 +235,7 @@ class Search:
         def measure(more: Sequence[float]) -> None:
             more = [s for s in dict.fromkeys(more) if s not in chi2]
             amounts = [np.clip(start * s, low, high) for s in more]
-            rows = self.bench.predict(
+            rows = self.likelihood.predict(
                 [(extended, np.concatenate([self.values, to_values(trial.term, a)])) for a in amounts],
                 windows,
                 members,
@@ -256,8 +257,8 @@ class Search:
             return replace(trial, gain=0.0)
         share, lowest = smooth_minimum(chi2)
         amounts = np.clip(start * (share or 1e-3), low, high)
-        found = trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.firm, trial.spread)
-        return replace(found, lent=trial.lent)
+        found = trial_of(trial.signature, amounts, trial.linear, chi2[0.0] - lowest, trial.jackknife, trial.spread)
+        return replace(found, attenuation=trial.attenuation)
 
     def turned(self, trial: BedTrial) -> BedTrial | None:
         """A step of least squares in all numbers of the term from where it is, and a refit along what that gives."""
@@ -266,16 +267,16 @@ class Search:
         ends, spans = both_sides(trial.amounts, np.abs(trial.signature.tried), low, high)
         wanted = [np.concatenate([self.values, to_values(trial.term, a)]) for a in (trial.amounts, *ends)]
         try:
-            here, *beside = self.bench.predict_surely([(extended, numbers) for numbers in wanted], self.used)
+            here, *beside = self.likelihood.predict_surely([(extended, numbers) for numbers in wanted], self.used)
         except Failed:
             return None
-        columns = self.bench.columns(beside, spans, self.used)
+        columns = self.likelihood.columns(beside, spans, self.used)
         clear = off(self.nuisance, columns)
-        change = np.linalg.lstsq(clear, off(self.nuisance, self.bench.white(here, self.used)), rcond=1e-8)[0]
+        change = np.linalg.lstsq(clear, off(self.nuisance, self.likelihood.white(here, self.used)), rcond=1e-8)[0]
         amounts = np.clip(trial.amounts + change, low, high)
         signature = replace(trial.signature, columns=columns, clear=clear)
         moved = replace(trial, amounts=amounts, signature=signature)
-        return self.refit(moved, self.used, self.nuisance, self.bench.members, (0.6, 1.0, 1.4))
+        return self.refit(moved, self.used, self.nuisance, self.likelihood.members, (0.6, 1.0, 1.4))
 
 
 def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
@@ -313,7 +314,7 @@ def second_law(
         for s in signatures
         if s.term.label != found.term.label and s.term.mechanism != "unknown"
     ]
-    by_chance = chance(search.bench, search.few, search.few_nuisance, others, rng)
+    by_chance = chance(search.likelihood, search.few, search.few_nuisance, others, rng)
     order = sorted((first_order(s, left, by_chance.spreads[s.term.label]) for s in others), key=lambda t: -t.ahead)
     try:
         apart = search.apart()
@@ -329,36 +330,37 @@ def second_law(
             trials.append(first_order(signature, left, rough.spread))
     span = basis(np.column_stack([s.clear for s in others])) if others and search.whole else None
     trials = sorted((t for t in trials if by_chance.beyond(t)), key=lambda t: -t.worth)[:3]
-    done = [search.refit(t, search.used, search.nuisance, search.bench.members, criteria.fine, span) for t in trials]
+    members = search.likelihood.members
+    done = [search.refit(t, search.used, search.nuisance, members, criteria.fine, span) for t in trials]
     done = [t for t in done if (t.gain or 0.0) > max(by_chance.threshold(t), criteria.sure)]
     return max(done, key=lambda t: t.worth, default=None)
 
 
-def flexible_arm(search: Search, swimmer: bool = False) -> BedTrial | None:
-    """The best of the arms that name nothing, refitted by simulation; None where none could be.
+def best_form(search: Search, swimmer: bool = False) -> BedTrial | None:
+    """The best of the forms that name nothing, refitted by simulation; None where none could be.
 
     swimmer : whether they act on its disks alone
     """
-    bench, used, clock = search.bench, search.used, search.clock
-    bed, predictor = bench.beds[0], bench.predictors[0]
+    likelihood, used, clock = search.likelihood, search.used, search.clock
+    bed, predictor = likelihood.beds[0], likelihood.predictors[0]
     frames = bed.starts[used[0]]
     seen = bed.film.xy[frames][:, [*bed.rows, *([] if swimmer else bed.grains)]].reshape(-1, 2)
     bodies = bed.scene.swimmer_ids if swimmer else None
     speeds = np.concatenate([predictor.sums(int(w)).speed for w in used[0]])
     left = search.few_left
     apart = search.apart()
-    arms: list[BedTrial] = []
+    forms: list[BedTrial] = []
     fast = speeds if len(speeds) else np.array([0.1])
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], fast, bodies):
-        if arms and clock.late(0.9):
+        if forms and clock.late(0.9):
             break
         signature = search.signature(term, apart)
         if signature is not None:
-            arms.append(first_order(signature, left))
-    arms.sort(key=lambda t: -t.worth)
+            forms.append(first_order(signature, left))
+    forms.sort(key=lambda t: -t.worth)
     done = []
-    for t in arms[:2]:
-        refitted = search.refit(t, used, search.nuisance, bench.members, (0.6, 1.0, 1.6))
+    for t in forms[:2]:
+        refitted = search.refit(t, used, search.nuisance, likelihood.members, (0.6, 1.0, 1.6))
         # few windows tell the direction of five numbers badly
         for _ in range(2):
             if clock.late(0.92):

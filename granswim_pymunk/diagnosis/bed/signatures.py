@@ -1,6 +1,6 @@
-"""What windows say about candidates: noise from twins, signatures, generalised least squares, nulls.
+"""What windows say about candidates: noise from replicates, signatures, generalised least squares, nulls.
 
-Everything is whitened with the covariance of twins: the recalibrated scene simulated, filmed, and put through
+Everything is whitened with the covariance of replicates: the recalibrated scene simulated, filmed, and put through
 the same estimate. Their mean is the estimator's own bias (it smooths velocities, which looks like drag).
 """
 
@@ -21,14 +21,14 @@ from ..hypothesis import Term
 class Noise:
     """Of the innovations of one film: bias (W, D) [m], and per window the lower root of the covariance (W, D, D).
 
-    residuals : (N, W, D) of the twins, without their mean [m];  twins : (N, W, D) their innovations [m];
+    residuals : (N, W, D) of the replicates, without their mean [m];  replicates : (N, W, D) their innovations [m];
     both empty where there were none
     """
 
     bias: np.ndarray
     roots: np.ndarray
     residuals: np.ndarray
-    twins: np.ndarray
+    replicates: np.ndarray
     parts: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict, repr=False)  # roots of what was seen
     others: list[Noise] = field(default_factory=list, repr=False)  # see ``by_others``
 
@@ -55,9 +55,10 @@ class Noise:
 
 
     def by_others(self) -> list[Noise]:
-        """For each twin the noise that all others tell: its own would flatter it."""
+        """For each replicate the noise that all others tell: its own would flatter it."""
         if not self.others:
-            self.others.extend(twin_noise(np.delete(self.twins, k, axis=0)) for k in range(len(self.twins)))
+            self.others.extend(replicate_noise(np.delete(self.replicates, k,
+            axis=0)) for k in range(len(self.replicates)))
         return self.others
 
 
@@ -73,21 +74,21 @@ def ensemble_noise(predicted: np.ndarray, windows: np.ndarray, sigma: float) -> 
     return Noise(np.zeros((count, size)), np.repeat(root[None], count, axis=0), none, none)
 
 
-def mean_of_twins(innovations: np.ndarray) -> np.ndarray:
-    """(W, D) [m] of (N, W, D); zero where no twin was seen."""
+def mean_of_replicates(innovations: np.ndarray) -> np.ndarray:
+    """(W, D) [m] of (N, W, D); zero where no replicate was seen."""
     known = np.isfinite(innovations)
     mean: np.ndarray = np.where(known, innovations, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return mean
 
 
-def twin_noise(innovations: np.ndarray) -> Noise:
-    """Noise from the innovations of twins (N, W, D) [m]: one bias for each window, one covariance, a size each.
+def replicate_noise(innovations: np.ndarray) -> Noise:
+    """Noise from the innovations of replicates (N, W, D) [m]: one bias for each window, one covariance, a size each.
 
     NaN where nothing was seen; a number that hardly ever was gets no weight.
     """
     criteria = current().windows.signatures
     number, count, size = innovations.shape
-    bias = mean_of_twins(innovations)
+    bias = mean_of_replicates(innovations)
     known = np.isfinite(innovations).sum(axis=0)
     left = (innovations - bias) * np.sqrt(known / np.maximum(known - 1, 1))
     valid = np.isfinite(left) & (known > 1)
@@ -103,7 +104,7 @@ def twin_noise(innovations: np.ndarray) -> Noise:
     white = solve_triangular(root, flat.T, lower=True).T.reshape(number, count, size)
     # some phases of the cycle are noisier than others
     scale = (np.sum(white**2, axis=(0, 2)) / size + 4.0) / (number + 4.0)
-    # the bias is known no better than that many twins tell
+    # the bias is known no better than that many replicates tell
     roots = root * np.sqrt(scale * (1 + 1 / number))[:, None, None]
     return Noise(bias, roots, left * np.sqrt(1 + 1 / number), innovations)
 
@@ -159,7 +160,7 @@ class BedSignature:
         explained = self.clear @ amounts
         return amounts, np.maximum(np.sum(2 * white * explained - explained**2, axis=0), 0.0)
 
-    def firm(self, white: np.ndarray) -> np.ndarray:
+    def jackknife(self, white: np.ndarray) -> np.ndarray:
         """The fall in chi2 (m,) without the window that brings most of it, for whitened innovations (n, m).
 
         A bed that jams or slips once looks like any law that pushes there; what is missing shows in all windows in
@@ -202,22 +203,23 @@ def off(nuisance: np.ndarray, white: np.ndarray) -> np.ndarray:
 
 
 def whole_films(noises: Sequence[Noise], used: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, N) whitened innovations without a candidate, each of one twin from its first window to its last.
+    """(n, N) whitened innovations without a candidate, each of one replicate from its first window to its last.
 
-    Every twin is whitened with the bias and the covariance of the others: its own would flatter it.
+    Every replicate is whitened with the bias and the covariance of the others: its own would flatter it.
     """
-    number = min(len(noise.twins) for noise in noises)
+    number = min(len(noise.replicates) for noise in noises)
     return np.concatenate([_judged_by_others(noise, w)[:number].reshape(number, -1) for noise, w in zip(
         noises, used, strict=True)], axis=1).T  # fmt: skip
 
 
 def _judged_by_others(noise: Noise, windows: np.ndarray) -> np.ndarray:
     """(N, w, D)"""
-    return np.stack([o.whiten(t - o.bias) for o, t in zip(noise.by_others(), noise.twins, strict=True)])[:, windows]
+    pairs = zip(noise.by_others(), noise.replicates, strict=True)
+    return np.stack([o.whiten(t - o.bias) for o, t in pairs])[:, windows]
 
 
 def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
-    """(n, count) whitened innovations without a candidate: each window from a twin drawn at random.
+    """(n, count) whitened innovations without a candidate: each window from a replicate drawn at random.
 
     What the windows of one film have in common is lost here; see ``coherence``.
     """
@@ -231,7 +233,7 @@ def recombined(noises: Sequence[Noise], used: Sequence[np.ndarray], count: int, 
 
 
 def coherence(signatures: Sequence[BedSignature], films: np.ndarray, drawn: np.ndarray) -> float:
-    """By how much the candidates gain more on whole films of twins (n, N) than on recombined windows (n, m); >= 1.
+    """By how much the candidates gain more on whole films of replicates (n, N) than on recombined windows (n, m); >= 1.
 
     Errors that the windows of one film share add up along a signature.
     """

@@ -20,8 +20,8 @@ class BedTrial:
     amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
     linear, gain : fall in chi2 to first order, and simulated (None: not refitted)
     spread : what one of its numbers gains by chance, 1 in noise that is white and known
-    firm : the linear gain without the window that brings most of it
-    lent : part of a simulated gain that errors of the starts lend it, see ``chance.as_in_twins``
+    jackknife : the linear gain without the window that brings most of it
+    attenuation : part of a simulated gain that errors of the starts lend it, see ``chance.as_in_replicates``
     """
 
     signature: BedSignature
@@ -30,9 +30,9 @@ class BedTrial:
     covariance: np.ndarray
     linear: float
     gain: float | None
-    firm: float = 0.0
+    jackknife: float = 0.0
     spread: float = 1.0
-    lent: float = 0.0
+    attenuation: float = 0.0
 
     @property
     def term(self) -> Term:
@@ -49,7 +49,7 @@ class BedTrial:
     @property
     def worth(self) -> float:
         """Gain less what as many numbers gain by chance, and less what errors of the starts lend it."""
-        return (self.linear if self.gain is None else self.gain - self.lent) - 2.0 * len(self.term.free)
+        return (self.linear if self.gain is None else self.gain - self.attenuation) - 2.0 * len(self.term.free)
 
     @property
     def ahead(self) -> float:
@@ -57,7 +57,7 @@ class BedTrial:
 
         Without the window that brings most of it: a few odd ones would decide which law leads, and p.
         """
-        return float(surplus(np.array(self.firm / self.spread), len(self.term.free)))
+        return float(surplus(np.array(self.jackknife / self.spread), len(self.term.free)))
 
     def gain_at(self, ahead: np.ndarray) -> np.ndarray:
         """The gains at which this trial would be so far ahead."""
@@ -74,18 +74,18 @@ def surplus(ratio: np.ndarray, numbers: int) -> np.ndarray:
 def first_order(signature: BedSignature, left: np.ndarray, spread: float = 1.0) -> BedTrial:
     """What a candidate gains to first order in what is left (n,)."""
     amounts, gain = signature.best(left[:, None])
-    firm = float(signature.firm(left[:, None])[0])
-    return trial_of(signature, amounts[:, 0], float(gain[0]), firm=firm, spread=spread)
+    jackknife = float(signature.jackknife(left[:, None])[0])
+    return trial_of(signature, amounts[:, 0], float(gain[0]), jackknife=jackknife, spread=spread)
 
 
 def trial_of(
-    signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None = None, firm: float = 0.0,
+    signature: BedSignature, amounts: np.ndarray, linear: float, gain: float | None = None, jackknife: float = 0.0,
     spread: float = 1.0,
 ) -> BedTrial:  # fmt: skip
     term = signature.term
     scales = np.array([f.scale for f in term.free])
     covariance = np.linalg.pinv(signature.clear.T @ signature.clear) * np.outer(scales, scales)
-    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain, firm, spread)
+    return BedTrial(signature, amounts, to_values(term, amounts), covariance, linear, gain, jackknife, spread)
 
 
 def beyond_nothing(trial: BedTrial) -> bool:

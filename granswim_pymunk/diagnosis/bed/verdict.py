@@ -17,9 +17,9 @@ from ...laws import all_laws
 from ...scene import Scene, Time
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
-from .bench import Bench, Prediction
 from .candidates import LawAdder
 from .hidden import NAME
+from .likelihood import Prediction, WindowLikelihood
 from .trial import BedTrial
 from .windows import HALF, BedCase, BedPredictor, placed
 
@@ -58,10 +58,11 @@ def entry_of(trial: BedTrial, scene: Scene, gain: float | None) -> dict[str, Any
     )  # fmt: skip
 
 
-def chance_of_law(trial: BedTrial, bench: Bench) -> float:
-    """p of what a law gains, by itself: F of its numbers and of the samples that twins tell the spread with."""
-    known = sum((len(noise.twins) - 1) * len(b.starts) for b, noise in zip(bench.beds, bench.noises, strict=True))
-    gain = max(trial.linear if trial.gain is None else trial.gain - trial.lent, 0.0)
+def chance_of_law(trial: BedTrial, likelihood: WindowLikelihood) -> float:
+    """p of what a law gains, by itself: F of its numbers and of the samples that replicates tell the spread with."""
+    pairs = zip(likelihood.beds, likelihood.noises, strict=True)
+    known = sum((len(noise.replicates) - 1) * len(b.starts) for b, noise in pairs)
+    gain = max(trial.linear if trial.gain is None else trial.gain - trial.attenuation, 0.0)
     numbers = len(trial.term.free)
     return float(stats.f.sf(gain / (trial.spread * numbers), numbers, max(known, 3)))
 
@@ -115,7 +116,7 @@ def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws
 
 
 def body_map(
-    bench: Bench, predicted: Prediction, hypothesis: Hypothesis, values: np.ndarray
+    likelihood: WindowLikelihood, predicted: Prediction, hypothesis: Hypothesis, values: np.ndarray
 ) -> tuple[np.ndarray, int] | None:
     """Of the training window with the largest misfit: (n,) size of each body's innovation in expected spreads.
 
@@ -123,11 +124,11 @@ def body_map(
     was not seen.
     """
     criteria = current().windows.places
-    bed = bench.beds[0]
+    bed = likelihood.beds[0]
     used = np.flatnonzero(bed.training)
     if not len(used):
         return None
-    white = bench.noises[0].whiten(bench.innovations(predicted)[0], used)
+    white = likelihood.noises[0].whiten(likelihood.innovations(predicted)[0], used)
     window = int(used[np.argmax(np.sum(white**2, axis=1))])
     predictor = BedPredictor(bed, cut=False)
     frames = int(bed.starts[window]) + bed.looks

@@ -1,4 +1,4 @@
-"""What laws explain of the mismatch in windows, whether the rest is like that of twins, and what it looks like."""
+"""What laws explain of the mismatch in windows, whether the rest is like that of replicates, and what it looks like."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ...inference.explained import Explained, Scores, explained
 from ...inference.judge import Remains, paired
 from ...inference.mechanisms import UNKNOWN, nameless, plainly
 from ..hypothesis import Hypothesis
-from .bench import Bench, Prediction, Windows
 from .judge import disks_of, errors, noise_floor
+from .likelihood import Prediction, WindowLikelihood, Windows
 from .places import maps
 from .search import Search
 from .signatures import Noise, make_signature, off
@@ -27,45 +27,48 @@ if TYPE_CHECKING:
 NOTHING = "nothing that was tried"
 
 
-def squares_of(noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, twin: int | None) -> np.ndarray:
-    """(windows,) squares of innovations (W, D) [m] of each bed, by what the twins but one tell of the noise.
+def squares_of(
+    noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, replicate: int | None
+) -> np.ndarray:
+    """(windows,) squares of innovations (W, D) [m] of each bed, by what the replicates but one tell of the noise.
 
-    twin : the one that is left out, None for the mean over all. A film is judged by as many twins as each twin is by
-    the others: their covariance, which few samples tell, would otherwise be another for the two.
+    replicate : the one that is left out, None for the mean over all. A film is judged by as many replicates as each
+    replicate is by the others: their covariance, which few samples tell, would otherwise be another for the two.
     """
     out = []
     for noise, own, chosen in zip(noises, rows, windows, strict=True):
         every = noise.by_others()
-        metrics = every if twin is None else [every[twin % len(every)]]
+        metrics = every if replicate is None else [every[replicate % len(every)]]
         out.append(np.mean([np.sum(m.whiten(own, chosen) ** 2, axis=1) for m in metrics], axis=0))
     return np.concatenate(out)
 
 
 def scores_of(
-    bench: Bench, judge: Bench, rows: Prediction, windows: Windows, columns: np.ndarray | None = None
+    likelihood: WindowLikelihood, judge: WindowLikelihood, rows: Prediction, windows: Windows,
+    columns: np.ndarray | None = None
 ) -> Scores:
-    """Squared whitened innovations of each window, with the estimator's bias in the twins of ``judge``; its floor.
+    """Squared whitened innovations of each window, with the estimator's bias in the replicates of ``judge``; its floor.
 
-    One covariance, that of ``bench``, whatever the scene: otherwise S of two scenes could not be compared. Twins of
-    ``judge`` start with the noise of those of ``bench`` that have their number: each is judged by the others.
-    columns : (n, p) whitened, of the numbers that were fitted: each window then counts with numbers from all others,
-    in the film and in the twins, to which as many numbers are fitted
+    One covariance, that of ``likelihood``, whatever the scene: otherwise S of two scenes could not be compared.
+    Replicates of ``judge`` start with the noise of those of ``likelihood`` that have their number: each is judged by
+    the others. columns : (n, p) whitened, of the numbers that were fitted: each window then counts with numbers from
+    all others, in the film and in the replicates, to which as many numbers are fitted
     """
-    sizes = sizes_of(bench, windows)
+    sizes = sizes_of(likelihood, windows)
     innovations = judge.innovations(rows)
-    squares = squares_of(bench.noises, innovations, windows, None)
+    squares = squares_of(likelihood.noises, innovations, windows, None)
     if columns is not None:
         squares = squares + by_others(columns, judge.white(rows, windows), sizes)
     floor = []
     for k in range(min(len(noise.residuals) for noise in judge.noises)):
-        twin = [noise.residuals[k] for noise in judge.noises]
-        floor.append(squares_of(bench.noises, twin, windows, k))
+        replicate = [noise.residuals[k] for noise in judge.noises]
+        floor.append(squares_of(likelihood.noises, replicate, windows, k))
         if columns is not None:
-            floor[-1] = floor[-1] + fitted_by_others(columns, _white(bench.noises, twin, windows, k), sizes)
+            floor[-1] = floor[-1] + fitted_by_others(columns, _white(likelihood.noises, replicate, windows, k), sizes)
     sums: dict[tuple[int, str], float] = {}
     counts: dict[tuple[int, str], int] = {}
     residuals: dict[int, np.ndarray] = {}
-    for bed, own, chosen in zip(bench.beds, innovations, windows, strict=True):
+    for bed, own, chosen in zip(likelihood.beds, innovations, windows, strict=True):
         for w in chosen:
             unit = len(sums)
             sums[unit, bed.name] = float(squares[unit])
@@ -74,10 +77,10 @@ def scores_of(
     return Scores(sums, counts, residuals, np.array(floor).reshape(-1, len(sums)))
 
 
-def _white(noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, twin: int) -> np.ndarray:
-    """(n,) innovations (W, D) [m] of each bed, whitened by what the twins but one tell."""
+def _white(noises: Sequence[Noise], rows: Sequence[np.ndarray], windows: Windows, replicate: int) -> np.ndarray:
+    """(n,) innovations (W, D) [m] of each bed, whitened by what the replicates but one tell."""
     every = [noise.by_others() for noise in noises]
-    parts = [m[twin % len(m)].whiten(own, w).ravel() for m, own, w in zip(every, rows, windows, strict=True)]
+    parts = [m[replicate % len(m)].whiten(own, w).ravel() for m, own, w in zip(every, rows, windows, strict=True)]
     return np.concatenate(parts)
 
 
@@ -114,24 +117,24 @@ def by_others(columns: np.ndarray, white: np.ndarray, sizes: Sequence[int]) -> n
     return np.array(further)
 
 
-def sizes_of(bench: Bench, windows: Windows) -> list[int]:
-    """How many numbers each window has, in the order of ``Bench.white``."""
-    return [bed.size for bed, chosen in zip(bench.beds, windows, strict=True) for _ in chosen]
+def sizes_of(likelihood: WindowLikelihood, windows: Windows) -> list[int]:
+    """How many numbers each window has, in the order of ``WindowLikelihood.white``."""
+    return [bed.size for bed, chosen in zip(likelihood.beds, windows, strict=True) for _ in chosen]
 
 
-def variation(bench: Bench, rows: Prediction, base: Prediction, windows: Windows) -> float:
-    """Spread of S between twins to which is added what the laws change: films of the same mismatch, other noise."""
+def variation(likelihood: WindowLikelihood, rows: Prediction, base: Prediction, windows: Windows) -> float:
+    """Spread of S between replicates with what the laws change added: films of the same mismatch, other noise."""
     change = [after.mean(axis=1) - before.mean(axis=1) for after, before in zip(rows, base, strict=True)]
     count = sum(int(np.isfinite(c[w]).sum()) for c, w in zip(change, windows, strict=True))
     sums = []
-    for k in range(min(len(noise.residuals) for noise in bench.noises)):
-        films = [noise.residuals[k] + c for noise, c in zip(bench.noises, change, strict=True)]
-        sums.append(squares_of(bench.noises, films, windows, k).sum())
+    for k in range(min(len(noise.residuals) for noise in likelihood.noises)):
+        films = [noise.residuals[k] + c for noise, c in zip(likelihood.noises, change, strict=True)]
+        sums.append(squares_of(likelihood.noises, films, windows, k).sum())
     return float(np.std(sums)) / max(count, 1)
 
 
 def share_of(after: Scores, before: Scores, rng: np.random.Generator, varies: float = 0.0) -> Explained:
-    """See ``explained``; few twins know their spread badly: Student's t in place of the normal, and of their mean."""
+    """See ``explained``; few replicates know their spread badly: Student's t for the normal, and of their mean."""
     number = max(len(before.floor), 2)
     student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
     return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True, varies=varies)
@@ -139,18 +142,18 @@ def share_of(after: Scores, before: Scores, rng: np.random.Generator, varies: fl
 
 def before_of(search: Search) -> Scores:
     """S of the recalibrated scene."""
-    return scores_of(search.bench, search.bench, search.base, search.used, search.nuisance)
+    return scores_of(search.likelihood, search.likelihood, search.base, search.used, search.nuisance)
 
 
 def explained_by(search: Search, answer: Answer, before: Scores, rng: np.random.Generator) -> Explained | None:
     """What the laws of an answer explain on training windows; None where these were not simulated with them."""
-    bench, judge, rows = search.bench, answer.judge, answer.rows
+    likelihood, judge, rows = search.likelihood, answer.judge, answer.rows
     if rows is None:
         rows = judge.predict([(answer.hypothesis, answer.values)], search.used)[0]
     if rows is None:
         return None
-    varies = variation(bench, rows, search.base, search.used)
-    return share_of(scores_of(bench, judge, rows, search.used, answer.columns), before, rng, varies)
+    varies = variation(likelihood, rows, search.base, search.used)
+    return share_of(scores_of(likelihood, judge, rows, search.used, answer.columns), before, rng, varies)
 
 
 def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.random.Generator) -> Explained | None:
@@ -159,14 +162,14 @@ def explained_by_trial(search: Search, trial: BedTrial, before: Scores, rng: np.
     Where its columns are those of fewer windows, very much was left, beside which what its few numbers owe to the
     window itself is nothing.
     """
-    bench, used = search.bench, search.used
-    rows = bench.predict([beside(search, trial)], used)[0]
+    likelihood, used = search.likelihood, search.used
+    rows = likelihood.predict([beside(search, trial)], used)[0]
     if rows is None:
         return None
     columns = None
     if len(trial.signature.columns) == len(search.nuisance):
         columns = np.hstack([search.nuisance, trial.signature.columns])
-    return share_of(scores_of(bench, bench, rows, used, columns), before, rng)
+    return share_of(scores_of(likelihood, likelihood, rows, used, columns), before, rng)
 
 
 def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:
@@ -185,21 +188,21 @@ def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:
 
 
 def weighed(
-    search: Search, answer: Answer, arm: BedTrial | None, trials: Sequence[BedTrial], before: Scores,
+    search: Search, answer: Answer, form: BedTrial | None, trials: Sequence[BedTrial], before: Scores,
     rng: np.random.Generator,
 ) -> tuple[Explained | None, list[tuple[BedTrial, Explained]]]:  # fmt: skip
     """What the answer explains, None where it could not be run, and what forces without a name do in its place.
 
-    arm : the flexible arm that was tried;  trials : all that was, among them forces without a name
+    form : forces without a name that was tried;  trials : all that was, among them forces without a name
     before : of the recalibrated scene
     """
     criteria = current().windows.search
     if answer.found is None:
         return None, []
     named = explained_by(search, answer, before, rng)
-    others = [t for t in trials if nameless(t.mechanism) and t.gain is not None and t is not arm][:criteria.forms]
+    others = [t for t in trials if nameless(t.mechanism) and t.gain is not None and t is not form][:criteria.forms]
     forms: list[tuple[BedTrial, Explained]] = []
-    for t in ([] if arm is None else [arm]) + others:
+    for t in ([] if form is None else [form]) + others:
         mine = t.label == answer.found.label
         share = named if mine else explained_by_trial(search, t, before, rng)
         if share is not None and not (forms and search.clock.late(0.92)):
@@ -218,28 +221,30 @@ def closest_of(
 
 
 def explained_by_scale(
-    search: Search, judge: Bench, predicted: Mapping[str, Prediction], rng: np.random.Generator
+    search: Search, judge: WindowLikelihood, predicted: Mapping[str, Prediction], rng: np.random.Generator
 ) -> Explained | None:
     """What is explained where the picture's scale is among what was found."""
     if "recalibrated" not in predicted or "revised" not in predicted:
         return None
-    bench, used = search.bench, search.used
-    before = scores_of(bench, bench, predicted["recalibrated"], used)
-    return share_of(scores_of(bench, judge, predicted["revised"], used), before, rng)
+    likelihood, used = search.likelihood, search.used
+    before = scores_of(likelihood, likelihood, predicted["recalibrated"], used)
+    return share_of(scores_of(likelihood, judge, predicted["revised"], used), before, rng)
 
 
 # ---- what is left ----------------------------------------------------------------------------
 
 
-def like_twins(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, excess: float) -> bool:
-    """Whether what a scene leaves passes for what it leaves of its twins, or is less than matters.
+def like_replicates(
+    likelihood: WindowLikelihood, judge: WindowLikelihood, rows: Prediction, windows: Windows, excess: float
+) -> bool:
+    """Whether what a scene leaves passes for what it leaves of its replicates, or is less than matters.
 
     excess : standard deviations of the nulls' chi2, see ``NoiseChi2``
     """
-    scores = scores_of(bench, judge, rows, windows)
+    scores = scores_of(likelihood, judge, rows, windows)
     if excess <= current().windows.search.unexplained or scores.mean <= float(scores.floors.max()):
         return True
-    matters = [bed.recording.tolerance for bed in bench.beds if bed.training.any()]
+    matters = [bed.recording.tolerance for bed in likelihood.beds if bed.training.any()]
     rms, floor = errors(judge, rows, windows).rms, noise_floor(judge, windows)
     if rms is None or not matters or any(m is None for m in matters):
         return False
@@ -269,16 +274,18 @@ def looks_like(search: Search, answer: Answer, rows: Prediction, trials: Sequenc
     return best.term.label if nameless(best.mechanism) else plainly(best.mechanism)
 
 
-def remains_in(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, looks: str) -> Remains | None:
+def remains_in(
+    likelihood: WindowLikelihood, judge: WindowLikelihood, rows: Prediction, windows: Windows, looks: str
+) -> Remains | None:
     """What is left of training windows: rms of the disks [m], sqrt(S/S_floor), which disks, the window with most."""
     rms = errors(judge, rows, windows).rms
-    scores = scores_of(bench, judge, rows, windows)
+    scores = scores_of(likelihood, judge, rows, windows)
     if rms is None:
         return None
     size: dict[str, float] = {}
     for found, chosen in zip(maps(judge, rows), windows, strict=True):
         if len(chosen):
-            more = found.disks[chosen].mean(axis=0) - found.twin_disks[:, chosen].mean(axis=(0, 1))
+            more = found.disks[chosen].mean(axis=0) - found.replicate_disks[:, chosen].mean(axis=(0, 1))
             for row, excess in zip(found.bed.rows, more, strict=True):
                 body = found.bed.scene.bodies[int(row)].id
                 size[body] = max(size.get(body, -math.inf), float(excess))
@@ -286,7 +293,7 @@ def remains_in(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, l
     bodies = tuple(b for b, excess in size.items() if excess > 0.5 * worst) or tuple(size)
     floor = scores.floor.mean(axis=0)
     most = int(np.argmax(np.array(list(scores.sums.values())) / np.maximum(floor, 1e-12)))
-    places = [(bed, int(w)) for bed, chosen in zip(bench.beds, windows, strict=True) for w in chosen]
+    places = [(bed, int(w)) for bed, chosen in zip(likelihood.beds, windows, strict=True) for w in chosen]
     bed, window = places[most]
     t = bed.film.t[int(bed.starts[window]) + bed.looks[[0, -1]]]
     times = math.sqrt(scores.mean / max(float(floor.sum()) / max(sum(scores.counts.values()), 1), 1e-12))
@@ -296,30 +303,32 @@ def remains_in(bench: Bench, judge: Bench, rows: Prediction, windows: Windows, l
 # ---- held-out windows ------------------------------------------------------------------------
 
 
-def by_window(bench: Bench, white: np.ndarray, windows: Windows) -> list[np.ndarray]:
+def by_window(likelihood: WindowLikelihood, white: np.ndarray, windows: Windows) -> list[np.ndarray]:
     """Squares of whitened numbers (n,), cut into windows."""
-    return np.split(white**2, np.cumsum(sizes_of(bench, windows))[:-1])
+    return np.split(white**2, np.cumsum(sizes_of(likelihood, windows))[:-1])
 
 
-def held_verdict(bench: Bench, before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> str | None:
+def held_verdict(
+    likelihood: WindowLikelihood, before: np.ndarray, after: np.ndarray, rng: np.random.Generator
+) -> str | None:
     """Whether held-out windows are predicted better, see ``paired``; None where there are none.
 
     before, after : (n,) whitened innovations of the held-out windows
     """
     if not len(before):
         return None
-    return paired(by_window(bench, before, bench.held), by_window(bench, after, bench.held), rng)
+    return paired(by_window(likelihood, before, likelihood.held), by_window(likelihood, after, likelihood.held), rng)
 
 
 def rival_gains(search: Search, base: Prediction | None, rivals: Sequence[BedTrial]) -> Mapping[str, float]:
     """By label, half the fall of chi2 of held-out windows, recalibrated less rival; of those that could be run."""
-    bench = search.bench
-    if base is None or not rivals or not any(len(w) for w in bench.held):
+    likelihood = search.likelihood
+    if base is None or not rivals or not any(len(w) for w in likelihood.held):
         return {}
-    shown = bench.predict([beside(search, t) for t in rivals], bench.held)
-    before = float(np.sum(bench.white(base, bench.held) ** 2))
+    shown = likelihood.predict([beside(search, t) for t in rivals], likelihood.held)
+    before = float(np.sum(likelihood.white(base, likelihood.held) ** 2))
     return {
-        t.term.label: 0.5 * (before - float(np.sum(bench.white(rows, bench.held) ** 2)))
+        t.term.label: 0.5 * (before - float(np.sum(likelihood.white(rows, likelihood.held) ** 2)))
         for t, rows in zip(rivals, shown, strict=True)
         if rows is not None
     }

@@ -37,7 +37,7 @@ MEMBERS = 3
 MOST_WINDOWS = 45  # of one recording: a second of film
 FEWEST = 5
 COARSE = 3.5  # times the advised step: four steps in the shortest contact. Windows start from states with errors of
-# their own, and twins are as coarse; restitution shifts by less than 0.01 (benchmarks/cut_out.py)
+# their own, and replicates are as coarse; restitution shifts by less than 0.01 (benchmarks/cut_out.py)
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 POOL = ContextPool(max_workers=THREADS, thread_name_prefix="granswim-bed")
@@ -164,7 +164,7 @@ def bed_case(
     reach = max(round(LENGTH / spacing), HALF + 2)
     # a frame that the start is made of says nothing new, but for its place among its neighbours
     looks = np.unique([0, max(round(reach / 2), HALF + 1), reach])
-    # twins of a recording begin at its third frame and have no earlier ones; they need a while to settle
+    # replicates of a recording begin at its third frame and have no earlier ones; they need a while to settle
     first, last = 2 * HALF + 2, len(recording.t) - 1 - reach
     size = HALF + reach + 1
     count = (last - first) // size + 1
@@ -266,7 +266,7 @@ class BedPredictor:
         self.runs = 0
 
     def of(self, film: Film, members: int | None = None) -> BedPredictor:
-        """The same for another film, a twin's; nothing of it is kept."""
+        """The same for another film, a replicate's; nothing of it is kept."""
         return BedPredictor(self.bed, film, members or self.members, cut=self.cuts)
 
     @property
@@ -282,7 +282,7 @@ class BedPredictor:
 
     @property
     def film_cost(self) -> float:
-        """Seconds of a core [s] that the whole film of a twin takes, about."""
+        """Seconds of a core [s] that the whole film of a replicate takes, about."""
         return len(self.bed.scene.bodies) * BODY_STEP * float(np.ptp(self.bed.film.t)) / self.bed.dt
 
     def pace(self) -> np.ndarray:
@@ -519,11 +519,11 @@ class BedPredictor:
         grains = self.sums(window).of(moved).ravel() if len(self.bed.grains) else moved.ravel()
         return np.concatenate([disks.ravel(), grains])
 
-    def twin(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
+    def replicate(self, hypothesis: Hypothesis, values: np.ndarray, number: int) -> Film:
         """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed.
 
-        Its bodies are off as the recording says that radii and masses may be, those of each twin in another way: what
-        the windows then show is what a scene with the wrong ones leaves.
+        Its bodies are off as the recording says that radii and masses may be, those of each replicate in another way:
+        what the windows then show is what a scene with the wrong ones leaves.
         """
         bed = self.bed
         scene, camera = hypothesis.scene(bed.case, values)

@@ -23,7 +23,7 @@ KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; 
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Candidate:
     """A candidate and the points at which it is run first.
 
     design : (n, n) rows are amounts (value less neutral) of its n numbers; empty for the apparatus, which needs
@@ -56,7 +56,7 @@ class Suspect:
     def size(self) -> int:
         return len(self.term.free)
 
-    def scaled(self, factor: float) -> Suspect:
+    def scaled(self, factor: float) -> Candidate:
         """The same, first tried at another amount, inside its bounds."""
         criteria = current().packings
         design = self.design * factor
@@ -66,7 +66,7 @@ class Suspect:
         return replace(self, design=design)
 
 
-def suspects_of(conditions: Sequence[Condition]) -> list[Suspect]:
+def candidates_of(conditions: Sequence[Condition]) -> list[Candidate]:
     """Apparatus first, then laws on bodies and pairs, then what the swimmer itself may have."""
     recordings = {c.recording.name: c.recording for c in conditions}
     shims = [Shim(r) for r in recordings.values()]
@@ -81,11 +81,11 @@ def suspects_of(conditions: Sequence[Condition]) -> list[Suspect]:
         signs = [-1.0 if below or f.neutral >= f.high else 1.0 for f in term.free]
         whole = term.bodies is None or len(term.bodies) == len(scenes[0].chains[0])
         bodies = ("swimmer",) if whole else tuple(term.bodies or ())
-        found.append(Suspect(term, np.diag([a * s for a, s in zip(amounts, signs, strict=True)]), bodies))
+        found.append(Candidate(term, np.diag([a * s for a, s in zip(amounts, signs, strict=True)]), bodies))
     return found
 
 
-def _camera(conditions: Sequence[Condition]) -> list[Suspect]:
+def _camera(conditions: Sequence[Condition]) -> list[Candidate]:
     def put(key: str):
         def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
             return scene, {**camera, key: float(values[0])}
@@ -100,7 +100,7 @@ def _camera(conditions: Sequence[Condition]) -> list[Suspect]:
              "a frame stamped t shows the state at t + offset", "offset"),
         ]  # fmt: skip
     return [
-        Suspect(
+        Candidate(
             Term(name, name, (Free(f"camera.{key}", unit, low, high, neutral, scale, None, neutral),), put(key),
                  expression=expression, groups=((said, (0,)),)),
             np.zeros((0, 0)), (),
@@ -109,7 +109,7 @@ def _camera(conditions: Sequence[Condition]) -> list[Suspect]:
     ]  # fmt: skip
 
 
-def _contacts(scene: Scene, adjustable: set[str]) -> list[Suspect]:
+def _contacts(scene: Scene, adjustable: set[str]) -> list[Candidate]:
     """Contacts that lose more, or less, than believed."""
     found = []
     for use_ in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
@@ -125,11 +125,11 @@ def _contacts(scene: Scene, adjustable: set[str]) -> list[Suspect]:
         free = Free(name, "1/s", 0.0, math.inf, believed, first, None, believed)
         term = Term("restitution", f"restitution ({name})", (free,), apply, expression=use_.law.expression,
                     groups=(("damping", (0,)),))  # fmt: skip
-        found.append(Suspect(term, np.array([[first]]), ("swimmer", "grains")))
+        found.append(Candidate(term, np.array([[first]]), ("swimmer", "grains")))
     return found
 
 
-def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Suspect]:
+def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Candidate]:
     """Every named law on bodies and pairs, from its declaration; a user's own are among them."""
     scale = natural_scale(conditions)
     found = []
@@ -141,7 +141,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
         if not applies(law, shims):  # type: ignore[arg-type]
             continue
         if law.role == "medium":
-            found.append(_flow_suspect(law, scale))
+            found.append(_flow_candidate(law, scale))
             continue
         free: list[Free] = []
         groups = []
@@ -162,7 +162,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Susp
         )  # fmt: skip
         declared = _declared(law, law.parameter(law.strength[0]))
         other = scale(law.parameter(law.strength[0])) / declared if declared else None
-        found.append(Suspect(term, np.diag(amounts), ("swimmer", "grains"), other))
+        found.append(Candidate(term, np.diag(amounts), ("swimmer", "grains"), other))
     return found
 
 
@@ -229,7 +229,7 @@ def dimension(unit: str) -> tuple[float, float, float] | None:
     return total[0], total[1], total[2]
 
 
-def _flow_suspect(law: Law, scale: Scale) -> Suspect:
+def _flow_candidate(law: Law, scale: Scale) -> Candidate:
     """Linear in c and in the push c u: u itself means nothing where c is zero."""
     c0 = scale(law.parameter("c"))
     push = c0 * 0.3 * scale(law.parameter("u"))
@@ -240,7 +240,7 @@ def _flow_suspect(law: Law, scale: Scale) -> Suspect:
     term = Term(law.mechanism, law.name, free, partial(_flow, law), expression=law.expression,
                 groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
     design = np.array([[c0, 0.0, 0.0], [c0, push, 0.0], [c0, 0.0, push]])
-    return Suspect(term, design, ("swimmer", "grains"))
+    return Candidate(term, design, ("swimmer", "grains"))
 
 
 def _fixed(law: Law) -> dict[str, Any]:

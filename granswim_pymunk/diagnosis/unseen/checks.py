@@ -55,7 +55,7 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
             [f.values, *[values for _, values in extra]]
         )
         soft = f.revised
-        model, named = soft.model, [t.suspect for t in f.found]
+        model, named = soft.model, [t.candidate for t in f.found]
         points: set[Point] = {(label, True), (label, False)}
         if f.found:
             there, beside = near(s, replace(model, centre=here), named)
@@ -77,7 +77,7 @@ def _to_the_end(s: Search, fitted: Fit, laws: Sequence[Trial]) -> list[Job]:
         if c.view is None or c.test is None:
             continue
         points = fitted.model.sums(c.name, fitted.u)
-        for x in (t.suspect for t in laws):
+        for x in (t.candidate for t in laws):
             for row in x.design:
                 label = amount_label(x, row)
                 if (label, True) in points:
@@ -382,9 +382,9 @@ def propose(s: Search, winner: Trial, rival: Trial) -> Proposal | None:
         "camera_tilt": ("camera.tilt", "film a plumb line in the same picture"),
     }
     if pair & set(tools) and (pair & {"camera_scale", "camera_tilt"} or any(has_role(n, "late") for n in pair)):
-        tool = next(t for t in (winner, rival) if t.suspect.name in tools)
-        name = tool.suspect.name
-        change = abs(float(tool.values()[0]) - tool.suspect.neutral[0])
+        tool = next(t for t in (winner, rival) if t.candidate.name in tools)
+        name = tool.candidate.name
+        change = abs(float(tool.values()[0]) - tool.candidate.neutral[0])
         case = s.training[0]
         view = case.any_view
         if name == "time_offset":

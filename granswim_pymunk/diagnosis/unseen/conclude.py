@@ -15,7 +15,7 @@ from ...inference.mechanisms import UNKNOWN
 from ...inference.significance import at_alarm, price
 from ...inference.simpler import all_absent, ended_at_bound, special_cases
 from ...laws import all_laws
-from .candidates import Suspect
+from .candidates import Candidate
 from .response import Fit, fit, spread_of, whitened
 from .search import (
     NAIVE,
@@ -91,8 +91,8 @@ class Finding:
         for t in self.found:
             if t is trial:
                 break
-            at += t.suspect.size
-        n = trial.suspect.size
+            at += t.candidate.size
+        n = trial.candidate.size
         f = self.revised
         student = float(stats.t.ppf(0.975, max(f.dof, 2))) / 1.96
         return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
@@ -103,9 +103,9 @@ def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
     at = len(s.adjust)
     result = []
     for t in found:
-        if not t.suspect.apparatus:
-            result.append((t.suspect.term, rounded(fitted.u[at : at + t.suspect.size])))
-        at += t.suspect.size
+        if not t.candidate.apparatus:
+            result.append((t.candidate.term, rounded(fitted.u[at : at + t.candidate.size])))
+        at += t.candidate.size
     return result
 
 
@@ -113,7 +113,7 @@ def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
 
 
 def named_laws(
-    s: Search, bank: Bank, open_: Sequence[Trial], suspects: Sequence[Suspect]
+    s: Search, bank: Bank, open_: Sequence[Trial], candidates: Sequence[Candidate]
 ) -> tuple[list[Trial], Fit | None, list[tuple[Trial, bool]]]:
     """Leaders refitted by simulation: one law or two, their fit, and laws that come near, with whether they do as well.
 
@@ -127,10 +127,10 @@ def named_laws(
     if not leaders or leaders[0].worth < threshold:
         return [], None, []
     same = [t for t in leaders if _alike(s, leaders[0], t)]
-    chosen = min(same, key=lambda t: (t.suspect.size, not t.suspect.apparatus, -t.gain))
+    chosen = min(same, key=lambda t: (t.candidate.size, not t.candidate.apparatus, -t.gain))
     chosen = plainer(s, chosen, leaders)
     found, revised = [chosen], chosen.fit
-    pair = _pair(s, bank, chosen, suspects)
+    pair = _pair(s, bank, chosen, candidates)
     if pair is not None:
         found, revised = pair
     names = {f.mechanism for f in found}
@@ -151,7 +151,7 @@ def named_laws(
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     """What comes near the best, refitted by simulation, best first; signatures are not linear."""
     best = open_[0].gain
-    leaders = [t for t in open_ if t.gain > 0.3 * best or (t.suspect.apparatus and t.gain > 0.15 * best)]
+    leaders = [t for t in open_ if t.gain > 0.3 * best or (t.candidate.apparatus and t.gain > 0.15 * best)]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
@@ -165,20 +165,20 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     while leaders:
         # whoever comes near the best has to be known as well as the best
         near = [t for t in leaders if _in_reach(s, leaders[0], t)]
-        rest = [t for t in near[: s.sizes.leaders] if t.suspect.label not in settled]
+        rest = [t for t in near[: s.sizes.leaders] if t.candidate.label not in settled]
         if not rest:
             break
         again(s, rest[0], 0.74 + 0.04 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
-        settled.add(rest[0].suspect.label)
+        settled.add(rest[0].candidate.label)
         leaders.sort(key=lambda t: -t.worth)
     dueled: set[str] = set()
     for t in leaders[1:3]:
         if leaders[0].worth - t.worth < current().verdict.same + 2 * _noise(s, leaders[0], t):
             # the error of the simulated means is what keeps these two together: more runs of both
             for one in (leaders[0], t):
-                if one.suspect.label not in dueled:
+                if one.candidate.label not in dueled:
                     again(s, one, 0.79, 1, s.sizes.duel)
-                    dueled.add(one.suspect.label)
+                    dueled.add(one.candidate.label)
     return sorted(leaders, key=lambda t: -t.worth)
 
 
@@ -195,10 +195,10 @@ def _may_yet_lead(best: Trial, other: Trial) -> bool:
 
 def _is_there(s: Search, t: Trial) -> bool:
     """Whether a law was run at the numbers that it is fitted with."""
-    if t.fit is None or t.suspect.apparatus:
+    if t.fit is None or t.candidate.apparatus:
         return True
     own = slice(len(s.adjust), None)
-    off, away = np.abs(t.fit.u - t.fit.model.centre)[own], t.values() - t.suspect.neutral
+    off, away = np.abs(t.fit.u - t.fit.model.centre)[own], t.values() - t.candidate.neutral
     return arrived(off, np.sqrt(np.diag(t.fit.covariance)[own]), away)
 
 
@@ -207,18 +207,18 @@ def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:
 
     A flow of no speed is drag in still air. The law itself where they are not, or where the other does not stand.
     """
-    plain = None if found.fit is None else _nested(s, found.suspect, found.fit, len(s.adjust))
+    plain = None if found.fit is None else _nested(s, found.candidate, found.fit, len(s.adjust))
     if plain is None:
         return found
     if plain not in leaders or not plain.refitted:
         again(s, plain, 0.8, 2, s.sizes.leader)
     if plain.fit is None or not sensible(s, plain):
         return found
-    s.notes.append(f"{found.suspect.name}: what it adds to {plain.suspect.name} is none within its intervals")
+    s.notes.append(f"{found.candidate.name}: what it adds to {plain.candidate.name} is none within its intervals")
     return plain
 
 
-def _nested(s: Search, x: Suspect, found: Fit, at: int) -> Trial | None:
+def _nested(s: Search, x: Candidate, found: Fit, at: int) -> Trial | None:
     """The trial of the law that x is where all its numbers but the first are neutral; None where they are not.
 
     found : a fit in which the numbers of x begin at ``at``
@@ -227,12 +227,12 @@ def _nested(s: Search, x: Suspect, found: Fit, at: int) -> Trial | None:
     added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.size))
     if not names or not all_absent(added):
         return None
-    return next((t for t in s.trials if t.suspect.name in names and not t.reason), None)
+    return next((t for t in s.trials if t.candidate.name in names and not t.reason), None)
 
 
 def _to_first_order(s: Search, t: Trial) -> Trial:
     """A trial with the fit that its signature gives, where it was not simulated again."""
-    model = model_of(s, [t.suspect])
+    model = model_of(s, [t.candidate])
     if model is not None:
         t.fit = fit(model, s.means, s.training)
     return t
@@ -241,13 +241,13 @@ def _to_first_order(s: Search, t: Trial) -> Trial:
 def sensible(s: Search, t: Trial) -> bool:
     """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
     assert t.fit is not None
-    ended = ended_at_bound(zip(t.suspect.term.free, map(float, t.values()), strict=True))
+    ended = ended_at_bound(zip(t.candidate.term.free, map(float, t.values()), strict=True))
     if ended is not None:
-        s.notes.append(f"{t.suspect.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
+        s.notes.append(f"{t.candidate.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
         return False
     value = float(t.values()[0])
     if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
-        s.notes.append(f"{t.suspect.label} is no explanation: {t.suspect.term.free[0].name} would be {value:.3g}")
+        s.notes.append(f"{t.candidate.label} is no explanation: {t.candidate.term.free[0].name} would be {value:.3g}")
         return False
     return True
 
@@ -289,13 +289,13 @@ def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
     """The best of each mechanism, in order."""
     best: dict[str, tuple[Trial, bool]] = {}
     for trial, same in rivals:
-        best.setdefault(trial.suspect.name, (trial, same))
+        best.setdefault(trial.candidate.name, (trial, same))
     return list(best.values())
 
 
 def again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
     """Refit a trial by simulation, from where it stands."""
-    found, done, reason = refit(s, [t.suspect], share, rounds, count, t.fit)
+    found, done, reason = refit(s, [t.candidate], share, rounds, count, t.fit)
     t.refitted += done
     if found is not None and (done or t.fit is None):
         t.fit = found
@@ -316,12 +316,12 @@ def _level(s: Search) -> None:
 # ---- two laws ---------------------------------------------------------------------------------------
 
 
-def pair_gains(bank: Bank, suspects: Sequence[Suspect]) -> list[tuple[float, Suspect, Suspect]]:
+def pair_gains(bank: Bank, candidates: Sequence[Candidate]) -> list[tuple[float, Candidate, Candidate]]:
     """First-order gain of all pairs from the normal equations, best first; none where a bound forbids a sign."""
     left = bank.left - bank.adjust @ (bank.adjust.T @ bank.left)
     result = []
-    for i, a in enumerate(suspects):
-        for b in suspects[i + 1 :]:
+    for i, a in enumerate(candidates):
+        for b in candidates[i + 1 :]:
             if a.name == b.name:
                 continue
             columns = np.hstack([bank.columns[a.label], bank.columns[b.label]])
@@ -335,19 +335,19 @@ def pair_gains(bank: Bank, suspects: Sequence[Suspect]) -> list[tuple[float, Sus
     return sorted(result, key=lambda item: -item[0])
 
 
-def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> tuple[list[Trial], Fit] | None:
+def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) -> tuple[list[Trial], Fit] | None:
     """Two laws, where each earns its price beside the other; refitted together by simulation."""
     assert first.fit is not None
-    alive = [x for x in suspects if counts(bank, x)]
+    alive = [x for x in candidates if counts(bank, x)]
     cost = price(max(len(alive), 2))
-    tried: list[tuple[float, list[Suspect], Fit | None]] = []
+    tried: list[tuple[float, list[Candidate], Fit | None]] = []
     for x in alive:
-        if x.name == first.suspect.name or _one_and_the_same(x.name, first.mechanism):
+        if x.name == first.candidate.name or _one_and_the_same(x.name, first.mechanism):
             continue
         both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
-        tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.suspect, x], both))
+        tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.candidate, x], both))
     for gain, a, b in pair_gains(bank, alive)[:1]:
-        if first.suspect.label not in (a.label, b.label):
+        if first.candidate.label not in (a.label, b.label):
             tried.append((gain - first.gain - 2 * (a.size + b.size - 2), [a, b], None))
     tried.sort(key=lambda item: -item[0])
     for gain, pair, start in tried[:2]:
@@ -368,25 +368,25 @@ def _pair(s: Search, bank: Bank, first: Trial, suspects: Sequence[Suspect]) -> t
         if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1) or not _earned(s, pair, found, cost):
             continue
         gains = first.fit.objective - found.objective
-        known = {t.suspect.label: t for t in s.trials}
+        known = {t.candidate.label: t for t in s.trials}
         trials = [replace(known[x.label], fit=found, gain=first.gain + gains, refitted=2) for x in pair]
         return trials, found
     return None
 
 
-def _simpler(s: Search, pair: list[Suspect], found: Fit) -> list[Suspect]:
+def _simpler(s: Search, pair: list[Candidate], found: Fit) -> list[Candidate]:
     """The laws, each that is a simpler one within its intervals as that one; the same where that is there already."""
     at = len(s.adjust)
-    result: list[Suspect] = []
+    result: list[Candidate] = []
     for x in pair:
         plain = _nested(s, x, found, at)
         at += x.size
-        other = x if plain is None else plain.suspect
+        other = x if plain is None else plain.candidate
         result.append(x if other.name in {o.name for o in (*pair, *result)} else other)
     return result
 
 
-def _earned(s: Search, laws: Sequence[Suspect], found: Fit, cost: float) -> bool:
+def _earned(s: Search, laws: Sequence[Candidate], found: Fit, cost: float) -> bool:
     """Whether each law of a set is as far from its absence as its price asks."""
     at = len(s.adjust)
     for x in laws:

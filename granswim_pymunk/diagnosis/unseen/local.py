@@ -12,20 +12,20 @@ from dataclasses import replace
 import numpy as np
 
 from ...inference.criteria import current
-from .candidates import Suspect
+from .candidates import Candidate
 from .response import Fit, Means, Model, Point, Sum, add
 from .runs import Job
 from .search import Search, columns_of, jobs_for, label_of, rounded
 from .summaries import Condition
 
 
-def near(s: Search, model: Model, suspects: Sequence[Suspect]) -> tuple[Model, set[Point]]:
+def near(s: Search, model: Model, candidates: Sequence[Candidate]) -> tuple[Model, set[Point]]:
     """The model with slopes from runs on both sides of its centre, and the scenes that were run there.
 
     As far as such a slope is noise it gives way to the model's own, see ``shrunk``; numbers of the camera need no runs.
     Where a run fails the slope stays as it is.
     """
-    sides = _sides(s, model, suspects)
+    sides = _sides(s, model, candidates)
     count = max(s.sizes.leader // max(len(sides) - 1, 1), 2)
     jobs: list[Job] = []
     labels: dict[int, list[str]] = {}
@@ -33,7 +33,7 @@ def near(s: Search, model: Model, suspects: Sequence[Suspect]) -> tuple[Model, s
         where = [c for c in s.training if c.name in model.slopes[k]]
         labels[k] = []
         for u in ends:
-            theta, extra = u[: len(s.adjust)], _extra(s, suspects, u)
+            theta, extra = u[: len(s.adjust)], _extra(s, candidates, u)
             labels[k].append(label_of(s.adjust, theta, extra))
             jobs += jobs_for(where, s.adjust, theta, extra, count, True)
     s.runner.do(jobs, lambda k, n: s.progress("near what was found", 0.92 + 0.02 * k / n))
@@ -52,9 +52,9 @@ def near(s: Search, model: Model, suspects: Sequence[Suspect]) -> tuple[Model, s
     return replace(model, slopes=tuple(slopes)), run
 
 
-def _sides(s: Search, model: Model, suspects: Sequence[Suspect]) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+def _sides(s: Search, model: Model, candidates: Sequence[Candidate]) -> dict[int, tuple[np.ndarray, np.ndarray]]:
     """For each number but the camera's the points (k,) on both sides of the centre at which scenes are run."""
-    neutral = np.concatenate([np.zeros(len(s.adjust)), *[x.neutral for x in suspects]])
+    neutral = np.concatenate([np.zeros(len(s.adjust)), *[x.neutral for x in candidates]])
     found = {}
     for k, f in enumerate(model.free):
         if model.camera[k] is not None:
@@ -69,10 +69,10 @@ def _sides(s: Search, model: Model, suspects: Sequence[Suspect]) -> dict[int, tu
     return found
 
 
-def _extra(s: Search, suspects: Sequence[Suspect], u: np.ndarray) -> list[tuple]:
+def _extra(s: Search, candidates: Sequence[Candidate], u: np.ndarray) -> list[tuple]:
     """(term, values) of laws at a point u, the apparatus left out."""
     at, result = len(s.adjust), []
-    for x in suspects:
+    for x in candidates:
         if not x.apparatus:
             result.append((x.term, u[at : at + x.size].copy()))
         at += x.size

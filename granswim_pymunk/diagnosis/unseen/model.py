@@ -17,7 +17,7 @@ from ...inference.significance import Null
 from ...recording import Recording
 from ...scene import Scene
 from ..swimmer_terms import equation
-from .candidates import suspects_of
+from .candidates import candidates_of
 from .checks import confirm, errors_of, gain_of, locate, outcome_of, predicted_by, prediction, propose, rest_of, shifted
 from .conclude import Curve, Finding, Spot, explained, named_laws
 from .runs import Runner, workers
@@ -64,13 +64,13 @@ class Packings(ObservationModel):
 
     def try_candidates(self) -> None:
         s = self.state
-        self.suspects = try_all(s)
-        self.bank = screen(s, self.suspects)
+        self.candidates = try_all(s)
+        self.bank = screen(s, self.candidates)
         open_ = self._open()
         if s.p_search <= current().packings.more and open_ and s.sizes.more:
-            chosen = [t.suspect for t in open_ if t.gain > 0.3 * open_[0].gain and not t.suspect.apparatus][:8]
+            chosen = [t.candidate for t in open_ if t.gain > 0.3 * open_[0].gain and not t.candidate.apparatus][:8]
             more_runs(s, chosen, 0.6)
-            self.bank = screen(s, self.suspects)
+            self.bank = screen(s, self.candidates)
 
     def _open(self) -> list[Trial]:
         """Candidates that are still in question, best first."""
@@ -79,14 +79,14 @@ class Packings(ObservationModel):
     def nulls(self) -> Null:
         nulls = self.state.nulls
         assert nulls is not None
-        top = max((t.gain - 2 * (t.suspect.size - 1) for t in self.state.trials if not t.reason), default=0.0)
+        top = max((t.gain - 2 * (t.candidate.size - 1) for t in self.state.trials if not t.reason), default=0.0)
         return Null(nulls.best, top)
 
     def search(self, null: Null | None) -> Claim:
         s, open_ = self.state, self._open()
         if s.p_search > current().verdict.alarm or not open_:
             return self.plain
-        found, revised, self.beside = named_laws(s, self.bank, open_, self.suspects)
+        found, revised, self.beside = named_laws(s, self.bank, open_, self.candidates)
         if revised is None:
             return self.plain
         return Claim(tuple(found), Finding(s, found, revised, "", False))
@@ -203,8 +203,8 @@ class Packings(ObservationModel):
             entries = []
             for t in judged.claim.laws:
                 parameters = parameters_of(finding, t)
-                bodies = ids if t.suspect.apparatus else list(t.suspect.extent)
-                text = equation(t.suspect.term, parameters)
+                bodies = ids if t.candidate.apparatus else list(t.candidate.extent)
+                text = equation(t.candidate.term, parameters)
                 entries.append(mechanism_entry(t.mechanism, text, bodies, parameters, t.surviving, gain))
             return entries
         # of one film no part is unseen by the fit: its curve is told where it predicts what follows
@@ -279,7 +279,7 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
     known = current().packings
     usual = replace(Sizes(), spread=known.spread)
     training = [c for c in conditions if c.view is not None]
-    candidates = sum(len(x.design) for x in suspects_of(training))
+    candidates = sum(len(x.design) for x in candidates_of(training))
     adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
     soft = {c.name: runner.cost(c, True) for c in conditions}
     part = {c.name: runner.cost(c, True, part=True) for c in conditions}

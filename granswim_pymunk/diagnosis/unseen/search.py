@@ -1,4 +1,4 @@
-"""The search: recalibrate, run every suspect, hold signatures against innovations, refit the leaders by simulation."""
+"""The search: recalibrate, run all candidates, hold signatures against innovations, refit leaders by simulation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...inference.criteria import current
 from ...inference.significance import rank
 from ...scene import Scene
 from ..hypothesis import NO_CAMERA, Term, adjustable_terms
-from .candidates import Suspect, suspects_of
+from .candidates import Candidate, candidates_of
 from .response import Fit, Means, Model, Sum, add, fit
 from .runs import Change, Job, Runner
 from .summaries import Condition, Shim
@@ -51,9 +51,9 @@ class Sizes:
 
 @dataclass
 class Trial:
-    """A suspect after its fit. ``gain``: fall of the objective;  ``reason``: why it was not fitted, if so."""
+    """A candidate after its fit. ``gain``: fall of the objective;  ``reason``: why it was not fitted, if so."""
 
-    suspect: Suspect
+    candidate: Candidate
     surviving: float
     gain: float
     fit: Fit | None = None
@@ -62,20 +62,20 @@ class Trial:
 
     @property
     def mechanism(self) -> str:
-        return self.suspect.name
+        return self.candidate.name
 
     @property
     def label(self) -> str:
-        return self.suspect.label
+        return self.candidate.label
 
     @property
     def worth(self) -> float:
-        return self.gain - 2 * self.suspect.size
+        return self.gain - 2 * self.candidate.size
 
     def values(self) -> np.ndarray:
-        """(k,) the suspect's own numbers, those of the recalibration left out."""
+        """(k,) the candidate's own numbers, those of the recalibration left out."""
         assert self.fit is not None
-        return self.fit.u[-self.suspect.size :]
+        return self.fit.u[-self.candidate.size :]
 
 
 @dataclass
@@ -84,7 +84,7 @@ class Nulls:
 
     chi2: np.ndarray  # (r,) of the naive or recalibrated prediction
     recalibration: np.ndarray  # (r,) gain of the adjustables
-    best: np.ndarray  # (r,) the best worth of all suspects
+    best: np.ndarray  # (r,) the best worth of all candidates
     left: np.ndarray  # (r,) chi2 after recalibration
     drawn: np.ndarray  # (r, n) whitened innovations
 
@@ -262,13 +262,13 @@ def base_point(s: Search) -> str:
     return label_of(s.adjust, s.theta)
 
 
-def amount_label(x: Suspect, row: np.ndarray) -> str:
+def amount_label(x: Candidate, row: np.ndarray) -> str:
     """Label of the runs of a candidate in the naive scene, at one of the points of its design."""
     return label_of((), (), [(x.term, x.neutral + row)])
 
 
 def amount_jobs(
-    x: Suspect, row: np.ndarray, conditions: Sequence[Condition], packings: Sequence[int], part: bool = True
+    x: Candidate, row: np.ndarray, conditions: Sequence[Condition], packings: Sequence[int], part: bool = True
 ) -> list[Job]:
     """Runs of a candidate in the naive scene; ``part``: see ``Job``."""
     extra = [(x.term, x.neutral + row)]
@@ -324,9 +324,9 @@ class Amount:
         return min(alive, key=lambda f: abs(math.log(alive[f] / WANTED)), default=None)
 
 
-def scaled_candidates(s: Search) -> list[Suspect]:
+def scaled_candidates(s: Search) -> list[Candidate]:
     """All candidates at amounts that show in the first recording and do not overturn everything there."""
-    every = suspects_of(s.training)
+    every = candidates_of(s.training)
     adjustable = {t.label for t in s.adjust}
     every = [x for x in every if not any(f.name in adjustable for f in x.term.free)]
     physical = [x for x in every if not x.apparatus]
@@ -359,7 +359,7 @@ def scaled_candidates(s: Search) -> list[Suspect]:
     return result + [x.scaled(settled[x.label]) for x in physical if x.label in settled]
 
 
-def try_all(s: Search) -> list[Suspect]:
+def try_all(s: Search) -> list[Candidate]:
     """Runs of every candidate in the naive scene: what it changes there is its signature."""
     result = scaled_candidates(s)
     jobs = [
@@ -371,12 +371,12 @@ def try_all(s: Search) -> list[Suspect]:
     return result
 
 
-def model_of(s: Search, suspects: Sequence[Suspect]) -> Model | None:
+def model_of(s: Search, candidates: Sequence[Candidate]) -> Model | None:
     """The recalibrated model with these candidates added, linear through their first points; None where not run."""
     base = s.base.model
     anchor = {c.name: base.sums(c.name, s.base.u) for c in s.training}
-    model = Model(" + ".join(x.label for x in suspects), base.free, s.base.u.copy(), anchor, base.slopes, base.camera)
-    for x in suspects:
+    model = Model(" + ".join(x.label for x in candidates), base.free, s.base.u.copy(), anchor, base.slopes, base.camera)
+    for x in candidates:
         points = [amount_label(x, row) for row in x.design]
         if any((p, True) not in s.means.mean[c.name] for p in points for c in s.training if bears_on(x.term, c)):
             return None
@@ -384,7 +384,7 @@ def model_of(s: Search, suspects: Sequence[Suspect]) -> Model | None:
     return model
 
 
-def extended(s: Search, model: Model, x: Suspect, u: np.ndarray) -> Model:
+def extended(s: Search, model: Model, x: Candidate, u: np.ndarray) -> Model:
     """A model with one more candidate, absent at its centre; ``u``: the values of the others there.
 
     Slopes are those of the naive scene: differences of soft runs, so that softness drops out.
@@ -419,14 +419,14 @@ class Bank:
     factors: dict[str, np.ndarray]
     left: np.ndarray
     adjust: np.ndarray  # orthonormal basis of the adjustables
-    columns: dict[str, np.ndarray]  # of each suspect, adjustables projected out
+    columns: dict[str, np.ndarray]  # of each candidate, adjustables projected out
     directions: dict[str, np.ndarray]  # orthonormal
     signs: dict[str, tuple[float, float]]  # of single numbers: on which side of neutral there is room
     surviving: dict[str, float]
     visible: dict[str, float]
 
 
-def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
+def bank_of(s: Search, candidates: Sequence[Candidate]) -> Bank:
     factors, left = {}, []
     for c in s.training:
         r, v = s.base.left[c.name]
@@ -438,7 +438,7 @@ def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
         adjust = _basis(columns_of(s, s.base.model, s.base.u, factors))
     bank = Bank(factors, r, adjust, {}, {}, {}, {}, {})
     n = len(s.base.u)
-    for x in suspects:
+    for x in candidates:
         model = model_of(s, [x])
         if model is None:
             continue
@@ -464,16 +464,16 @@ def bank_of(s: Search, suspects: Sequence[Suspect]) -> Bank:
     return bank
 
 
-def gains(bank: Bank, suspect: Suspect, r: np.ndarray) -> np.ndarray:
+def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
     """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; none on the side that a bound forbids."""
     left = r - bank.adjust @ (bank.adjust.T @ r)
-    directions = bank.directions[suspect.label]
+    directions = bank.directions[candidate.label]
     if not directions.shape[1]:
         return np.zeros(r.shape[1])
     found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
-    if suspect.size == 1:
-        amount = bank.columns[suspect.label][:, 0] @ left
-        low, high = bank.signs[suspect.label]
+    if candidate.size == 1:
+        amount = bank.columns[candidate.label][:, 0] @ left
+        low, high = bank.signs[candidate.label]
         found = np.where(((amount > 0) & (high <= 0)) | ((amount < 0) & (low >= 0)), 0.0, found)
     return found
 
@@ -498,7 +498,7 @@ def columns_of(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.
     return np.concatenate(blocks)
 
 
-def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
+def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
     """Runs seen as if they were the recording: what two packings do, mixed in a random proportion, and tracking noise.
 
     Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
@@ -520,7 +520,7 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
             chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
         drawn.append(np.linalg.solve(bank.factors[c.name], chosen.T))
     r = np.concatenate(drawn)
-    alive = [x for x in suspects if counts(bank, x)]
+    alive = [x for x in candidates if counts(bank, x)]
     best = np.zeros(replicates)
     for x in alive:
         best = np.maximum(best, gains(bank, x, r) - 2 * (x.size - 1))
@@ -529,20 +529,20 @@ def draw_nulls(s: Search, bank: Bank, suspects: Sequence[Suspect]) -> Nulls:
     return Nulls(whole, along, best, whole - along, r.T)
 
 
-def counts(bank: Bank, x: Suspect) -> bool:
+def counts(bank: Bank, x: Candidate) -> bool:
     criteria = current().packings
     there = x.label in bank.directions and bank.surviving[x.label] > criteria.survives
     return there and bank.visible[x.label] > criteria.visible
 
 
-def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
-    """First-order gains of all suspects, and the nulls of that search."""
-    # the spread is better known now than before the suspects were run
+def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
+    """First-order gains of all candidates, and the nulls of that search."""
+    # the spread is better known now than before the candidates were run
     s.naive = fit(s.naive.model, s.means, s.training)
     s.base = fit(s.base.model, s.means, s.training) if s.adjust else s.naive
-    bank = bank_of(s, suspects)
-    s.trials = [t for t in s.trials if t.reason and not t.fit and t.suspect.label not in bank.directions]
-    for x in suspects:
+    bank = bank_of(s, candidates)
+    s.trials = [t for t in s.trials if t.reason and not t.fit and t.candidate.label not in bank.directions]
+    for x in candidates:
         if x.label not in bank.directions:
             s.trials.append(Trial(x, 0.0, 0.0, None, 0, "not run everywhere"))
             continue
@@ -553,18 +553,18 @@ def screen(s: Search, suspects: Sequence[Suspect]) -> Bank:
             reason = "no amount of it shows in these recordings"
         gain = 0.0 if reason else float(gains(bank, x, bank.left[:, None])[0])
         s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
-    s.nulls = draw_nulls(s, bank, suspects)
+    s.nulls = draw_nulls(s, bank, candidates)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
     s.p_naive = rank(float(apart @ apart), s.nulls.chi2)
     along = bank.adjust.T @ apart
     s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
-    top = max((t.gain - 2 * (t.suspect.size - 1) for t in s.trials if not t.reason), default=0.0)
+    top = max((t.gain - 2 * (t.candidate.size - 1) for t in s.trials if not t.reason), default=0.0)
     s.p_search = rank(top, s.nulls.best)
     s.trials.sort(key=lambda t: -t.worth)
     return bank
 
 
-def more_runs(s: Search, chosen: Sequence[Suspect], share: float) -> None:
+def more_runs(s: Search, chosen: Sequence[Candidate], share: float) -> None:
     """Sharper signatures of those that are still in question."""
     packings = range(s.sizes.screen, s.sizes.screen + s.sizes.more)
     jobs = [j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, packings)]
@@ -573,19 +573,19 @@ def more_runs(s: Search, chosen: Sequence[Suspect], share: float) -> None:
 
 
 def refit(
-    s: Search, suspects: Sequence[Suspect], share: float, rounds: int = 2, count: int | None = None,
+    s: Search, candidates: Sequence[Candidate], share: float, rounds: int = 2, count: int | None = None,
     start: Fit | None = None,
 ) -> tuple[Fit | None, int, str]:  # fmt: skip
-    """Fit suspects by simulation: run at the fitted numbers, put the anchor there, fit again.
+    """Fit candidates by simulation: run at the fitted numbers, put the anchor there, fit again.
 
     The slope of a single number becomes the chord from its absence to where it was run, see ``run_at``. ``count`` runs
-    a condition; ``start``: an earlier fit of the same suspects to go on from.
+    a condition; ``start``: an earlier fit of the same candidates to go on from.
     """
-    model = model_of(s, suspects) if start is None else start.model
+    model = model_of(s, candidates) if start is None else start.model
     if model is None:
         return None, 0, "not run everywhere"
     found = fit(model, s.means, s.training, start=None if start is None else start.u)
-    physical = [x for x in suspects if not x.apparatus]
+    physical = [x for x in candidates if not x.apparatus]
     if not physical:
         return found, 1, ""
     n = len(s.base.u)
@@ -593,8 +593,8 @@ def refit(
     for _ in range(rounds):
         extra = []
         at = n
-        here = rounded(run_at(s, found, suspects))
-        for x in suspects:
+        here = rounded(run_at(s, found, candidates))
+        for x in candidates:
             if not x.apparatus:
                 extra.append((x.term, here[at : at + x.size].copy()))
             at += x.size
@@ -602,17 +602,17 @@ def refit(
         label = label_of(s.adjust, theta, extra)
         s.runner.do(
             jobs_for(s.training, s.adjust, theta, extra, count or s.sizes.leader, True),
-            lambda k, m: s.progress(f"refitting {suspects[-1].label}", share),
+            lambda k, m: s.progress(f"refitting {candidates[-1].label}", share),
         )
         s.means.refresh()
         if any((label, True) not in s.means.mean[c.name] for c in s.training):
             return found, done, s.runner.reason(label)
         done += 1
-        model = anchored(s, model, suspects, here, label)
+        model = anchored(s, model, candidates, here, label)
         before = found.u
         found = fit(model, s.means, s.training)
         wide = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-        if arrived(np.abs(found.u - before), wide, before - _absent(s, suspects)):
+        if arrived(np.abs(found.u - before), wide, before - _absent(s, candidates)):
             break
     return found, done, ""
 
@@ -623,13 +623,13 @@ def arrived(off: np.ndarray, wide: np.ndarray, away: np.ndarray) -> bool:
     return bool(np.all(off <= np.maximum(errors * wide, share * np.abs(away))))
 
 
-def run_at(s: Search, found: Fit, suspects: Sequence[Suspect]) -> np.ndarray:
-    """Where suspects are run to be known near the fitted numbers.
+def run_at(s: Search, found: Fit, candidates: Sequence[Candidate]) -> np.ndarray:
+    """Where candidates are run to be known near the fitted numbers.
 
     Of a single number r spreads strong, the mean of n runs at a times it gives the chord with an error of 1/(a sqrt(n))
     where at the number itself it is 1/sqrt(n): a weak law is run where it shows, as far as its first runs went.
     """
-    (x, *more), u = suspects, found.u.copy()
+    (x, *more), u = candidates, found.u.copy()
     n = len(s.base.u)
     if more or x.apparatus or x.size != 1:
         return u
@@ -650,8 +650,8 @@ def rounded(u: np.ndarray) -> np.ndarray:
     return np.array([float(f"{v:.4g}") for v in u])
 
 
-def _absent(s: Search, suspects: Sequence[Suspect]) -> np.ndarray:
-    return np.concatenate([np.zeros(len(s.base.u)), *[x.neutral for x in suspects]])
+def _absent(s: Search, candidates: Sequence[Candidate]) -> np.ndarray:
+    return np.concatenate([np.zeros(len(s.base.u)), *[x.neutral for x in candidates]])
 
 
 def stiffer(s: Search, model: Model, u: np.ndarray, label: str) -> float:
@@ -675,7 +675,7 @@ def stiffer(s: Search, model: Model, u: np.ndarray, label: str) -> float:
 
 
 def anchored(
-    s: Search, model: Model, suspects: Sequence[Suspect], u: np.ndarray, label: str, soft: bool = True
+    s: Search, model: Model, candidates: Sequence[Candidate], u: np.ndarray, label: str, soft: bool = True
 ) -> Model:
     """The model with its anchor in runs at u; the chord replaces the slope of a single physical number.
 

@@ -55,7 +55,7 @@ def place_of(f: Finding, spot: Spot) -> dict[str, Any]:
 def parameters_of(f: Finding, trial: Trial) -> dict[str, tuple[Any, Any, Any, str]]:
     """Name to (value, low, high, unit) of a found law."""
     values, covariance = f.own(trial)
-    x = trial.suspect
+    x = trial.candidate
     if has_role(x.name, "medium"):
         c, push = float(values[0]), values[1:]
         root = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -114,10 +114,10 @@ def tables_of(s: Search) -> tuple[Table, ...]:
         state = t.reason or (f"refitted {t.refitted} times" if t.refitted else "first order")
         amount = ""
         if t.fit is not None:
-            amount = ", ".join(f"{v:.3g} {x.unit}" for v, x in zip(t.values(), t.suspect.term.free, strict=True))
-        rows.append([t.suspect.label, f"{t.surviving:.2f}", f"{t.gain:.1f}", amount, state])
+            amount = ", ".join(f"{v:.3g} {x.unit}" for v, x in zip(t.values(), t.candidate.term.free, strict=True))
+        rows.append([t.candidate.label, f"{t.surviving:.2f}", f"{t.gain:.1f}", amount, state])
     tables = [
-        Table("Suspects", ["suspect", "surviving", "gain", "amount", "state"], rows, (1, 2),
+        Table("Candidates", ["candidate", "surviving", "gain", "amount", "state"], rows, (1, 2),
               "surviving: share of the signature that recalibration cannot imitate; gain: fall of the misfit")
     ]  # fmt: skip
     runs = []

@@ -1,4 +1,4 @@
-"""What decides where a bed is followed in windows: their starts, twins, the search and its verdict."""
+"""What decides where a bed is followed in windows: their starts, replicates, the search and its verdict."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ class BedCandidateCriteria:
 
 @dataclass(frozen=True)
 class BedSignatureCriteria:
-    """Spread of innovations, told by twins of the recalibrated scene.
+    """Spread of innovations, told by replicates of the recalibrated scene.
 
     finest [m] : a spread below this is not believed;  unknown [m] : that nobody knows
-    windows : of twins, the fewest that tell a spread;  several : windows, of which one may be left out
+    windows : of replicates, the fewest that tell a spread;  several : windows, of which one may be left out
     shrunk : of the covariance, towards its diagonal. Source: with a tenth, laws show 1.1 to 1.25 times more weakly
         (benchmarks/bed_numbers.py)
-    scanty : windows of twins, less one of each, below which they tell one direction and not the covariance
+    scanty : windows of replicates, less one of each, below which they tell one direction and not the covariance
     alike : degrees of freedom that the middle of all leaders is worth for the spread of one. Choice
     replicates : of the noise of windows, recombined
     """
@@ -91,19 +91,19 @@ class BedSearchCriteria:
         chaos, and had a tenth of the gain), yet near linear (three times as far as need be, they had a tenth, too)
     rough : of the amounts so far, simulated when a leader is refitted;  fine : the same once more, in all windows
     seconds : laws that are tried beside the one that was found
-    leaning : leaders that are held against what twins give them;  ``more`` where others come to lead, ``most`` in all
-    one_window : share of a gain that one window of several may bring where a law is named. Choice
+    leaning : leaders that are held against what replicates give them;  ``more`` where others come to lead, ``most`` in
+    all one_window : share of a gain that one window of several may bring where a law is named. Choice
     sure : chi2 that a law must gain, besides being beyond the nulls. Theory: five standard errors
-    clearly : standard errors, as few twins and windows widen them, that the last fit has to be from none
+    clearly : standard errors, as few replicates and windows widen them, that the last fit has to be from none
     further : by which every further number moves the tail of chi2. Theory: about one in a thousand
     chaos : chi2 by which the gain of the same law differs when it is simulated again. Source: the bed's own chaos
     clear_gain : chi2 that tells candidates apart; windows beyond those that hold so much are for later. Choice
-    doubtful : chi2 below which the leaders' gains are held against what twins give them. Choice
+    doubtful : chi2 below which the leaders' gains are held against what replicates give them. Choice
     tries : laws that are fitted to the end, one after the other, until one stands
     gauge : windows that show whether the scene can be run
-    unexplained : standard deviations of the nulls' chi2 that are left before arms without a name are tried. Choice
-    pace : least spread of the logarithm of the pace of twins: few of them know it badly
-    forms : forces without a name that are held against names, besides the flexible arm
+    unexplained : standard deviations of the nulls' chi2 that are left before forms without a name are tried. Choice
+    pace : least spread of the logarithm of the pace of replicates: few of them know it badly
+    forms : forces without a name that are held against names, besides the best
     rivals : of which held-out windows are predicted
     """
 

@@ -1,4 +1,4 @@
-"""All beds of a diagnosis together: predictions of their windows, whitened innovations, the noise of twins."""
+"""All beds of a diagnosis together: predictions of their windows, whitened innovations, the noise of replicates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InputError
 from ..hypothesis import Failed, Hypothesis
 from ..kept import Store
-from .signatures import Noise, ensemble_noise, twin_noise
+from .signatures import Noise, ensemble_noise, replicate_noise
 from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
 from .work import Work
 
@@ -18,31 +18,31 @@ Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that 
 Windows = Sequence[np.ndarray]  # of each bed the windows that are looked at
 
 
-class Bench:
-    """Predicts, and compares with what was seen. ``members`` of each window, ``twins`` of each recording."""
+class WindowLikelihood:
+    """Predicts, and compares with what was seen. ``members`` of each window, ``replicates`` of each recording."""
 
     def __init__(
-        self, beds: Sequence[BedCase], twins: int, members: int = MEMBERS, store: Store | None = None,
+        self, beds: Sequence[BedCase], replicates: int, members: int = MEMBERS, store: Store | None = None,
         cut: bool = True, work: Work | None = None,
     ) -> None:  # fmt: skip
         self.work = work or Work()
         self.beds = list(beds)
         self.members = members
-        self.twins = twins
+        self.replicates = replicates
         self.store = store
         self.predictors = [BedPredictor(b, members=members, store=store, cut=cut) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
-        self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its twins, see BedPredictor.pace
-        self.twin_scene: tuple[Hypothesis, np.ndarray] | None = None  # what the twins were made of
-        # of (bed, twin): its predictor, and what its windows show of the scene that it was made of
+        self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its replicates, see BedPredictor.pace
+        self.replicate_scene: tuple[Hypothesis, np.ndarray] | None = None  # what the replicates were made of
+        # of (bed, replicate): its predictor, and what its windows show of the scene that it was made of
         self._films: dict[tuple[int, int], tuple[BedPredictor, np.ndarray]] = {}
 
-    def with_twins(self, twins: int) -> Bench:
-        """The same predictions, to be judged by that many twins of another scene."""
+    def with_replicates(self, replicates: int) -> WindowLikelihood:
+        """The same predictions, to be judged by that many replicates of another scene."""
         other = copy.copy(self)
-        other.twins, other.noises, other.paces = twins, [], []
-        other.twin_scene, other._films = None, {}
+        other.replicates, other.noises, other.paces = replicates, [], []
+        other.replicate_scene, other._films = None, {}
         return other
 
     @property
@@ -155,13 +155,13 @@ class Bench:
             for p, chosen, bed in zip(predicted, windows, self.beds, strict=True)
         ]
 
-    def make_twins(
+    def make_replicates(
         self, hypothesis: Hypothesis, values: np.ndarray, progress: Callable[[float], None] = lambda share: None
     ) -> None:
-        """Noise and bias from twins of the scene with these values. Raises Failed."""
-        tasks = self._twin_tasks()
+        """Noise and bias from replicates of the scene with these values. Raises Failed."""
+        tasks = self._replicate_tasks()
         done = [0]
-        self.twin_scene, self._films = (hypothesis, values), {}
+        self.replicate_scene, self._films = (hypothesis, values), {}
         for b, _ in tasks:
             p = self.predictors[b]
             self.work.seconds += p.film_cost + len(p.bed.starts) * max(self.members, 2) * p.member_cost
@@ -169,11 +169,11 @@ class Bench:
         def one(task: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
             b, k = task
             bed, predictor = self.beds[b], self.predictors[b]
-            key = predictor.key("twin", hypothesis, values, k, self.members) if self.store else ""
+            key = predictor.key("replicate", hypothesis, values, k, self.members) if self.store else ""
             shape = (len(bed.starts), bed.size)
             found = self.store.get(key, (shape[0] * shape[1] + 2,)) if self.store else None
             if found is None:
-                own, shown = self._twin(b, k)
+                own, shown = self._replicate(b, k)
                 left = own.seen() - shown.mean(axis=1)
                 found = np.concatenate([left.ravel(), own.pace()])
                 predictor.runs += own.runs
@@ -185,7 +185,7 @@ class Bench:
 
         found = list(POOL.map(one, tasks))
         self.noises = [
-            twin_noise(np.stack([f for (f, _), (b, _) in zip(found, tasks, strict=True) if b == number]))
+            replicate_noise(np.stack([f for (f, _), (b, _) in zip(found, tasks, strict=True) if b == number]))
             for number in range(len(self.beds))
         ]
         self.paces = [
@@ -193,28 +193,28 @@ class Bench:
             for number in range(len(self.beds))
         ]
 
-    def _twin_tasks(self) -> list[tuple[int, int]]:
-        return [(b, k) for b in range(len(self.beds)) for k in range(self.twins)]
+    def _replicate_tasks(self) -> list[tuple[int, int]]:
+        return [(b, k) for b in range(len(self.beds)) for k in range(self.replicates)]
 
-    def _twin(self, b: int, k: int) -> tuple[BedPredictor, np.ndarray]:
-        """The predictor of a twin's windows, its grains weighed like the film's, and what it shows. Raises Failed."""
+    def _replicate(self, b: int, k: int) -> tuple[BedPredictor, np.ndarray]:
+        """The predictor of a replicate's windows, grains weighed like the film's, and what it shows. Raises Failed."""
         if (b, k) not in self._films:
-            assert self.twin_scene is not None
-            own = self.predictors[b].of(self.predictors[b].twin(*self.twin_scene, k))
+            assert self.replicate_scene is not None
+            own = self.predictors[b].of(self.predictors[b].replicate(*self.replicate_scene, k))
             look = own.weigh if self.predictors[b].weighed else own
-            self._films[b, k] = own, look(*self.twin_scene)
+            self._films[b, k] = own, look(*self.replicate_scene)
         return self._films[b, k]
 
-    def twin_views(
+    def replicate_views(
         self, wanted: Sequence[tuple[Hypothesis, np.ndarray]], windows: Windows, members: int, first: int = 0
     ) -> np.ndarray:
-        """(N, n, wanted) whitened mean predictions in the windows of each twin, to be subtracted from one another.
+        """(N, n, wanted) whitened mean predictions in the windows of each replicate, to be subtracted from one another.
 
-        Of all twins from their own starts: columns made of the film's starts share their errors with the film's
-        innovations, these in the same way with those of the twins. Raises Failed.
+        Of all replicates from their own starts: columns made of the film's starts share their errors with the film's
+        innovations, these in the same way with those of the replicates. Raises Failed.
         """
-        assert self.twin_scene is not None
-        scene = self.twin_scene
+        assert self.replicate_scene is not None
+        scene = self.replicate_scene
 
         def one(task: tuple[int, int]) -> np.ndarray:
             b, k = task
@@ -226,9 +226,9 @@ class Bench:
                 kept = self.store.get(key, (len(chosen) * bed.size, len(wanted)))
                 if kept is not None:
                     return kept
-            own, _ = self._twin(b, k)
+            own, _ = self._replicate(b, k)
             began = own.runs
-            hidden = np.where(np.isfinite(noise.twins[k]), 0.0, np.nan)
+            hidden = np.where(np.isfinite(noise.replicates[k]), 0.0, np.nan)
             views = []
             for h, v in wanted:
                 full = np.full((len(bed.starts), bed.size), np.nan)
@@ -240,12 +240,12 @@ class Bench:
                 self.store.put(key, out)
             return out
 
-        tasks = [(b, k) for b, k in self._twin_tasks() if len(windows[b])]
+        tasks = [(b, k) for b, k in self._replicate_tasks() if len(windows[b])]
         for b, _ in tasks:
             self.work.seconds += len(wanted) * len(windows[b]) * members * self.predictors[b].member_cost
         found = dict(zip(tasks, POOL.map(one, tasks), strict=True))
         beds = [b for b in range(len(self.beds)) if len(windows[b])]
-        return np.stack([np.concatenate([found[b, k] for b in beds]) for k in range(self.twins)])
+        return np.stack([np.concatenate([found[b, k] for b in beds]) for k in range(self.replicates)])
 
 
 def both_sides(

@@ -218,7 +218,7 @@ def _other(name: str, rng: np.random.Generator) -> dict[str, Any]:
 def rivals_of(setup: BedSetup) -> list[tuple[str, tuple[Plan, ...]]]:
     """Every named mechanism in its own form, a vector as two plans: what a concealed effect is held against."""
     found: list[tuple[str, tuple[Plan, ...]]] = []
-    for name in setup.suspects:
+    for name in setup.candidates:
         plan = typical(name, setup)
         if name == "uniform_force":
             found.append((name, tuple(replace(plan, grows={"a": a}) for a in ((0.3, 0.0), (0.0, 0.3)))))

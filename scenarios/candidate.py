@@ -1,9 +1,9 @@
-"""A suspect of one's own: a disk on a table swings where it should glide, and a hidden tether is the guess.
+"""A candidate of one's own: a disk on a table swings where it should glide, and a hidden tether is the guess.
 
 The recording is written down from the solution of m x'' = -k (x - x_0), y'' = 0, with 20 micrometres of noise; the
-scene has no force at all. The suspect is declared as a law and tried beside the candidates of the package.
+scene has no force at all. The candidate is declared as a law and tried beside the candidates of the package.
 
-    python suspect.py [FOLDER]
+    python candidate.py [FOLDER]
 """
 
 import sys
@@ -16,7 +16,7 @@ from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene
 
-out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/suspect")
+out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/candidate")
 
 
 @law(
