@@ -11,7 +11,7 @@ import pytest
 from two_arms import two_arms
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, write_verdict
+from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, segments, write_verdict
 from granswim_pymunk.diagnosis.believed import believed_terms
 from granswim_pymunk.diagnosis.camera_terms import camera_terms
 from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
@@ -24,11 +24,13 @@ from granswim_pymunk.diagnosis.hypothesis import Failed, Free, Hypothesis, Predi
 from granswim_pymunk.diagnosis.intervals import with_limits
 from granswim_pymunk.diagnosis.name import InnerSplit, Trial, try_candidates, unstuck
 from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
+from granswim_pymunk.diagnosis.segments import Impact, make_segments
 from granswim_pymunk.diagnosis.signatures import Signature, make_bank
 from granswim_pymunk.diagnosis.start import Bar, Guided, describe_starts
 from granswim_pymunk.diagnosis.steps import shifts
 from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
@@ -867,6 +869,20 @@ def collided(radius: float, lateness: float = 0.0) -> tuple[Recording, np.ndarra
     xy = Simulation(truth, dt=1e-4).sample(t) + 1e-4 * rng.normal(size=(len(t), 3, 2))
     naive = Scene(tuple(replace(b, initial=None) for b in balls), laws)
     return Recording("r", naive, t, ("a", "b", "c"), xy, position_noise=1e-4), t
+
+
+def test_frames_that_end_amid_several_impacts_have_segments(monkeypatch):
+    """Of impacts soon one after the other the last may end where the frames do: a cut there begins nothing."""
+    record, t = collided(1.0)
+    case = prepare(record, held_out=False, split=False)
+    kick = {"kick": {"a": 0.1, "b": 0.1}, "place": {"a": 0.0, "b": 0.0}, "speed": {"a": 0.0, "b": 0.0}}
+    several = [Impact(row, row + 3, ("a", "b"), **kick) for row in (60, 62, 64, 66)]
+    monkeypatch.setattr(segments, "find_impacts", lambda *a: several)
+    for frames in range(64, 80):
+        seen = np.arange(len(t)) < frames
+        made = make_segments(case, seen)
+        assert np.array_equal(np.sum([s.frames for s in made], axis=0), seen)
+        assert min(s.frames.sum() for s in made) >= DEFAULT.segments.frames
 
 
 def test_radii_that_are_a_little_off_are_numbers_with_a_prior_of_every_fit():

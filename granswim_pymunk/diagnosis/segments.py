@@ -74,10 +74,12 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
     for impact in impacts:
         after = int(np.searchsorted(rows, impact.apart))
         before = cuts[-1][0] if cuts else 0
+        if len(rows) - after < criteria.frames:
+            continue  # what comes after it is too short for a start
         if cuts and after - before < criteria.frames:
             cuts[-1][1].append(impact)  # too near the last one: both lie in one segment
             cuts[-1] = (max(after, before), cuts[-1][1])
-        elif after >= criteria.frames and len(rows) - after >= criteria.frames:
+        elif after >= criteria.frames:
             cuts.append((after, [impact]))
     edges = [0, *(c for c, _ in cuts), len(rows)]
     segments = []
