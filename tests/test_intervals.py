@@ -52,6 +52,19 @@ def test_a_bound_before_the_end_is_the_end():
     assert end(Profile(), 0.2, high=2.25) == 2.25 and end(Profile(), 0.2, low=1.75, side=-1.0) == 1.75
 
 
+@pytest.mark.parametrize("found", [0.5, 119.0])
+def test_an_end_near_a_bound_is_not_the_bound(found):
+    """Any friction above 0.3 holds all contacts alike: of a fit that ended at 119 the interval begins at 0.3, not 0."""
+
+    def searched(hypothesis, values, starts, **how):
+        return SimpleNamespace(chi2=(max(0.3 - values[0], 0.0) / 0.01) ** 2, values=values, starts=starts)
+
+    hypothesis = SimpleNamespace(free=(Free("mu", "1", 0.0, math.inf, 0.0, 1.0),))
+    fit = SimpleNamespace(chi2=0.0, values=np.array([found]), starts=0.0, hypothesis=hypothesis)
+    low, high = (_end(SimpleNamespace(fit=searched), fit, 0, 1.0, side, 0.1 * found) for side in (-1.0, 1.0))
+    assert low == pytest.approx(0.3 - 1.96 * 0.01, rel=0.1) and high == math.inf
+
+
 def test_what_is_far_behind_the_best_is_not_scored():
     """Forms without a name beside a law that gains more than twice as much: their score decides nothing."""
     scored = []

@@ -159,7 +159,9 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
     """
     free, criteria = fit.hypothesis.free[k], current().intervals
     bound = free.high if side > 0 else free.low
-    step, here, failed, least = first, fit, False, criteria.fine * first
+    step, here, least = first, fit, criteria.fine * first
+    # where the last fit beyond the end was, its chi2, and whether no lost search can have made that
+    failed, beyond, height, sure = False, math.nan, math.nan, False
     for _ in range(criteria.most):
         at = float(here.values[k]) + side * step
         if (at - bound) * side >= 0:
@@ -178,12 +180,17 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
                 return at
             foreseen = away * (1.0 / now - 1.0) if now > 0 else math.inf
             step = min(foreseen, step if failed else criteria.growth * step)
+            if sure and step >= abs(beyond - at) * (1.0 - criteria.fine):
+                step = abs(beyond - at) / 2
         else:
-            # the end, or a valley that bends more than one search can follow
-            failed = True
+            # the end, or a valley that bends more than one search can follow: such a one is lost elsewhere next time
+            again = math.isclose(at, beyond, rel_tol=1e-9) and abs(found.chi2 - height) < criteria.level * spread
+            failed, beyond, height, sure = True, at, found.chi2, now < criteria.unlike or again
             step = abs(at - float(here.values[k]))
             half = step / 2
-            if now < 1 + criteria.fine or half < least + criteria.fine * away:
+            # near a bound what counts is how far it is from there: 0.3 is an end that 0 is not, seen from 100 as well
+            close = min(least + criteria.fine * away, criteria.fine * abs(float(here.values[k]) - bound))
+            if now < 1 + criteria.fine or half < close:
                 return at
             # a search that is lost says nothing of where the end is
             foreseen = step * (1.0 - before) / (now - before) if now < criteria.unlike else half
