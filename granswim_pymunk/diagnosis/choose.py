@@ -107,7 +107,12 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
     forms = [t.term for t in same]
-    chosen = min(same, key=lambda t: (t.used, not ordinary(t), t.term.special, is_part(t.term, forms), -t.gain))
+    # a picture's scale is off more often than the inertia of a body
+    chosen = min(
+        same,
+        key=lambda t: (t.used, not ordinary(t), t.term.special, ordinary(t) and not is_apparatus(t),
+                       is_part(t.term, forms), -t.gain),
+    )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)
 
 
