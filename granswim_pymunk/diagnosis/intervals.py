@@ -185,7 +185,7 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
         else:
             # the end, or a valley that bends more than one search can follow: such a one is lost elsewhere next time
             again = math.isclose(at, beyond, rel_tol=1e-9) and abs(found.chi2 - height) < criteria.level * spread
-            failed, beyond, height, sure = True, at, found.chi2, now < criteria.unlike or again
+            failed, beyond, height, sure = True, at, found.chi2, again
             step = abs(at - float(here.values[k]))
             half = step / 2
             # near a bound what counts is how far it is from there: 0.3 is an end that 0 is not, seen from 100 as well
