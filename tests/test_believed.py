@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.diagnosis import diagnose_tracks
+from granswim_pymunk.diagnosis.believed import believed_terms
 from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
 from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.diagnosis.intervals import with_believed_errors
+from granswim_pymunk.diagnosis.segments import make_segments
 from granswim_pymunk.diagnosis.signatures import make_bank
+from granswim_pymunk.diagnosis.start import first_numbers
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
@@ -165,3 +168,23 @@ def test_blocks_keep_what_all_data_tell_of_radii_and_those_that_graze_say_nothin
         found = score(fit, blocks, fitter.predictor, Noise(), np.random.default_rng(0))
         failed[across] = len(found.failed)
     assert failed[0.010] == 0 and failed[0.0262] > 0
+
+
+def test_runs_that_differ_in_the_start_alone_share_a_scene(monkeypatch):
+    """The segments of a film and the derivatives by starts ask for one scene; its bodies are made once, not each time.
+
+    What is predicted is what a predictor that has never run before predicts.
+    """
+    case = prepare(seen(MEETING, radius_error=0.005), held_out=False, split=False)
+    hypothesis, made = Hypothesis(believed_terms([case])), []
+    scene = Hypothesis.scene
+    monkeypatch.setattr(Hypothesis, "scene", lambda self, *args: made.append(1) or scene(self, *args))
+    (first, *_) = make_segments(case, case.training)
+    numbers, values = first_numbers(first.starts), np.zeros(len(hypothesis.free))
+    predictor = Predictor({case.name: 5e-4})
+    for shift, share, scenes in ((0.0, 0.0, 1), (1e-4, 0.0, 1), (1e-4, 2e-3, 2), (0.0, 2e-3, 2), (2e-4, 0.0, 3)):
+        how = hypothesis, case, values + share, first.starts, numbers + shift, float(case.t[0]), case.t
+        found = predictor(*how)
+        assert len(made) == scenes
+        assert np.array_equal(found, Predictor({case.name: 5e-4})(*how))
+        del made[scenes:]

@@ -256,7 +256,7 @@ class Predictor:
         starts, numbers, t0 = begin.starts, begin.numbers, begin.t0
         following, spin = begin.following, begin.spin
         try:
-            scene, camera = hypothesis.scene(case, values)
+            scene, camera = self._scene(hypothesis, case, values)
             offset = float(camera["time_offset"])
             placed = states(starts, numbers, scene, t0 + offset)
         except InputError as error:  # numbers that a search tried and no law takes
@@ -297,6 +297,20 @@ class Predictor:
                 out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
         return out, end
 
+    def _key(self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Any, ...]:
+        """What runs have in common that differ in the start alone."""
+        terms = tuple(map(id, hypothesis.terms))
+        return id(case), self.dt[case.name], terms, np.asarray(values, dtype=float).tobytes()
+
+    def _scene(
+        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray
+    ) -> tuple[Scene, Mapping[str, Any]]:
+        """Scene and camera under these values: the last ones where only the start is another, as all segments ask."""
+        key, last = self._key(hypothesis, case, values), self._last
+        if last.scene is None or last.scene[0] != key:
+            last.scene = key, (case, hypothesis.terms), hypothesis.scene(case, values)
+        return last.scene[2]
+
     def _simulation(
         self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,
         spin: np.ndarray | None,
@@ -305,9 +319,7 @@ class Predictor:
 
         Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
         """
-        terms = tuple(map(id, hypothesis.terms))
-        key = (id(case), self.dt[case.name], terms, np.asarray(values, dtype=float).tobytes())
-        last = self._last
+        key, last = self._key(hypothesis, case, values), self._last
         begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
         if last.key == key and last.simulation is not None:
             last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
@@ -360,11 +372,12 @@ class _Kept:
 
 
 class _Last(threading.local):
-    """The simulation that this thread used last, and what it was built for."""
+    """The simulation and the scene that this thread used last, and what they were built for."""
 
     key: tuple[Any, ...] | None = None
     held: tuple[Any, ...] = ()  # what the key speaks of, so that nothing else gets its id
     simulation: Simulation | None = None
+    scene: tuple[Any, Any, tuple[Scene, Mapping[str, Any]]] | None = None  # its key, what that speaks of, and camera
 
 
 def _offset(starts: tuple[StartBody, ...], body: str) -> int:
