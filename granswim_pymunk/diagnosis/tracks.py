@@ -133,6 +133,7 @@ class Tracks(ObservationModel):
         self.progress = progress
         self.study = study_of(recordings, hold_out, np.random.default_rng(seed), progress, late)
         self.notes = self.study.notes
+        self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.best_form: Trial | None = None
@@ -194,9 +195,11 @@ class Tracks(ObservationModel):
     def _search(self) -> Claim:
         study, tried = self.study, self.tried
         found, revised, self.dropped, self.near = explained_by(study, tried, self.chosen)
-        self.fitter = study.fitter
+        self.fitter, self.tightened = study.fitter, 0.0
         if found and self.fitter.segmented:
+            loose = revised.chi2
             self.fitter, revised = joined(self.fitter, revised)
+            self.tightened = max(revised.chi2 - loose, 0.0)
             found = [replace(t, fit=revised) for t in found]
         self.spread = spread_of(revised, study.training) if found else tried.spread
         if found:
@@ -230,7 +233,9 @@ class Tracks(ObservationModel):
                 forms.append(Form(form, share, worth(trial, tried.spread), later))
         best = best_form(forms)
         self.best_form = None if best is None else best.claim.laws[0]
-        gain = (tried.recalibrated.chi2 - claim.fit.chi2) / self.spread - 2 * sum(t.used for t in claim.laws)
+        # forms were fitted to segments as they were: what closer joints of the names cost is no gain of theirs
+        gain = (tried.recalibrated.chi2 - claim.fit.chi2 + self.tightened) / self.spread
+        gain -= 2 * sum(t.used for t in claim.laws)
         ahead = gain - max((worth(f.claim.laws[0], self.spread) for f in forms), default=-np.inf)
         return Weighed(named, tuple(forms), ahead=ahead)
 
