@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.blocks import make_blocks, score
-from granswim_pymunk.diagnosis.candidates import named_terms
+from granswim_pymunk.diagnosis.blocks import Block, make_blocks, score, without
+from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
 from granswim_pymunk.diagnosis.data import prepare_all
 from granswim_pymunk.diagnosis.fit import Fitter
 from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.diagnosis.name import refit
+from granswim_pymunk.diagnosis.signatures import make_bank
 from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.inference.explained import explained
 from granswim_pymunk.inference.noise import Noise
@@ -40,3 +42,24 @@ def test_strength_and_exponent_are_refitted_without_the_block():
     blocks = make_blocks(cases)
     share = explained(score(fit, blocks, predictor, Noise(), rng), score(naive, blocks, predictor, Noise(), rng), rng)
     assert share.share > 0.5 and share.low > 0.0  # what the contract asks of a name
+
+
+def test_a_form_by_the_speed_keeps_its_numbers_without_a_block_and_a_field_does_not():
+    """Where one block holds nearly all frames, nothing else tells either; a law keeps what it has there, too."""
+    puck = Body("puck", "free", 0.02, 0.1, initial=(0.0, 0.0, 0.6, 0.2))
+    true = Scene((puck,), (use("linear_drag", c=0.005),))
+    seen = film(true, np.arange(0.0, 2.0, 1 / 50), rng=np.random.default_rng(2), noise=1e-4)
+    seen = replace(seen, scene=replace(true, bodies=(replace(puck, initial=None),), laws=()), angle=None)
+    cases = prepare_all([seen], ())
+    fitter = Fitter(cases, Predictor(time_steps(cases)))
+    naive = fitter.fit(Hypothesis(), (), None)
+    frames = cases[0].training
+    block = Block(cases[0], frames & (np.arange(len(frames)) < 20), frames & (np.arange(len(frames)) >= 20), False)
+    terms = {t.mechanism: t for t in flexible_terms(cases)}
+    left = {}
+    for name in ("flexible_power", "flexible_place"):
+        fit = refit(fitter, naive, make_bank(fitter, naive, [terms[name]]).signatures[0], (1.0,))
+        assert fit.chi2 < naive.chi2 and np.any(fit.values)
+        left[name] = without(fit, block) / np.where(fit.values == 0, 1.0, fit.values)
+    assert np.allclose(left["flexible_power"], 1.0)
+    assert np.abs(left["flexible_place"]).max() < 1e-6

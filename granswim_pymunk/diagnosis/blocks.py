@@ -96,10 +96,11 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     """Values (p,) of a fit from all data but a block, by one Gauss-Newton step from the fit to all.
 
     delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells of a law
-    stays. Numbers of a force without a name have a Gaussian prior about zero, as wide as the mean square of its numbers
-    (ridge regression, Hoerl & Kennard 1970): it may take any form, and where only the block tells it, it could follow
-    anything there. Masses and radii that are believed stay as all data tell them: they are nuisances of every scene,
-    and with those that were believed all would miss the impacts of the block alike.
+    stays. Numbers of a force without a name in place or in time have a Gaussian prior about zero, as wide as the mean
+    square of its numbers (ridge regression, Hoerl & Kennard 1970): where only the block tells it, it could follow
+    anything there. One by the speed has the same few numbers everywhere, as a law has. Masses and radii that are
+    believed stay as all data tell them: they are nuisances of every scene, and with those that were believed all would
+    miss the impacts of the block alike.
     """
     free = fit.hypothesis.free
     p = len(free)
@@ -107,7 +108,7 @@ def without(fit: Fit, block: Block) -> np.ndarray:
         return fit.values
     low, high = fit.hypothesis.bounds
     here = np.clip(fit.values, low, high)
-    prior = _of_any_form(fit)
+    prior = _of_fields(fit)
     information, gradient, all_told = np.diag(prior), -prior * here, prior.copy()
     for name, (by_value, by_start) in fit.jacobian.items():
         keep = _outside(fit, name, block) if name == block.case.name else np.ones(len(by_value), dtype=bool)
@@ -168,13 +169,15 @@ def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: 
     return np.asarray(lsq_linear(matrix, wanted, (low, wide)).x)
 
 
-def _of_any_form(fit: Fit) -> np.ndarray:
-    """(p,) information of the prior on numbers of forces without a name, zero for all others."""
+def _of_fields(fit: Fit) -> np.ndarray:
+    """(p,) information of the prior on numbers of fields in place or time without a name, zero for all others."""
     laws, rows, result = all_laws(), 0, np.zeros(len(fit.values))
     for term in fit.hypothesis.terms:
-        own = [rows + k for k, free in enumerate(term.free) if not free.inner]
+        own = range(rows, rows + len(term.free))
         rows += len(term.free)
-        if term.mechanism in laws and laws[term.mechanism].candidate == "flexible" and own:
+        law = laws.get(term.mechanism)
+        field = law is not None and law.candidate == "flexible" and {"t", "x", "y"} & set(law.arguments)
+        if field and not any(free.inner for free in term.free):
             result[own] = 1.0 / max(float(np.mean(fit.values[own] ** 2)), 1e-100)
     return result
 
