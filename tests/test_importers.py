@@ -330,6 +330,18 @@ def gsd(folder):
     return "pucks.gsd", {"unit": "mm", "fps": RATE}, ("0", "1")
 
 
+def mocap_csv(folder):
+    """Of OptiTrack: coordinates along z are there too, and what is not seen is empty."""
+    lines = ["Format Version,1.23,Take Name,Take 1,Capture Frame Rate,50.000000,Length Units,Millimeters", "",
+             ",Type" + ",Marker" * 6, ",Name" + ",puck:left" * 3 + ",puck:right" * 3, ",ID" + ",A1" * 3 + ",A2" * 3,
+             "," + ",Position" * 6, "Frame,Time (Seconds),X,Y,Z,X,Y,Z"]  # fmt: skip
+    for k in range(FRAMES):
+        cells = [f"{1e3 * x!r},{1e3 * y!r},7.5" if np.isfinite(x) else ",," for x, y in XY[k].tolist()]
+        lines.append(f"{k},{TIMES[k]:.6f}," + ",".join(cells))
+    (folder / "take.csv").write_text("\n".join(lines) + "\n")
+    return "take.csv", {}, ("puck:left", "puck:right")
+
+
 def wide_table(folder):
     lines = ["t,x1,y1,x2,y2"]
     for k in range(FRAMES):
@@ -355,7 +367,7 @@ def filled():
 FILES = (
     trackpy_csv_with_index, trackpy_csv_without_index, trackpy_hdf, trackpy_store, deeplabcut_csv, deeplabcut_h5,
     sleap_h5, trackmate_csv, trackmate_xml, tracker_txt, tracker_norwegian, kinovea_txt, ethovision_utf16, german_csv,
-    excel, parquet, extended_xyz, lammps_dump, h5md, gsd, wide_table, long_table, bare_table,
+    excel, parquet, mocap_csv, extended_xyz, lammps_dump, h5md, gsd, wide_table, long_table, bare_table,
 )  # fmt: skip
 NAMES = {"german_csv": "long", "excel": "wide", "parquet": "long", "lammps_dump": "lammps", "extended_xyz": "extxyz",
          "wide_table": "wide", "long_table": "long", "bare_table": "wide"}  # fmt: skip

@@ -34,6 +34,7 @@ from . import (
     kinovea,
     lammps,
     long,
+    mocap,
     sleap,
     tracker,
     trackmate,
@@ -53,7 +54,8 @@ from .two_disk_spin import import_two_disk_spin
 IMPORTERS = tuple(
     module.IMPORTER
     for module in (
-        h5md, sleap, gsd, lammps, extxyz, trackmate, deeplabcut, ethovision, kinovea, tracker, trackpy, long, wide,
+        h5md, sleap, gsd, lammps, extxyz, trackmate, deeplabcut, mocap, ethovision, kinovea, tracker, trackpy, long,
+        wide,
     )
 )  # fmt: skip
 TABLE_OPTIONS = tuple(f.name for f in fields(Options))

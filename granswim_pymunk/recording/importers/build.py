@@ -36,6 +36,8 @@ def build(found: Found, options: Options, source: Path) -> Built:
     notes = list(found.notes)
     found = _drop_short(_with_body(found, options, source, notes), options, notes)
     length = _length(found, options, source, notes)
+    if (found.length == "px" or "px" in str(options.unit)) and options.flip_y is None and not found.y_down:
+        notes.append("y is taken to point up: where it counts from the top of a picture, say --flip-y HEIGHT")
     t = _times(found, options, source, notes)
     x, y, angle = _flip(found, options, notes)
     x, y = x * length, y * length
@@ -71,6 +73,15 @@ def _with_body(found: Found, options: Options, source: Path, notes: list[str]) -
     if not named and isinstance(options.scene, str | Path) and Path(options.scene).is_file():
         scene = scene_from_dict(_toml(options.scene), file=options.scene, strict=False, extra=RECORDING_KEYS)
         named = [b.id for b in scene.bodies if b.mobile]
+    twice = np.flatnonzero(np.diff(np.sort(found.clock)) == 0)
+    if len(twice):
+        rows = np.flatnonzero(found.clock == np.sort(found.clock)[twice[0]])[:2]
+        which = "" if found.rows is None else f" (rows {found.rows[rows[0]]} and {found.rows[rows[1]]})"
+        raise InputError(
+            f"has several rows at one time{which}, and no column that tells bodies apart by its name: say which one "
+            "does (--columns body=NAME)",
+            file=source,
+        )
     if len(named) > 1:
         raise InputError("has no column body, and the scene has more than one", file=source)
     return replace(found, body=[named[0] if named else "body"] * len(found.clock))

@@ -9,39 +9,12 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options
+from .headings import find_columns, is_clock, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
 
-NAMES: dict[str, tuple[str, ...]] = {
-    "t": ("t", "time", "times", "zeit", "temps", "tiempo", "tempo", "timestamp", "trial time", "time_s", "t_s"),
-    "frame": ("frame", "frames", "frame_number", "frame number", "frame_index", "frameindex", "bild", "image"),
-    "body": ("body", "particle", "track", "track_id", "trackid", "id", "object", "name", "label", "marker", "teilchen",
-             "individual", "body_id", "disk", "grain", "ball", "particle_id"),
-    "x": ("x", "pos_x", "position_x", "posx", "xpos", "x_pos", "cx", "center_x", "x_center", "x center", "position x",
-          "centroid_x", "x-position", "x position"),
-    "y": ("y", "pos_y", "position_y", "posy", "ypos", "y_pos", "cy", "center_y", "y_center", "y center", "position y",
-          "centroid_y", "y-position", "y position"),
-    "angle": ("angle", "theta", "phi", "orientation", "winkel"),
-}  # fmt: skip
 KEYS = ("t", "body", "x", "y", "angle")
-
-
-def find_columns(table: Table, given: Mapping[str, str]) -> dict[str, str]:
-    """Which column is what: those given, then exact names, then names in other words or with a unit behind them."""
-    found = dict(given)
-    taken = set(given.values())
-    plain = {name: split_unit(name)[0].lower() for name in table.header}
-    for key, names in NAMES.items():
-        if key in found or (key == "frame" and "t" in found):
-            continue
-        for wanted in names:
-            match = [n for n in table.header if n not in taken and wanted in (n, n.lower(), plain[n])]
-            if match:
-                found[key] = min(match, key=lambda n: n != wanted)
-                taken.add(found[key])
-                break
-    return found
 
 
 def said_unit(table: Table, *columns: str | None) -> str | None:
@@ -64,13 +37,26 @@ def known(unit: str | None, units: Mapping[str, float]) -> str | None:
 
 def clock(table: Table, found: Mapping[str, str], options: Options) -> tuple[np.ndarray, str, str | None]:
     """Times of the rows, what they count and their unit. Raises InputError where there are none."""
-    column = found.get("t") or found.get("frame")
+    frame, column = found.get("frame"), found.get("t")
+    if column is None or (options.fps is not None and frame is not None):
+        column = frame
     if column is None:
         raise InputError("has no column t or frame; say which column it is (--columns t=NAME)", file=table.source)
-    frames = column == found.get("frame") or split_unit(column)[0].lower() in NAMES["frame"]
-    # a frame rate says that the column counts frames, whatever its name
+    times = table.times(column)
+    frames = column == frame or is_clock(column) == "frame"
+    values = table.numbers(column, required=True) if times is None else times
+    if options.fps is not None and not frames and (times is not None or (values % 1 != 0).any()):
+        # a frame rate says that the column counts frames, whatever its name
+        part = table.cells(column)[0 if times is not None else int(np.argmax(values % 1 != 0))]
+        raise InputError(
+            f"with --fps {column} counts frames, but it holds {part}: leave --fps out where it holds times "
+            "(--time-unit says their unit), or say which column counts (--columns t=NAME)",
+            file=table.source,
+        )
+    if times is not None:
+        return times, "time", "s"
     counts = "frame" if frames or options.fps is not None else "time"
-    return table.numbers(column, required=True), counts, known(said_unit(table, column), TIMES)
+    return values, counts, known(said_unit(table, column), TIMES)
 
 
 def recognise(source: Source) -> bool:
@@ -78,7 +64,11 @@ def recognise(source: Source) -> bool:
         return False
     if any("." in key for key in source.options.column_map()):
         return False  # BODY.x: a row per frame, a wide table
-    found = find_columns(source.table, _given(source.options))
+    header = source.table.header
+    found = find_columns(header, _given(source.options))
+    x = found.get("x")
+    if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
+        return False  # center_x and nose_x: a wide table
     return ("t" in found or "frame" in found) and any(key in found for key in ("x", "y", "angle"))
 
 
@@ -96,9 +86,9 @@ def read(source: Source, options: Options) -> Found:
     if table is None:
         raise InputError("is not a table", file=source.path)
     given = _given(options)
-    found = find_columns(table, given)
     for key in given.values():
         table.cells(key)
+    found = find_columns(table.header, given)
     t, counts, time = clock(table, found, options)
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
@@ -109,10 +99,16 @@ def read(source: Source, options: Options) -> Found:
         y = np.where(np.isfinite(x), 0.0, math.nan)
     elif "y" in found and "x" not in found:
         x = np.where(np.isfinite(y), 0.0, math.nan)
+    notes = []
+    body = table.texts(found["body"]) if "body" in found else None
+    if body is not None and "body" not in given and len(t) > 1 and len(set(body)) == len(t) == len(np.unique(t)):
+        # as ImageJ labels its results: film:1, film:2 ...
+        notes.append(f"{found['body']} differs in every row and is not taken for a body (--columns body=... does so)")
+        body = None
     return Found(
         clock=t,
         counts=counts,
-        body=table.texts(found["body"]) if "body" in found else None,
+        body=body,
         x=x,
         y=y,
         angle=table.numbers(found["angle"]) if "angle" in found else None,
@@ -120,6 +116,7 @@ def read(source: Source, options: Options) -> Found:
         time=time,
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
+        notes=notes,
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
+from .arrays import MATLAB, MATLAB_73, NUMPY, held, is_json, is_npz, table_of
 from .base import Options, extra_needed
 from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows
 
@@ -19,11 +20,12 @@ HEAD = 65536  # bytes that decide what a file is
 SIGNATURES = (
     (b"\x89PNG", "a PNG picture"), (b"\xff\xd8\xff", "a JPEG picture"), (b"GIF8", "a GIF"), (b"%PDF", "a PDF"),
     (b"II*\x00", "a TIFF picture"), (b"MM\x00*", "a TIFF picture"), (b"\x1aE\xdf\xa3", "a film (Matroska)"),
-    (b"MATLAB 5.0", "a MATLAB file: save t, x, y as a table there"), (b"\x1f\x8b", "compressed (gzip): unpack it"),
-    (b"BZh", "compressed (bzip2): unpack it"), (b"7z\xbc\xaf", "compressed (7z): unpack it"),
-    (b"\x93NUMPY", "a NumPy array without names"), (b"SQLite format 3", "an SQLite database"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook (.xls): save it as .xlsx"), (b"CDF", "a netCDF file"),
-)  # fmt: skip
+    (b"\x1f\x8b", "compressed (gzip): unpack it first"), (b"BZh", "compressed (bzip2): unpack it first"),
+    (b"7z\xbc\xaf", "compressed (7z): unpack it first"), (b"SQLite format 3", "an SQLite database"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook (.xls): save it as .xlsx"),
+    (b"CDF", "an old netCDF file: write it as netCDF-4"),
+)
+PICKLE = re.compile(rb"\x80[\x02-\x05].|\(dp\d|\(lp\d|c(?:os|pandas|numpy|__builtin__|builtins)[\w.]*\n", re.DOTALL)
 
 
 class Source:
@@ -120,7 +122,7 @@ class Source:
         """Rows of a delimited text or a worksheet with their numbers; comments (#, %) are left out."""
         if self.is_workbook:
             return self._sheet_rows()
-        if self.text is None:
+        if self.text is None or self.is_arrays:
             return []
         rows = split(self.text, self.delimiter, self.path)
         return [(line, row) for line, row in rows if not row[0].lstrip().startswith(("#", "%"))]
@@ -142,7 +144,7 @@ class Source:
                 if self.frame.columns.nlevels > 1
                 else table_from_frame(self.frame, self.path, self.options.missing)
             )
-        if not self.is_workbook and self.text is None:
+        if self.is_arrays or (not self.is_workbook and self.text is None):
             return None
         header = self.comments[-1] if self.comments else None
         cells = header.split(None if self.delimiter == " " else self.delimiter) if header else None
@@ -187,7 +189,7 @@ class Source:
         ]
         return [(line, row) for line, row in rows[skipped:] if any(row)]
 
-    # ---- HDF5, Parquet --------------------------------------------------------------------------
+    # ---- HDF5, Parquet, arrays ------------------------------------------------------------------
 
     @property
     def is_hdf5(self) -> bool:
@@ -214,19 +216,25 @@ class Source:
 
     @cached_property
     def frame(self) -> Any:
-        """The pandas DataFrame of a Parquet file, or of an HDF5 file that pandas wrote; None in other files."""
-        if self.head[:4] == b"PAR1":
+        """The table of a Parquet or Feather file, of HDF5 that pandas wrote, of arrays; None of other files."""
+        kind = {b"PAR1": "Parquet", b"ARRO": "Feather"}.get(self.head[:4])
+        if kind is not None:
             import pandas as pd
 
             try:
-                return pd.read_parquet(self.path)
+                return (pd.read_parquet if kind == "Parquet" else pd.read_feather)(self.path)
             except ImportError:
-                raise extra_needed("pyarrow", "a Parquet file", self) from None
+                raise extra_needed("pyarrow", f"a {kind} file", self) from None
             except Exception as error:
-                raise InputError(f"is not a Parquet file that can be read: {error}", file=self.path) from None
+                raise InputError(f"is not a {kind} file that can be read: {error}", file=self.path) from None
         if any(self.hdf5_names.values()):
             return self._hdf_frame()
-        return None
+        return table_of(self.path, self.head)
+
+    @property
+    def is_arrays(self) -> bool:
+        """Whether it is a file of named arrays other than HDF5: MATLAB, NumPy, JSON."""
+        return self.head.startswith((NUMPY, MATLAB, MATLAB_73)) or is_npz(self.path, self.head) or is_json(self.head)
 
     def _hdf_frame(self) -> Any:
         import pandas as pd
@@ -259,14 +267,26 @@ class Source:
         for signature, name in SIGNATURES:
             if self.head.startswith(signature):
                 film = ": make tracks of it with granswim track" if "film" in name or "GIF" in name else ""
-                return f"is {name}{film}, not tracks"
+                return f"is {name}{film or (', not tracks' if ':' not in name else '')}"
         if self.head[4:8] == b"ftyp" or self.head[:4] == b"RIFF":
             return "is a film: make tracks of it with granswim track"
-        if self.is_hdf5:
+        if PICKLE.match(self.head):
+            return (
+                "is a pickle of Python, which may run any code when it is opened, and is not opened: write the table "
+                "as CSV, Parquet or HDF5 (DataFrame.to_csv, to_parquet, to_hdf)"
+            )
+        if re.match(rb"\s*<(?:!doctype html|html|table)", self.head[:200], re.IGNORECASE):
+            return "is a web page (HTML), whatever its name says: save it as CSV or .xlsx"
+        if re.match(rb"\s*<\?xml", self.head[:200]):
+            return "is XML, but none of TrackMate"
+        if self.is_arrays and self.table is None:
+            inside = held(self.path, self.head)
+            return f"holds no arrays t, x and y (or xy) with a value for each frame; it holds: {inside}"
+        if self.is_hdf5 and self.table is None:
             return f"is an HDF5 file without tracks that are known; it holds: {', '.join(self.hdf5_names)[:200]}"
         if self.head[:4] == b"PK\x03\x04":
             return "is a ZIP archive: unpack it"
-        if self.encoding is None:
+        if self.encoding is None and self.table is None:
             return "is a binary file of an unknown kind"
         if self.table is not None:
             listed = ", ".join(self.table.header[:12])
@@ -274,6 +294,6 @@ class Source:
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "
                 "which, as --columns t=TIME,x=CX,y=CY,body=NAME (a row per body and frame) or "
-                "t=TIME,A.x=AX,A.y=AY,B.x=BX,B.y=BY (a row per frame)"
+                "t=TIME,A.x=AX,A.y=AY,B.x=BX,B.y=BY (a row per frame); --fps where each row is the next frame"
             )
         return "is a text, but no table of tracks"

@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,11 @@ from .units import is_unit
 
 MISSING = ("", "nan", "na", "n/a", "none", "null", "-", "--", "#n/a")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+# 20,000.5 and 20.000,5: signs between thousands tell themselves beside the other one, or where there are two
+_POINT_GROUPS = re.compile(r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d*|(?:,\d{3}){2,})")
+_COMMA_GROUPS = re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d*|(?:\.\d{3}){2,})")
+_GROUP_SIGNS = re.compile(r"(?<=\d)['’\u00a0\u202f\u2009 ](?=\d{3}(?!\d))")
+_CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)")
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # U+2212
 _SCIENTIFIC = re.compile(r"([-+]?\d),(\d+[eE][-+]?\d+)")
 _BOTH_COMMAS = re.compile(r"(?:[-+]?\d,\d+[eE][-+]?\d+)?(?:,(?:[-+]?\d,\d+[eE][-+]?\d+)?)+")
@@ -90,13 +96,40 @@ class Table:
     def _parse(self, name: str, cells: Sequence[Any]) -> np.ndarray:
         values = np.full(len(cells), np.nan)
         comma = self.decimal == ","
+        groups = "." if comma else ","
+        pattern = _COMMA_GROUPS if comma else _POINT_GROUPS
+        grouped = any(isinstance(cell, str) and pattern.fullmatch(cell.strip()) for cell in cells)
         for k, cell in enumerate(cells):
             try:
+                if grouped:
+                    cell = cell.replace(groups, "")
                 values[k] = float(cell.replace(",", ".") if comma else cell)
             except (ValueError, AttributeError):
-                if str(cell).strip().lower() not in self.sentinels and cell is not None:
+                if str(cell).strip().lower() in self.sentinels or cell is None:
+                    continue
+                plain = _GROUP_SIGNS.sub("", str(cell))
+                if not numeric(plain, self.decimal):
                     raise self._not_a_number(name, k) from None
+                values[k] = float(plain.replace(",", ".") if comma else plain)
         return values
+
+    def times(self, name: str) -> np.ndarray | None:
+        """(k,) [s] of a column of clock times (h:mm:ss.sss) or dates with times, from the first; None where it is none.
+
+        Raises InputError naming the row that is not like the others.
+        """
+        cells = self.cells(name)
+        first = next((cell for cell in cells if str(cell).strip().lower() not in self.sentinels), None)
+        if not isinstance(first, str) or _microseconds(first) is None:
+            return None
+        values = np.full(len(cells), np.nan)
+        for k, cell in enumerate(cells):
+            found = _microseconds(cell)
+            if found is None:
+                what = f"{name} should be a time as {first!r}, got {str(cell)[:60]!r}"
+                raise InputError(what, file=self.source, where=f"row {self.lines[k]}")
+            values[k] = found
+        return (values - values.min()) / 1e6
 
     def _not_a_number(self, name: str, k: int) -> InputError:
         hint = ""
@@ -107,6 +140,25 @@ class Table:
             file=self.source,
             where=f"row {self.lines[k]}",
         )
+
+
+def _microseconds(text: str) -> float | None:
+    """Of h:mm:ss.sss or mm:ss.sss, or since 2000 of a date with a time; None where a text is neither.
+
+    Whole numbers of them are exact, where seconds since 2000 would keep seven decimals.
+    """
+    text = text.strip()
+    match = _CLOCK.fullmatch(text)
+    if match is not None:
+        seconds = 3600 * int(match[1] or 0) + 60 * int(match[2]) + float(match[3].replace(",", "."))
+        return float(round(1e6 * seconds))
+    try:
+        when = datetime.fromisoformat(text) if ":" in text else None
+    except ValueError:
+        return None
+    if when is None:
+        return None
+    return float((when - datetime(2000, 1, 1, tzinfo=when.tzinfo)) // timedelta(microseconds=1))
 
 
 def _label(text: str) -> str:
@@ -185,10 +237,13 @@ def numeric(cell: str, decimal: str = ".") -> bool:
 
 
 def find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
-    if delimiter == ",":
-        return "."
-    commas = sum(bool(_DECIMAL_COMMA.fullmatch(cell.strip())) for row in rows[:LOOKED_AT] for cell in row)
-    points = sum(numeric(cell) and "." in cell for row in rows[:LOOKED_AT] for cell in row)
+    """The decimal sign of most numbers. Where commas stand between columns, cells that hold one were quoted."""
+    cells = [cell.strip() for row in rows[:LOOKED_AT] for cell in row]
+    # "20,000" in such a cell may be twenty or twenty thousand
+    unclear = re.compile(r"[-+]?\d{1,3},\d{3}" if delimiter == "," else "-")
+    commas = sum(bool(_DECIMAL_COMMA.fullmatch(c)) and not unclear.fullmatch(c) for c in cells)
+    commas += sum(bool(_COMMA_GROUPS.fullmatch(c)) for c in cells)
+    points = sum((numeric(c) and "." in c) or bool(_POINT_GROUPS.fullmatch(c)) for c in cells)
     return "," if commas > points else "."
 
 

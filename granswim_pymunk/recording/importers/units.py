@@ -14,14 +14,19 @@ LENGTHS = {
     "in": 0.0254, "inch": 0.0254, "ft": 0.3048,
     "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "micron": 1e-6, "microns": 1e-6,
     "centimeter": 1e-2, "centimetre": 1e-2, "millimeter": 1e-3, "millimetre": 1e-3,
+    "centimeters": 1e-2, "centimetres": 1e-2, "millimeters": 1e-3, "millimetres": 1e-3, "zentimeter": 1e-2,
 }  # fmt: skip
 TIMES = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
     "sec": 1.0, "second": 1.0, "seconds": 1.0, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
+    "sekunden": 1.0, "secondes": 1.0, "segundos": 1.0,
 }  # fmt: skip
 ANGLES = {
     "rad": 1.0, "deg": math.pi / 180, "rev": 2 * math.pi, "°": math.pi / 180,
     "degree": math.pi / 180, "degrees": math.pi / 180, "radian": 1.0, "radians": 1.0,
+    # with a capital only: a grad of 1/400 turn is another unit
+    "Grad": math.pi / 180, "graus": math.pi / 180, "grados": math.pi / 180, "gradi": math.pi / 180,
+    "degrés": math.pi / 180,
 }  # fmt: skip
 MASSES = {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "ug": 1e-9, "µg": 1e-9, "t": 1e3, "oz": 0.028349523125, "lb": 0.45359237}
 PIXELS = ("px", "pixel", "pixels", "pix")
@@ -74,12 +79,20 @@ def measure(text: str, units: Mapping[str, float], what: str, where: str) -> flo
     return value
 
 
+# what Logger Pro, Graphical Analysis and Capstone put around a heading
+_AROUND = re.compile(
+    r"^\s*(?:latest|run\s*#?\s*\d+|data\s*set(?:\s*\d+)?|video analysis(?:\s*\d+)?)\s*:\s*|\s*run\s*#?\s*\d+\s*$",
+    re.IGNORECASE,
+)
+
+
 def split_unit(name: str) -> tuple[str, str | None]:
-    """``x (mm)``, ``x [mm]``, ``x/mm``, ``x_mm`` as the name and its unit; None where no unit is said."""
+    """``x (mm)``, ``x [mm]``, ``x/mm``, ``x_mm``, ``x in mm`` as the name and its unit; None where no unit is said."""
+    name = _AROUND.sub("", name)
     match = re.fullmatch(r"\s*(.*?)\s*(?:\(([^()]+)\)|\[([^\[\]]+)\])\s*", name)
     if match and match[1]:
         return match[1], (match[2] or match[3]).strip()
-    match = re.fullmatch(r"\s*(.+?)[_/ ]([^_/ ]+)\s*", name)
+    match = re.fullmatch(r"\s*(.+?)(?: in |[_/ ])([^_/ ]+)\s*", name)
     if match and is_unit(match[2]):
         return match[1], match[2]
     return name.strip(), None

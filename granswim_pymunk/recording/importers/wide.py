@@ -8,7 +8,8 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options
-from .long import NAMES, clock, known, said_unit
+from .headings import is_clock, is_rate
+from .long import clock, known, said_unit
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, is_unit, split_unit
@@ -19,6 +20,8 @@ _LAST = re.compile(r"(.+?)[ _.:/](x|y|angle|theta)", re.IGNORECASE)
 
 def place(column: str) -> tuple[str, str] | None:
     """Body and coordinate of a column called ``x1``, ``x_left`` or ``left_x``, with a unit behind it or not."""
+    if is_rate(column):
+        return None
     plain, _ = split_unit(column)
     if (match := _LAST.fullmatch(plain)) is not None:
         name, kind = match[1], match[2].lower()
@@ -29,33 +32,35 @@ def place(column: str) -> tuple[str, str] | None:
     return name.strip(), "angle" if kind == "theta" else kind
 
 
-def find_places(table: Table, options: Options) -> tuple[str | None, dict[str, dict[str, str]]]:
-    """The time column, and the columns of each body."""
+def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
+    """The columns of the clock ("t", "frame"), and those of each body."""
     names = options.column_map()
-    time = names.pop("t", None) or next(
-        (c for key in ("t", "frame") for c in table.header if split_unit(c)[0].lower() in NAMES[key]), None
-    )
+    if "t" in names:
+        clocks = {"t": names.pop("t")}
+    else:
+        kinds = {c: is_clock(c) for c in table.header}
+        clocks = {kind: c for c, kind in reversed(kinds.items()) if kind is not None}
     places: dict[str, dict[str, str]] = {}
     for key, column in names.items():
         name, dot, kind = key.rpartition(".")
         if not dot or kind not in ("x", "y", "angle"):
             raise InputError(f"unknown name {key!r}; known: t, BODY.x, BODY.y, BODY.angle", where="columns")
         places.setdefault(name, {})[kind] = column
-    mapped = {*names.values(), time}
+    mapped = {*names.values(), *clocks.values()}
     for column in table.header:
         if column not in mapped and (at := place(column)) is not None:
             places.setdefault(at[0], {}).setdefault(at[1], column)
-    return time, places
+    return clocks, places
 
 
 def recognise(source: Source) -> bool:
     if not source.columns or source.table is None:
         return False
     try:
-        time, places = find_places(source.table, source.options)
+        clocks, places = find_places(source.table, source.options)
     except InputError:
         return False
-    return (time is not None or source.options.fps is not None) and any("x" in p or "y" in p for p in places.values())
+    return (bool(clocks) or source.options.fps is not None) and any("x" in p or "y" in p for p in places.values())
 
 
 def read(source: Source, options: Options) -> Found:
@@ -63,11 +68,13 @@ def read(source: Source, options: Options) -> Found:
     table = source.table
     if table is None:
         raise InputError("is not a table", file=source.path)
-    time, places = find_places(table, options)
-    if time is None and options.fps is not None:
+    clocks, places = find_places(table, options)
+    notes = []
+    if not clocks and options.fps is not None:
         t, counts, unit = np.arange(len(table), dtype=float), "frame", None
+        notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
     else:
-        t, counts, unit = clock(table, {} if time is None else {"t": time}, options)
+        t, counts, unit = clock(table, clocks, options)
     if not places:
         raise InputError(f"has no columns like x1, y1; it has: {', '.join(table.header)}", file=source.path)
     size = len(t)
@@ -98,6 +105,7 @@ def read(source: Source, options: Options) -> Found:
         time=unit,
         turn=known(said_unit(table, *(k.get("angle") for k in used)), ANGLES),
         rows=list(table.lines) * len(places),
+        notes=notes,
     )
 
 

@@ -1,0 +1,124 @@
+"""What a column of a table is by its heading, in the languages and habits of those who write tables.
+
+Compared are words in small letters, without accents, units, counting words (``track n°`` is ``track``) and without
+what programs of school laboratories put around them (``Latest: X (m)``, ``Time (s) Run #1``).
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+
+from ...errors import InputError
+from .units import PIXELS, is_unit, split_unit
+
+NAMES: dict[str, tuple[str, ...]] = {
+    "t": ("t", "time", "times", "trial time", "timestamp", "time stamp", "elapsed time", "seconds", "zeit", "uhrzeit",
+          "zeitpunkt", "temps", "tiempo", "tempo", "datetime", "tijd"),
+    "frame": ("frame", "frames", "frameindex", "framenumber", "image", "slice", "bild", "einzelbild", "bildnummer",
+              "trame", "quadro", "cuadro", "fotograma", "fotogramma", "imagem", "imagen"),
+    "body": ("body", "particle", "track", "trackid", "trajectory", "tid", "id", "object", "individual", "marker",
+             "disk", "disc", "grain", "ball", "puck", "name", "label",
+             "korper", "koerper", "teilchen", "partikel", "kugel", "scheibe", "objekt", "spur", "punkt",
+             "objet", "corps", "particule", "bille", "palet",
+             "corpo", "particula", "objeto", "bola", "disco", "cuerpo", "particella", "oggetto"),
+    "x": ("x", "posx", "xpos", "cx", "abscisse", "abscissa", "abszisse"),
+    "y": ("y", "posy", "ypos", "cy", "ordonnee", "ordinate", "ordenada", "ordinata"),
+    "angle": ("angle", "theta", "phi", "θ", "φ", "orientation", "winkel", "drehwinkel", "auslenkwinkel", "angulo",
+              "angolo"),
+}  # fmt: skip
+# beside x or y they leave it what it is: "Ort x", "posição x", "Centroid.X", "center_y"
+BESIDE = {
+    "position", "pos", "coordinate", "coord", "center", "centre", "centroid", "wcentroid", "mean", "com",
+    "ort", "lage", "koordinate", "mittelpunkt", "schwerpunkt", "coordonnee", "posicao", "coordenada", "centro", "meio",
+    "posicion", "posizione", "coordinata", "baricentro",
+}  # fmt: skip
+# a single coordinate, where there is no x or y
+ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displacement", "posicao", "posicion",
+         "posizione", "distancia", "deslocamento")  # fmt: skip
+# a deflection: an angle where its unit is one
+DEFLECTION = ("auslenkung", "deflection", "elongation", "rotation", "drehung")
+COUNTING = {"n°", "n", "no", "nr", "num", "number", "nummer", "numero", "id", "idx", "index"}
+# what has coordinates and is no place
+RATES = {
+    "velocity", "velocities", "vel", "speed", "acceleration", "accel", "acc", "force", "momentum", "gyroscope", "gyro",
+    "field", "accelerometer", "geschwindigkeit", "beschleunigung", "kraft", "vitesse", "velocidade", "velocidad",
+    "velocita", "aceleracao", "aceleracion", "accelerazione", "forca", "fuerza", "forza",
+}  # fmt: skip
+_RATE_UNIT = re.compile(r".*[/^²³·].*|N|V|T|[mµμu]T|Hz|kHz|W|J|Pa|k?g")
+
+
+def words(column: str) -> list[str]:
+    """A heading's words as they are compared."""
+    letters = unicodedata.normalize("NFKD", split_unit(column)[0].lower())
+    letters = "".join(letter for letter in letters if not unicodedata.combining(letter))
+    found = re.findall(r"[^\s_.,:;{}#]+", letters)
+    return [word for word in found if word not in COUNTING] or found
+
+
+def is_rate(column: str) -> bool:
+    """Whether a column has a velocity, an acceleration, a force ...: by a word, or by its unit."""
+    unit = split_unit(column)[1]
+    if unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit):
+        return True
+    return bool(RATES.intersection(words(column)))
+
+
+def is_clock(column: str) -> str | None:
+    """ "t" or "frame", where a column is a clock by its heading."""
+    name = " ".join(words(column))
+    return next((key for key in ("t", "frame") if name in NAMES[key]), None)
+
+
+def _matches(key: str, header: Sequence[str]) -> list[str]:
+    """Columns that are a key, best first; those of one rank are of several runs."""
+    for wanted in NAMES[key]:
+        found = [name for name in header if " ".join(words(name)) == wanted]
+        if found:
+            return sorted(found, key=lambda name: name.lower() != wanted)
+    if key in ("x", "y"):
+        return [name for name in header if key in (said := words(name)) and BESIDE.union(key).issuperset(said)]
+    return []
+
+
+def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
+    """Which column is what: those given, then exact names, then names in other words, with a unit or in a language.
+
+    Raises InputError where a table has several runs side by side.
+    """
+    found = dict(given)
+    open_to = [name for name in header if name not in given.values() and not is_rate(name)]
+
+    def take(key: str, names: Sequence[str]) -> None:
+        if names:
+            first = words(names[0])
+            beside = [name for name in names if words(name) == first and _run(name) != _run(names[0])]
+            if beside:
+                raise InputError(
+                    f"has several runs, {names[0]!r} and {beside[0]!r}: say which columns, as --columns "
+                    f"'{key}={names[0]}'",
+                    where="table",
+                )
+            found[key] = names[0]
+            open_to.remove(names[0])
+
+    for key in NAMES:
+        if key not in found and not (key == "frame" and "t" in given):
+            take(key, _matches(key, open_to))
+    if not {"x", "y"} & found.keys():
+        take("x", [name for wanted in ALONE for name in open_to if " ".join(words(name)) == wanted])
+    if "angle" not in found:
+        take("angle", [name for name in open_to if " ".join(words(name)) in DEFLECTION and _is_angle(name)])
+    return found
+
+
+def _is_angle(column: str) -> bool:
+    from .units import ANGLES
+
+    return split_unit(column)[1] in ANGLES
+
+
+def _run(column: str) -> str:
+    match = re.search(r"(?:^run\s*#?\s*(\d+)|run\s*#?\s*(\d+)\s*$)", column.strip().lower())
+    return (match[1] or match[2]) if match else ""

@@ -1,0 +1,135 @@
+"""Markers of motion capture: CSV of OptiTrack Motive and of Vicon Nexus, TSV of Qualisys Track Manager.
+
+Each has some rows about the take, the names of the markers above three coordinates each, and a row for each frame.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...errors import InputError
+from .base import Found, Importer, Options, grid, single
+from .source import Source
+from .table import numeric, split
+from .units import LENGTHS
+
+
+def recognise(source: Source) -> bool:
+    first = source.start[0].strip() if source.start else ""
+    if first.startswith("Format Version,") or first.startswith("NO_OF_FRAMES"):
+        return True
+    return first == "Trajectories" and any(line.startswith("Frame,Sub Frame") for line in source.start[:6])
+
+
+def read(source: Source, options: Options) -> Found:
+    """Two of the three coordinates, x and y where ``columns`` does not say ``y=z``; a body for each marker."""
+    first = source.start[0]
+    rows = split(source.text or "", "\t" if first.startswith("NO_OF_FRAMES") else ",", source.path)
+    if first.startswith("NO_OF_FRAMES"):
+        return _qualisys(rows, source, options)
+    return _vicon(rows, source, options) if first.strip() == "Trajectories" else _optitrack(rows, source, options)
+
+
+Rows = list[tuple[int, list[str]]]
+
+
+def _found(
+    names: list[str], at: list[int], clock: int | None, rows: Rows, source: Source, options: Options, *,
+    rate: float | None, length: str, zero: bool = False,
+) -> Found:  # fmt: skip
+    """``at``: the first of a marker's three columns;  ``zero``: the origin means not seen."""
+    if not names or not rows:
+        raise InputError("is empty: it has no markers, or no rows", file=source.path)
+    xyz = np.full((len(rows), len(names), 3), math.nan)
+    t = np.arange(len(rows), dtype=float)
+    for k, (line, row) in enumerate(rows):
+        for b, start in enumerate(at):
+            for axis, cell in enumerate(row[start : start + 3]):
+                if numeric(cell):
+                    xyz[k, b, axis] = float(cell)
+                elif cell.strip().lower() not in ("", "nan", "null", "-"):
+                    raise InputError(f"should be a number, got {cell[:60]!r}", file=source.path, where=f"row {line}")
+        if clock is not None:
+            if clock >= len(row) or not numeric(row[clock]):
+                raise InputError("has no time, or no frame", file=source.path, where=f"row {line}")
+            t[k] = float(row[clock])
+    if zero:
+        xyz[(xyz == 0).all(axis=-1)] = math.nan
+    plane = [{"x": 0, "y": 1, "z": 2}.get(options.column_map().get(key, key), 0) for key in ("x", "y")]
+    x, y = single(xyz[..., plane[0]], xyz[..., plane[1]])
+    counted, body, xs, ys = grid(t, names, np.stack([x, y], axis=-1))
+    timed = clock is not None and rate is None
+    seen = "xyz"[plane[0]], "xyz"[plane[1]]
+    return Found(
+        clock=counted, counts="time" if timed else "frame", body=body, x=xs, y=ys, length=length,
+        time="s" if timed else None, rate=rate, rows=[line for line, _ in rows for _ in names],
+        notes=[f"of its three coordinates {seen[0]} and {seen[1]} are taken (--columns y=z takes x and z)"],
+    )  # fmt: skip
+
+
+def _optitrack(rows: Rows, source: Source, options: Options) -> Found:
+    """Motive: ``Length Units`` in the first row; names, kinds (Position, Rotation) and X, Y, Z above the numbers."""
+    first = dict(zip(rows[0][1][::2], rows[0][1][1::2], strict=False))
+    start = next((k for k, (_, row) in enumerate(rows) if row[0] == "Frame"), None)
+    if start is None or start < 2:
+        raise InputError("has no row Frame,Time (Seconds),X,Y,Z", file=source.path)
+    header, kinds = rows[start][1], rows[start - 1][1]
+    above = [row for _, row in rows[1:start]]
+    named = next((row for row in above if row[1:2] == ["Name"]), above[min(1, len(above) - 1)])
+    at = [
+        k for k, axis in enumerate(header)
+        if axis == "X" and k < min(len(kinds), len(named)) and kinds[k] == "Position"
+    ]  # fmt: skip
+    length = first.get("Length Units", "Meters").lower()
+    return _found(
+        _unlike([named[k] for k in at]), at, 1, rows[start + 1 :], source, options, rate=None,
+        length=length if length in LENGTHS else "m",
+    )  # fmt: skip
+
+
+def _vicon(rows: Rows, source: Source, options: Options) -> Found:
+    """Nexus: ``Trajectories``, the rate, the markers' names, Frame, Sub Frame, X, Y, Z and a row of units."""
+    start = next(k for k, (_, row) in enumerate(rows) if row[:2] == ["Frame", "Sub Frame"])
+    header, names, units = rows[start][1], rows[start - 1][1], rows[start + 1][1]
+    rate = next((float(row[0]) for _, row in rows[1:start] if numeric(row[0])), None)
+    at = [k for k, axis in enumerate(header) if axis.strip() == "X" and k < len(names) and names[k].strip()]
+    body: Rows = []
+    for line, row in rows[start + 2 :]:
+        if not numeric(row[0]):
+            break  # the next section of the file
+        body.append((line, row))
+    length = units[at[0]].strip() if at and at[0] < len(units) else "mm"
+    found = _found(
+        _unlike([names[k].split(":")[-1].strip() for k in at]), at, 0, body, source, options, rate=rate,
+        length=length if length in LENGTHS else "mm",
+    )  # fmt: skip
+    return found
+
+
+def _qualisys(rows: Rows, source: Source, options: Options) -> Found:
+    """Track Manager: keys with a value each, MARKER_NAMES last, perhaps a header, then numbers in mm."""
+    keys = {row[0]: row[1:] for _, row in rows[:40] if row[0].isupper()}
+    names = [name.strip() for name in keys.get("MARKER_NAMES", []) if name.strip()]
+    body = [(line, row) for line, row in rows if row and numeric(row[0])]
+    # with frame and time before the markers, or without
+    lead = next((n for n in (0, 1, 2) if body and len([c for c in body[0][1] if c != ""]) - n == 3 * len(names)), None)
+    if lead is None:
+        raise InputError(f"expected {3 * len(names)} coordinates in each row", file=source.path)
+    rate = keys.get("FREQUENCY", [""])[0]
+    if not numeric(rate) or not float(rate) > 0:
+        raise InputError("says no FREQUENCY", file=source.path)
+    at = [lead + 3 * b for b in range(len(names))]
+    return _found(
+        _unlike(names), at, None if lead == 0 else 0, body, source, options, rate=float(rate), length="mm", zero=True
+    )
+
+
+def _unlike(names: list[str]) -> list[str]:
+    """Names, numbered where one stands for several markers."""
+    names = [name.strip().replace(" ", "_") for name in names]
+    return names if len(set(names)) == len(names) else [f"{name}.{k + 1}" for k, name in enumerate(names)]
+
+
+IMPORTER = Importer("mocap", "motion capture: CSV of OptiTrack and Vicon, TSV of Qualisys", recognise, read)
