@@ -12,9 +12,9 @@ import sys
 
 import numpy as np
 
-from granswim_pymunk.diagnosis import diagnose_tracks
-from granswim_pymunk.diagnosis.held_out import right_law_errors
-from granswim_pymunk.diagnosis.hypothesis import Predictor
+from granswim_pymunk.inference.hypothesis import Predictor
+from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.held_out import right_law_errors
 from granswim_pymunk.recording import read_recording
 
 REPEATS = 12

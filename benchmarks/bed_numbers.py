@@ -14,12 +14,12 @@ import sys
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.bed.driver import begin
-from granswim_pymunk.diagnosis.bed.likelihood import WindowLikelihood
-from granswim_pymunk.diagnosis.bed.plan import LEADERS, Plan
-from granswim_pymunk.diagnosis.bed.signatures import mean_of_replicates, to_values
-from granswim_pymunk.diagnosis.bed.sums import MOMENTS, size_of
-from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
+from granswim_pymunk.inference.windows.driver import begin
+from granswim_pymunk.inference.windows.likelihood import WindowLikelihood
+from granswim_pymunk.inference.windows.plan import LEADERS, Plan
+from granswim_pymunk.inference.windows.signatures import mean_of_replicates, to_values
+from granswim_pymunk.inference.windows.sums import MOMENTS, size_of
+from granswim_pymunk.inference.windows.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.recording import read_recording
 
 LAWS = ("restitution", "ambient_flow", "cohesion", "contact_friction", "coulomb_substrate", "linear_drag p = 0",

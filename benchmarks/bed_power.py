@@ -12,13 +12,13 @@ import sys
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.bed.chance import own_answers
-from granswim_pymunk.diagnosis.bed.driver import begin, recalibrated, screened, signatures_in_time
-from granswim_pymunk.diagnosis.bed.plan import LEADERS, REPLICATES, Plan
-from granswim_pymunk.diagnosis.bed.signatures import off, recombined, whole_films
-from granswim_pymunk.diagnosis.bed.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.linear import basis
+from granswim_pymunk.inference.windows.chance import own_answers
+from granswim_pymunk.inference.windows.driver import begin, recalibrated, screened, signatures_in_time
+from granswim_pymunk.inference.windows.plan import LEADERS, REPLICATES, Plan
+from granswim_pymunk.inference.windows.signatures import off, recombined, whole_films
+from granswim_pymunk.inference.windows.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.recording import read_recording
 
 ASKED = 12  # candidates, the first of the search

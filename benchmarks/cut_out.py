@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 import granswim_pymunk
-from granswim_pymunk.diagnosis.bed import diagnose_bed
-from granswim_pymunk.diagnosis.bed.cut import REACH, cut_out
-from granswim_pymunk.diagnosis.bed.windows import COARSE, BedCase, BedPredictor, bed_case
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.hypothesis import Hypothesis
+from granswim_pymunk.inference.windows import diagnose_bed
+from granswim_pymunk.inference.windows.cut import REACH, cut_out
+from granswim_pymunk.inference.windows.windows import COARSE, BedCase, BedPredictor, bed_case
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, read_scene, use

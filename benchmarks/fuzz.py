@@ -74,7 +74,7 @@ def up_to_the_plan() -> Iterator[None]:
     from granswim_pymunk.validation import crosscheck
 
     # the package has functions of these names
-    diagnose = importlib.import_module("granswim_pymunk.diagnosis.diagnose")
+    diagnose = importlib.import_module("granswim_pymunk.inference.entry")
     conceal = importlib.import_module("granswim_pymunk.proof.conceal")
     prove = importlib.import_module("granswim_pymunk.proof.prove")
 

@@ -21,8 +21,8 @@ recording   Recording, read_recording, write_recording, shipped_names, film (a s
             recording.importers: import_recording (files of trackers and codes); recording.track_film: track (films)
 api         make_recording, diagnose: of arrays, tables and everything else
 result      Result, load_verdict: what a diagnosis found
-diagnosis, inference, report
-            how it is found, judged and told
+inference   how it is found and judged: entry, pipeline, one folder for each kind of recording
+report      how it is told: figures, words, one page
 export      export.export: a run for other programs
 errors      InputError (what was given is wrong), SimulationError (a run cannot go on)
 """

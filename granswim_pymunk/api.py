@@ -352,8 +352,8 @@ def diagnose(
     Traceback (most recent call last):
     granswim_pymunk.errors.InputError: no such thing: no such folder, and no shipped recording; shipped: ...
     """
-    from .diagnosis.diagnose import ProgressLine
-    from .diagnosis.diagnose import diagnose as explain
+    from .inference.entry import ProgressLine
+    from .inference.entry import diagnose as explain
 
     told = {"radius": radius, "mass": mass, "gravity": gravity, "names": names, "scene": scene, "laws": laws or None}
     said = {key: value for key, value in told.items() if value is not None} | more

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.inference import diagnose
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene

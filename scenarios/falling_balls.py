@@ -7,7 +7,7 @@ about the drag of the bowling ball should not hang on that.
 import sys
 from pathlib import Path
 
-from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.inference import diagnose
 from granswim_pymunk.recording import shipped
 from granswim_pymunk.recording.importers import import_recording
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from granswim_pymunk import Result
-from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.entry import ProgressLine, diagnose
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use

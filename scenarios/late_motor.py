@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis import diagnose
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference import diagnose
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 

@@ -18,8 +18,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import ProgressLine, diagnose
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.entry import ProgressLine, diagnose
 from granswim_pymunk.packing import pack
 from granswim_pymunk.proof.world import Effect, World
 from granswim_pymunk.recording import Recording, write_recording

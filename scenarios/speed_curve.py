@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import diagnose
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.recording.recording import CURVE

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.diagnose import diagnose
+from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import film, write_recording
 from granswim_pymunk.run import find_scene

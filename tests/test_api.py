@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 import granswim_pymunk as gs
 import granswim_pymunk.api
 import granswim_pymunk.result
-from granswim_pymunk.diagnosis.diagnose import METHODS
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current
+from granswim_pymunk.inference.entry import METHODS
 from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, mismatch_entry
 from granswim_pymunk.report.page import SECTIONS
 from granswim_pymunk.report.style import Drawing

@@ -24,49 +24,52 @@ SHORT, FEW = 80, 8  # lines of a function, parameters of a signature in the infe
 # against the flow, each imported late, inside a function: (who, what)
 AGAINST = {
     ("scene", "render"),  # Scene.plot draws itself
-    ("diagnosis.diagnose", "report"),  # diagnose(..., out=...) writes its report
+    ("inference.entry", "report"),  # diagnose(..., out=...) writes its report
     ("commands.completion", "cli"),
 }
+KINDS = ("tracks", "windows", "packings")  # folders of the inference
 # modules that import one another, at least one of them late
 CIRCLES = {"scene", "scene.model", "scene.reading", "render"}
 # lines of functions that are longer; "engine.kernel" and "proof.kernels" hold compiled kernels
 LONG = {
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
-    "diagnosis.bed.starts.followed": 93, "recording.camera.film": 90,
+    "inference.windows.starts.followed": 93, "recording.camera.film": 90,
     "scene.reading.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89,
     "api.make_recording": 87,
     "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
-    "inference.result.mismatch_entry": 12, "diagnosis.pairs.pair_of": 11, "diagnosis.solve.descend": 9,
-    "diagnosis.pairs.second_law": 9, "diagnosis.pairs.third_law": 9,
-    "diagnosis.bed.starts._relax": 9, "diagnosis.bed.polish.polish": 9, "diagnosis.bed.driver.begin": 9,
-    "diagnosis.bed.driver.refined": 9, "diagnosis.bed.model.__init__": 9,
-    "diagnosis.hypothesis.run": 9,
+    "inference.result.mismatch_entry": 12, "inference.tracks.pairs.pair_of": 11, "inference.tracks.solve.descend": 9,
+    "inference.tracks.pairs.second_law": 9, "inference.tracks.pairs.third_law": 9, "inference.windows.starts._relax": 9,
+    "inference.windows.polish.polish": 9, "inference.windows.driver.begin": 9, "inference.windows.driver.refined": 9,
+    "inference.windows.model.__init__": 9, "inference.hypothesis.run": 9,
 }  # fmt: skip
 
 # numbers that stand outside inference/criteria: constants of a module, and literals that something is compared with
 # (others than 0 to 3). Some are of the arithmetic (where doubles end, a division by nearly nothing) and decide nothing
 CONSTANTS = {
-    "diagnosis.bed.cut": 3, "diagnosis.bed.hidden": 1, "diagnosis.bed.plan": 3, "diagnosis.bed.starts": 2,
-    "diagnosis.bed.sums": 4, "diagnosis.bed.windows": 5, "diagnosis.bed.work": 3, "diagnosis.hypothesis": 2,
-    "diagnosis.innovations": 1, "diagnosis.kept": 1, "diagnosis.swimmer_terms": 1, "diagnosis.unseen.model": 2,
-    "diagnosis.unseen.runs": 8, "diagnosis.unseen.search": 3, "diagnosis.unseen.summaries": 4, "inference.noise": 1,
-    "inference.significance": 1,
+    "inference.hypothesis": 2, "inference.kept": 1, "inference.noise": 1, "inference.packings.model": 2,
+    "inference.packings.runs": 8, "inference.packings.search": 3, "inference.packings.summaries": 4,
+    "inference.significance": 1, "inference.swimmer_terms": 1, "inference.tracks.innovations": 1,
+    "inference.windows.cut": 3, "inference.windows.hidden": 1, "inference.windows.plan": 3,
+    "inference.windows.starts": 2, "inference.windows.sums": 4, "inference.windows.windows": 5,
+    "inference.windows.work": 3,
 }  # fmt: skip
 LITERALS = {
-    "diagnosis.bed.candidates": 3, "diagnosis.bed.cut": 1, "diagnosis.bed.driver": 4, "diagnosis.bed.hidden": 7,
-    "diagnosis.bed.judge": 3, "diagnosis.bed.polish": 5, "diagnosis.bed.search": 8, "diagnosis.bed.signatures": 2,
-    "diagnosis.bed.starts": 4, "diagnosis.bed.sums": 1, "diagnosis.bed.trial": 2, "diagnosis.bed.weigh": 1,
-    "diagnosis.bed.windows": 3, "diagnosis.blocks": 4, "diagnosis.choose": 1, "diagnosis.data": 3,
-    "diagnosis.diagnose": 1, "diagnosis.fit": 3, "diagnosis.held_out": 3, "diagnosis.innovations": 2,
-    "diagnosis.intervals": 3, "diagnosis.name": 5, "diagnosis.nulls": 2, "diagnosis.pairs": 2,
-    "diagnosis.score_test": 1, "diagnosis.segments": 2, "diagnosis.signatures": 6, "diagnosis.solve": 3,
-    "diagnosis.start": 1, "diagnosis.study": 2, "diagnosis.tracks": 3, "diagnosis.unseen.checks": 1,
-    "diagnosis.unseen.conclude": 3, "diagnosis.unseen.model": 1, "diagnosis.unseen.response": 4,
-    "diagnosis.unseen.runs": 2, "diagnosis.unseen.search": 6, "diagnosis.unseen.summaries": 6, "inference.linear": 3,
-    "inference.noise": 2,
+    "inference.data": 3, "inference.entry": 1, "inference.linear": 3, "inference.noise": 2,
+    "inference.packings.checks": 1, "inference.packings.conclude": 3, "inference.packings.model": 1,
+    "inference.packings.response": 4, "inference.packings.runs": 2, "inference.packings.search": 6,
+    "inference.packings.summaries": 6, "inference.start": 1, "inference.tracks.blocks": 4, "inference.tracks.choose": 1,
+    "inference.tracks.fit": 3, "inference.tracks.held_out": 3, "inference.tracks.innovations": 2,
+    "inference.tracks.intervals": 3, "inference.tracks.model": 3, "inference.tracks.name": 5,
+    "inference.tracks.nulls": 2, "inference.tracks.pairs": 2, "inference.tracks.score_test": 1,
+    "inference.tracks.segments": 2, "inference.tracks.signatures": 6, "inference.tracks.solve": 3,
+    "inference.tracks.study": 2, "inference.windows.candidates": 3, "inference.windows.cut": 1,
+    "inference.windows.driver": 4, "inference.windows.hidden": 7, "inference.windows.judge": 3,
+    "inference.windows.polish": 5, "inference.windows.search": 8, "inference.windows.signatures": 2,
+    "inference.windows.starts": 4, "inference.windows.sums": 1, "inference.windows.trial": 2,
+    "inference.windows.weigh": 1, "inference.windows.windows": 3,
 }  # fmt: skip
 
 
@@ -144,6 +147,19 @@ def test_imports_go_with_the_flow():
     assert not wrong, "; ".join(wrong)
 
 
+def test_what_serves_every_kind_of_recording_knows_none():
+    """Only the entry imports the kinds, and the kinds do not import one another."""
+    wrong = []
+    for name, targets in imports().items():
+        here, *rest = name.split(".")
+        if here == "inference" and name != "inference.entry":
+            kind = rest[0] if rest and rest[0] in KINDS else None
+            others = {f"inference.{other}" for other in KINDS if other != kind}
+            wrong += [f"{name} imports {t}" for t in targets if ".".join(t.split(".")[:2]) in others]
+    assert not wrong, "; ".join(wrong)
+    assert all(is_package(f"inference.{kind}") for kind in KINDS)
+
+
 def components(graph: dict[str, set[str]]) -> Iterator[set[str]]:
     """Sets of two or more modules that import one another: Tarjan's strongly connected components."""
     index: dict[str, int] = {}
@@ -194,7 +210,7 @@ def test_functions_are_short():
 
 def test_signatures_of_the_inference_are_narrow():
     for name, node in functions():
-        if place_of(name) in ("inference", "diagnosis"):
+        if place_of(name) == "inference":
             given = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
             count = len([a for a in given if a not in ("self", "cls")])
             assert count <= WIDE.get(name, FEW), f"{name} has {count} parameters"
@@ -204,7 +220,7 @@ def test_no_law_is_named_in_the_diagnosis():
     laws = set(all_laws())
     found = [
         f"{name}, line {node.lineno}: {node.value}"
-        for name, tree in modules().items() if place_of(name) in ("inference", "diagnosis")
+        for name, tree in modules().items() if place_of(name) == "inference"
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.partition(".")[0] in laws
     ]  # fmt: skip
@@ -245,7 +261,7 @@ def literals_of(tree: ast.Module) -> int:
 
 
 def test_what_decides_is_a_field_of_the_criteria():
-    here = {n: t for n, t in modules().items() if place_of(n) in ("inference", "diagnosis") and ".criteria" not in n}
+    here = {n: t for n, t in modules().items() if place_of(n) == "inference" and ".criteria" not in n}
     for count, allowed in ((constants_of, CONSTANTS), (literals_of, LITERALS)):
         more = {name: count(tree) for name, tree in here.items() if count(tree) > allowed.get(name, 0)}
         assert not more, f"make it a field of inference/criteria: {more}"

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis.data import prepare
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.recording import Recording, film, read_recording, resolve_recording, shipped_names
 from granswim_pymunk.recording.plausible import check_plausible
 from granswim_pymunk.scene import Body, Scene, SceneWarning, Time, swimmer, use

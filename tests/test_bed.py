@@ -18,24 +18,36 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import diagnose
-from granswim_pymunk.diagnosis.bed import diagnose_bed
-from granswim_pymunk.diagnosis.bed.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
-from granswim_pymunk.diagnosis.bed.chance import as_in_replicates, chance, share_of_most
-from granswim_pymunk.diagnosis.bed.cut import carried_paths
-from granswim_pymunk.diagnosis.bed.driver import Answer, on_held_out, plainer_of, windows_of
-from granswim_pymunk.diagnosis.bed.hidden import circles
-from granswim_pymunk.diagnosis.bed.judge import predictive_check
-from granswim_pymunk.diagnosis.bed.likelihood import WindowLikelihood
-from granswim_pymunk.diagnosis.bed.model import Windows
-from granswim_pymunk.diagnosis.bed.places import maps
-from granswim_pymunk.diagnosis.bed.plan import Clock, Plan, make_plan
-from granswim_pymunk.diagnosis.bed.search import no_narrower, plainer_first, signature_of
-from granswim_pymunk.diagnosis.bed.signatures import make_signature, off, replicate_noise, to_values
-from granswim_pymunk.diagnosis.bed.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
-from granswim_pymunk.diagnosis.bed.trial import BedTrial, first_order
-from granswim_pymunk.diagnosis.bed.verdict import entry_of, parameters_of
-from granswim_pymunk.diagnosis.bed.weigh import (
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference import diagnose
+from granswim_pymunk.inference.criteria import DEFAULT
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.explained import Explained
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
+from granswim_pymunk.inference.kept import Store, load_array, store_array
+from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
+from granswim_pymunk.inference.pipeline import verdict_of
+from granswim_pymunk.inference.result import Diagnosis, check_verdict
+from granswim_pymunk.inference.significance import Null
+from granswim_pymunk.inference.windows import diagnose_bed
+from granswim_pymunk.inference.windows.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
+from granswim_pymunk.inference.windows.chance import as_in_replicates, chance, share_of_most
+from granswim_pymunk.inference.windows.cut import carried_paths
+from granswim_pymunk.inference.windows.driver import Answer, on_held_out, plainer_of, windows_of
+from granswim_pymunk.inference.windows.hidden import circles
+from granswim_pymunk.inference.windows.judge import predictive_check
+from granswim_pymunk.inference.windows.likelihood import WindowLikelihood
+from granswim_pymunk.inference.windows.model import Windows
+from granswim_pymunk.inference.windows.places import maps
+from granswim_pymunk.inference.windows.plan import Clock, Plan, make_plan
+from granswim_pymunk.inference.windows.search import no_narrower, plainer_first, signature_of
+from granswim_pymunk.inference.windows.signatures import make_signature, off, replicate_noise, to_values
+from granswim_pymunk.inference.windows.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
+from granswim_pymunk.inference.windows.trial import BedTrial, first_order
+from granswim_pymunk.inference.windows.verdict import entry_of, parameters_of
+from granswim_pymunk.inference.windows.weigh import (
     by_others,
     fitted_by_others,
     held_verdict,
@@ -43,20 +55,8 @@ from granswim_pymunk.diagnosis.bed.weigh import (
     scores_of,
     share_of,
 )
-from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case, off_by
-from granswim_pymunk.diagnosis.bed.work import CORES, Work
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Term
-from granswim_pymunk.diagnosis.kept import Store, load_array, store_array
-from granswim_pymunk.engine import Simulation
-from granswim_pymunk.errors import InputError
-from granswim_pymunk.inference.criteria import DEFAULT
-from granswim_pymunk.inference.explained import Explained
-from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
-from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
-from granswim_pymunk.inference.pipeline import verdict_of
-from granswim_pymunk.inference.result import Diagnosis, check_verdict
-from granswim_pymunk.inference.significance import Null
+from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case, off_by
+from granswim_pymunk.inference.windows.work import CORES, Work
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
@@ -968,7 +968,7 @@ def test_held_out_windows_withdraw_what_predicts_them_worse():
                                                        (3.0, 12.0, "unmodelled")])  # fmt: skip
 def test_windows_that_ask_for_a_law_of_which_none_stands_are_no_match(monkeypatch, gain, left, verdict):
     """p_false_alarm decides (contract): below 0.01 something is there, and what is told is the p that decided."""
-    monkeypatch.setattr("granswim_pymunk.diagnosis.bed.model.moved_away", lambda *given: False)
+    monkeypatch.setattr("granswim_pymunk.inference.windows.model.moved_away", lambda *given: False)
     model = object.__new__(Windows)
     model.null, model.notes, model.discrepancy = Null(np.linspace(0.0, 8.0, 499), gain), [], None
     model.alone = SimpleNamespace(unexplained=left, covariance=None)

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.bed.places import Map, _of_one, locate_law
-from granswim_pymunk.diagnosis.bed.sums import MOMENTS, Sums, size_of, sums_of
 from granswim_pymunk.inference.criteria import current
+from granswim_pymunk.inference.windows.places import Map, _of_one, locate_law
+from granswim_pymunk.inference.windows.sums import MOMENTS, Sums, size_of, sums_of
 
 SIGMA = 2.0e-5
 AT = {name: k for k, name in enumerate(MOMENTS)}

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import diagnose_tracks
-from granswim_pymunk.diagnosis.believed import believed_terms
-from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.intervals import with_believed_errors
-from granswim_pymunk.diagnosis.segments import make_segments
-from granswim_pymunk.diagnosis.signatures import make_bank
-from granswim_pymunk.diagnosis.start import first_numbers
+from granswim_pymunk.inference.candidates import named_terms, scaled_like
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.start import first_numbers
+from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.believed import believed_terms
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.intervals import with_believed_errors
+from granswim_pymunk.inference.tracks.segments import make_segments
+from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
@@ -149,9 +149,9 @@ def test_of_equals_what_laboratories_are_off_by_is_named():
 
 
 def test_blocks_keep_what_all_data_tell_of_radii_and_those_that_graze_say_nothing():
-    from granswim_pymunk.diagnosis.believed import believed_terms
-    from granswim_pymunk.diagnosis.blocks import make_blocks, score, without
     from granswim_pymunk.inference.noise import Noise
+    from granswim_pymunk.inference.tracks.believed import believed_terms
+    from granswim_pymunk.inference.tracks.blocks import make_blocks, score, without
 
     failed = {}
     for across in (0.010, 0.0262):  # they pass at 0.008 and 0.0245 m, of a sum of radii of 0.025 m

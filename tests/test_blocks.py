@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.blocks import Block, make_blocks, score, without
-from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
-from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.name import refit
-from granswim_pymunk.diagnosis.signatures import make_bank
-from granswim_pymunk.diagnosis.steps import time_steps
+from granswim_pymunk.inference.candidates import flexible_terms, named_terms
+from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.inference.explained import explained
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.noise import Noise
+from granswim_pymunk.inference.tracks.blocks import Block, make_blocks, score, without
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.name import refit
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 

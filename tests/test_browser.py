@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granswim_pymunk.diagnosis import diagnose
+from granswim_pymunk.inference import diagnose
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((found for name in NAMES if (found := shutil.which(name))), None)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis.data import prepare_all
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.recording.clock import check_clock
 from granswim_pymunk.recording.importers import import_recording

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.segments import find_impacts
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.tracks.segments import find_impacts
 from granswim_pymunk.recording import Recording, film, read_recording, write_recording
 from granswim_pymunk.recording.recording import NUMBERS
 from granswim_pymunk.scene import Body, Scene, SceneWarning, Time, Wall, use
@@ -182,7 +182,7 @@ class TestRail:
         xy[..., 1] = math.nan
         seen = Recording("cart", scene, r.t, r.ids, xy, sampling=30.0, position_noise=1e-4)
         write_recording(seen, tmp_path / "cart")
-        from granswim_pymunk.diagnosis.diagnose import diagnose
+        from granswim_pymunk.inference.entry import diagnose
 
         found = diagnose([tmp_path / "cart"], tmp_path / "out", minutes=0.3).verdict
         assert found["verdict"] == "no_mismatch"

@@ -11,27 +11,28 @@ import pytest
 from two_arms import two_arms
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis import choose, diagnose_tracks, nulls, segments, write_verdict
-from granswim_pymunk.diagnosis.believed import believed_terms
-from granswim_pymunk.diagnosis.camera_terms import camera_terms
-from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.experiment import _shortened
-from granswim_pymunk.diagnosis.fit import Fitter, joined
-from granswim_pymunk.diagnosis.fitted import Fit
-from granswim_pymunk.diagnosis.held_out import noise_floor, right_law_errors
-from granswim_pymunk.diagnosis.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
-from granswim_pymunk.diagnosis.intervals import with_limits
-from granswim_pymunk.diagnosis.name import InnerSplit, Trial, try_candidates, unstuck
-from granswim_pymunk.diagnosis.pairs import _idle, _in_place, any_field
-from granswim_pymunk.diagnosis.segments import Impact, make_segments
-from granswim_pymunk.diagnosis.signatures import Signature, make_bank
-from granswim_pymunk.diagnosis.start import Bar, Guided, describe_starts
-from granswim_pymunk.diagnosis.steps import shifts
-from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference import write_verdict
+from granswim_pymunk.inference.camera_terms import camera_terms
+from granswim_pymunk.inference.candidates import flexible_terms, named_terms
 from granswim_pymunk.inference.criteria import DEFAULT
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.inference.significance import normal_score
+from granswim_pymunk.inference.start import Bar, Guided, describe_starts
+from granswim_pymunk.inference.tracks import choose, diagnose_tracks, nulls, segments
+from granswim_pymunk.inference.tracks.believed import believed_terms
+from granswim_pymunk.inference.tracks.experiment import _shortened
+from granswim_pymunk.inference.tracks.fit import Fitter, joined
+from granswim_pymunk.inference.tracks.fitted import Fit
+from granswim_pymunk.inference.tracks.held_out import noise_floor, right_law_errors
+from granswim_pymunk.inference.tracks.intervals import with_limits
+from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, try_candidates, unstuck
+from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
+from granswim_pymunk.inference.tracks.segments import Impact, make_segments
+from granswim_pymunk.inference.tracks.signatures import Signature, make_bank
+from granswim_pymunk.inference.tracks.steps import shifts
+from granswim_pymunk.inference.tracks.verdict import Told
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
 from granswim_pymunk.validation.reference import Reference

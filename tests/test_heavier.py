@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 import granswim_pymunk as gs
-from granswim_pymunk.diagnosis.candidates import flexible_terms
-from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.signatures import make_bank
-from granswim_pymunk.diagnosis.steps import time_steps
+from granswim_pymunk.inference.candidates import flexible_terms
+from granswim_pymunk.inference.data import prepare_all
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 

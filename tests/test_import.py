@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from granswim_pymunk.cli import main
-from granswim_pymunk.diagnosis.data import estimate_noise, prepare
-from granswim_pymunk.diagnosis.start import describe_starts, first_numbers, states, turning_angle
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import estimate_noise, prepare
+from granswim_pymunk.inference.start import describe_starts, first_numbers, states, turning_angle
 from granswim_pymunk.recording import read_recording, resolve_recording, shipped, shipped_names
 from granswim_pymunk.recording.importers import import_all, import_recording, import_to
 from granswim_pymunk.scene import Time

@@ -10,15 +10,10 @@ from scipy import stats
 from test_diagnosis import SHORT, collision, filmed
 
 import granswim_pymunk.inference.criteria
-from granswim_pymunk.diagnosis.data import Case, estimate_noise, grid_of, prepare
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Free, Hypothesis, Predictor
-from granswim_pymunk.diagnosis.name import InnerSplit
-from granswim_pymunk.diagnosis.segments import cut_by_growth, find_impacts, make_segments
-from granswim_pymunk.diagnosis.solve import Blocks, descend
-from granswim_pymunk.diagnosis.start import first_numbers
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
+from granswim_pymunk.inference.data import Case, estimate_noise, grid_of, prepare
 from granswim_pymunk.inference.explained import Explained, Scores, explained
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor
 from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import (
     Noise,
@@ -33,7 +28,12 @@ from granswim_pymunk.inference.noise import (
 )
 from granswim_pymunk.inference.significance import after_looks
 from granswim_pymunk.inference.simpler import all_absent, by_chance, ended_at_bound, special_cases
+from granswim_pymunk.inference.start import first_numbers
 from granswim_pymunk.inference.threads import ContextPool
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.name import InnerSplit
+from granswim_pymunk.inference.tracks.segments import cut_by_growth, find_impacts, make_segments
+from granswim_pymunk.inference.tracks.solve import Blocks, descend
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run

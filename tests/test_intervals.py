@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.choose import score_inner
-from granswim_pymunk.diagnosis.hypothesis import Free
-from granswim_pymunk.diagnosis.intervals import _end
-from granswim_pymunk.diagnosis.name import Trial
+from granswim_pymunk.inference.hypothesis import Free
+from granswim_pymunk.inference.tracks.choose import score_inner
+from granswim_pymunk.inference.tracks.intervals import _end
+from granswim_pymunk.inference.tracks.name import Trial
 
 AT, ERROR = 2.0, 0.3
 

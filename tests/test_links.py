@@ -6,8 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.start import (
+from granswim_pymunk.engine import Simulation
+from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.start import (
     Bar,
     Hinged,
     Pendulum,
@@ -17,9 +20,6 @@ from granswim_pymunk.diagnosis.start import (
     states,
     turning_angle,
 )
-from granswim_pymunk.engine import Simulation
-from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
-from granswim_pymunk.errors import InputError
 from granswim_pymunk.joints import angles_of, place
 from granswim_pymunk.recording import film
 from granswim_pymunk.report.track_forms import _places_of

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 import granswim_pymunk as gs
-from granswim_pymunk.diagnosis import choose, signatures
-from granswim_pymunk.diagnosis.camera_terms import camera_terms
-from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.name import try_candidates
-from granswim_pymunk.diagnosis.steps import time_steps
+from granswim_pymunk.inference.camera_terms import camera_terms
+from granswim_pymunk.inference.data import prepare_all
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.tracks import choose, signatures
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.name import try_candidates
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import film, see
 from granswim_pymunk.scene import Body, Scene, read_scene, use
 

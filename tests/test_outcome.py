@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from granswim_pymunk.diagnosis.diagnose import grouped, kind_of
-from granswim_pymunk.diagnosis.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
+from granswim_pymunk.inference.entry import grouped, kind_of
 from granswim_pymunk.inference.result import (
     TRAINING,
     Diagnosis,
@@ -23,6 +22,7 @@ from granswim_pymunk.inference.result import (
     mismatch_entry,
     with_camera,
 )
+from granswim_pymunk.inference.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.report import write_diagnosis
 from granswim_pymunk.report.page import PICTURES, SECTIONS, _module, pictures

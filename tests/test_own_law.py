@@ -10,17 +10,17 @@ from test_diagnosis import SHORT, filmed, table
 from test_unseen import F, T, only_curve, swimming, toy_scene
 from test_unseen import recording as unseen
 
-from granswim_pymunk.diagnosis import diagnose_tracks
-from granswim_pymunk.diagnosis.bed import diagnose_bed
-from granswim_pymunk.diagnosis.bed.candidates import bed_terms
-from granswim_pymunk.diagnosis.bed.plan import Plan
-from granswim_pymunk.diagnosis.bed.windows import BedPredictor, bed_case
-from granswim_pymunk.diagnosis.candidates import named_terms
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis
-from granswim_pymunk.diagnosis.unseen.candidates import candidates_of
-from granswim_pymunk.diagnosis.unseen.summaries import conditions_of
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.candidates import named_terms
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis
+from granswim_pymunk.inference.packings.candidates import candidates_of
+from granswim_pymunk.inference.packings.summaries import conditions_of
+from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.windows import diagnose_bed
+from granswim_pymunk.inference.windows.candidates import bed_terms
+from granswim_pymunk.inference.windows.plan import Plan
+from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case
 from granswim_pymunk.laws import Law, Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
 from granswim_pymunk.recording import Recording, read_recording

@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis import diagnose_tracks, fit
-from granswim_pymunk.diagnosis.data import prepare_all
-from granswim_pymunk.diagnosis.fit import Fitter, side_by_side
-from granswim_pymunk.diagnosis.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
-from granswim_pymunk.diagnosis.start import describe_starts, first_numbers
-from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.data import prepare_all
+from granswim_pymunk.inference.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
+from granswim_pymunk.inference.start import describe_starts, first_numbers
+from granswim_pymunk.inference.tracks import diagnose_tracks, fit
+from granswim_pymunk.inference.tracks.fit import Fitter, side_by_side
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 from granswim_pymunk.validation.reference import Reference

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granswim_pymunk.diagnosis import Diagnosis, diagnose_tracks
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.verdict import Told
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference import Diagnosis
+from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.significance import Null
+from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.verdict import Told
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import pictures, write_report

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.candidates import flexible_terms, named_terms, scaled_like
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.innovations import series_of
-from granswim_pymunk.diagnosis.score_test import chance_of_more, largest_by_chance
-from granswim_pymunk.diagnosis.signatures import make_bank
+from granswim_pymunk.inference.candidates import flexible_terms, named_terms, scaled_like
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.judge import completeness
 from granswim_pymunk.inference.noise import Noise
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.innovations import series_of
+from granswim_pymunk.inference.tracks.score_test import chance_of_more, largest_by_chance
+from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from granswim_pymunk.diagnosis import pairs
-from granswim_pymunk.diagnosis.hypothesis import Free, Term
-from granswim_pymunk.diagnosis.name import Trial
-from granswim_pymunk.diagnosis.signatures import Signature
+from granswim_pymunk.inference.hypothesis import Free, Term
+from granswim_pymunk.inference.tracks import pairs
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.signatures import Signature
 
 
 def term(label, *names):

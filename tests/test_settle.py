@@ -10,21 +10,21 @@ import pytest
 from scipy.integrate import solve_ivp
 from two_arms import two_arms
 
-from granswim_pymunk.diagnosis.blocks import _step
-from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
-from granswim_pymunk.diagnosis.data import prepare
-from granswim_pymunk.diagnosis.experiment import _shortened
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.diagnosis.name import Trial
-from granswim_pymunk.diagnosis.settle import (
+from granswim_pymunk.inference.candidates import named_terms, scaled_like
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.start import describe_starts
+from granswim_pymunk.inference.tracks.blocks import _step
+from granswim_pymunk.inference.tracks.experiment import _shortened
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.settle import (
     apparatus_beside,
     in_names_of_apparatus,
     that_earn_their_place,
     without_idle_numbers,
 )
-from granswim_pymunk.diagnosis.signatures import make_bank
-from granswim_pymunk.diagnosis.start import describe_starts
+from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 

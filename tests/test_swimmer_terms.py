@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granswim_pymunk.diagnosis.swimmer_terms import equation, reported_parameters, swimmer_terms
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.swimmer_terms import equation, reported_parameters, swimmer_terms
 from granswim_pymunk.scene import Adjustable, Scene, read_scene
 
 POCKET = Path(__file__).parent.parent / "scenarios" / "pocket_swim.toml"

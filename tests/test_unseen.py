@@ -12,17 +12,21 @@ import pytest
 from scipy.stats import norm
 from unseen_world import STIFFNESS, World, curve_of, filmed, world_candidates
 
-from granswim_pymunk.diagnosis.diagnose import diagnose
-from granswim_pymunk.diagnosis.hypothesis import Free
-from granswim_pymunk.diagnosis.unseen import diagnose_unseen
-from granswim_pymunk.diagnosis.unseen.candidates import candidates_of, dimension
-from granswim_pymunk.diagnosis.unseen.checks import confirm, gain_of, predicted_by
-from granswim_pymunk.diagnosis.unseen.conclude import again, pair_gains, plainer
-from granswim_pymunk.diagnosis.unseen.local import near, scatter_of, wilder_there
-from granswim_pymunk.diagnosis.unseen.model import planned_sizes
-from granswim_pymunk.diagnosis.unseen.response import Means, Model, fit
-from granswim_pymunk.diagnosis.unseen.runs import SOFTER, Job, Runner, softness, time_step
-from granswim_pymunk.diagnosis.unseen.search import (
+from granswim_pymunk.engine import Simulation, softened
+from granswim_pymunk.engine.advice import contact_duration
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import current
+from granswim_pymunk.inference.entry import diagnose
+from granswim_pymunk.inference.hypothesis import Free
+from granswim_pymunk.inference.packings import diagnose_unseen
+from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
+from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
+from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer
+from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
+from granswim_pymunk.inference.packings.model import planned_sizes
+from granswim_pymunk.inference.packings.response import Means, Model, fit
+from granswim_pymunk.inference.packings.runs import SOFTER, Job, Runner, softness, time_step
+from granswim_pymunk.inference.packings.search import (
     LEAST_SHOWN,
     MOST_SHOWN,
     Amount,
@@ -41,11 +45,7 @@ from granswim_pymunk.diagnosis.unseen.search import (
     screen,
     stiffer,
 )
-from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
-from granswim_pymunk.engine import Simulation, softened
-from granswim_pymunk.engine.advice import contact_duration
-from granswim_pymunk.errors import InputError
-from granswim_pymunk.inference.criteria import current
+from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of
 from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
@@ -403,7 +403,7 @@ def test_pairs_are_priced_by_the_normal_equations():
 
 
 def test_runs_are_kept_and_found_again(tmp_path, monkeypatch):
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.runs.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.runs.cache_folder", lambda: tmp_path)
     short = T[:16]
     scene = toy_scene(F)
     condition = replace(conditions_of([recording(swimming(T), scene)], [], 0)[0], frames=short)
@@ -464,7 +464,7 @@ def test_what_cannot_be_used_is_said_in_one_line(make, said, tmp_path):
 @pytest.fixture
 def world(monkeypatch):
     """Runs that cost nothing; everything that follows from them is as in a diagnosis."""
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.model.Runner", World)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.model.Runner", World)
     return world_candidates()
 
 
@@ -666,7 +666,7 @@ def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, mo
     """A law that is not among the candidates: what comes closest is not named where it leaves most of the misfit."""
     films = filmed({"resting_curvature at joint 2": [0.2]}, 5)
     alone = ("head_force along the axis", "linear_drag", "camera_scale")
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.candidates_of",
+    monkeypatch.setattr("granswim_pymunk.inference.packings.search.candidates_of",
                         lambda c: [x for x in candidates_of(c) if x.label in alone])  # fmt: skip
     verdict = diagnose_unseen(films).verdict
     assert verdict["verdict"] == "unmodelled" and not verdict["complete"]
@@ -681,7 +681,7 @@ def test_a_law_that_is_asked_for_and_does_not_stand_is_unmodelled_though_the_sti
         again(s, open_[0], 0.7, 1, 6)
         return [], None, []
 
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.model.named_laws", refitted_in_vain)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.model.named_laws", refitted_in_vain)
     verdict = diagnose_unseen(filmed({"weak_joint at joint 3": [0.85], "stiffness": [1.8e-3]}, 3, 1)).verdict
     assert verdict["verdict"] == "unmodelled" and verdict["null"]["p_false_alarm"] <= 0.01
     assert verdict["rivals"][0]["name"] == "weak_joint" and verdict["rivals"][0]["share"] > 0.7
@@ -724,7 +724,7 @@ def few_candidates(monkeypatch):
     def chosen(conditions):
         return [x for x in candidates_of(conditions) if x.label in wanted]
 
-    monkeypatch.setattr("granswim_pymunk.diagnosis.unseen.search.candidates_of", chosen)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.search.candidates_of", chosen)
 
 
 def test_dry_friction_is_named_and_the_files_are_there(few_candidates, tmp_path):

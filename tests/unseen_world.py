@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.unseen.candidates import Candidate, candidates_of
-from granswim_pymunk.diagnosis.unseen.runs import Job, Runner
-from granswim_pymunk.diagnosis.unseen.summaries import Condition, View, conditions_of
+from granswim_pymunk.inference.packings.candidates import Candidate, candidates_of
+from granswim_pymunk.inference.packings.runs import Job, Runner
+from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.recording.recording import CURVE
 from granswim_pymunk.validation.unseen_cases import toy_scene

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from granswim_pymunk.diagnosis import diagnose
-from granswim_pymunk.diagnosis.diagnose import ProgressLine
 from granswim_pymunk.files import written_whole
+from granswim_pymunk.inference import diagnose
+from granswim_pymunk.inference.entry import ProgressLine
 from granswim_pymunk.recording.importers import import_double_pendulum
 from granswim_pymunk.result import load_verdict
 

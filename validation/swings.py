@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from granswim_pymunk.diagnosis.candidates import named_terms, scaled_like
-from granswim_pymunk.diagnosis.data import Case, prepare
-from granswim_pymunk.diagnosis.fit import Fitter
-from granswim_pymunk.diagnosis.fitted import Fit
-from granswim_pymunk.diagnosis.held_out import window_errors
-from granswim_pymunk.diagnosis.hypothesis import Hypothesis, Predictor, Term
-from granswim_pymunk.diagnosis.signatures import make_bank
-from granswim_pymunk.diagnosis.steps import time_steps
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.candidates import named_terms, scaled_like
 from granswim_pymunk.inference.criteria import current
+from granswim_pymunk.inference.data import Case, prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.fitted import Fit
+from granswim_pymunk.inference.tracks.held_out import window_errors
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.recording.importers import import_double_pendulum
 

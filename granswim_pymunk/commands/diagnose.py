@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
-    from ..diagnosis.diagnose import ProgressLine, diagnose
     from ..errors import InputError
+    from ..inference.entry import ProgressLine, diagnose
     from ..result import MOST_BODIES, standing
 
     if args.minutes is not None and not args.minutes > 0:

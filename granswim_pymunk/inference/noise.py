@@ -208,6 +208,7 @@ def _left_of_middles(t: np.ndarray, values: np.ndarray, sigma: np.ndarray) -> tu
         spread[inside] += weights[:, k, None, None] ** 2 * mine[:, :, None] * mine[:, None]
     return left, spread
 
+
 WIDER = 1.09  # scale of Student's t with six degrees of freedom that Gaussian noise is fitted by, the other way round
 
 
@@ -218,7 +219,7 @@ def periodogram(series: np.ndarray) -> np.ndarray:
 
 def believable(fast: np.ndarray) -> float:
     """Mean of the fast halves of spectra, as far as it may be off from 1 and still be the noise."""
-    off = current().noise.fast_off**2
+    off = current().noise.fast_off ** 2
     return float(np.clip(fast.mean(), 1 / off, off))
 
 
@@ -439,7 +440,7 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
     for j in range(k - 1):
         others = [m for m in range(k) if m != j]
         alone, less = _off_line(s[:, others], v[:, others], at, value, sigma)
-        hidden = own > current().noise.hides**2 * less
+        hidden = own > current().noise.hides ** 2 * less
         off, own = np.where(hidden, alone, off), np.where(hidden, less, own)
     result[k:] = off
     return result

@@ -235,9 +235,7 @@ def plain_numbers(value: Any) -> Any:
 
 def with_camera(scene: Scene, camera: Mapping[str, Any]) -> Scene:
     """A revised scene with the camera found wanting; nothing in it is adjustable any more."""
-    return replace(
-        scene, adjustable=(), camera={k: list(v) if isinstance(v, tuple) else v for k, v in camera.items()}
-    )
+    return replace(scene, adjustable=(), camera={k: list(v) if isinstance(v, tuple) else v for k, v in camera.items()})
 
 
 def put_text(path: Path, text: str) -> None:

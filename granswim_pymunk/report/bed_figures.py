@@ -30,7 +30,7 @@ from .style import (
 )
 
 if TYPE_CHECKING:
-    from ..diagnosis.bed.model import BedFinding
+    from ..inference.windows.model import BedFinding
 
 MODELS = ("naive", "recalibrated", "revised")
 MAP = "YlOrRd"

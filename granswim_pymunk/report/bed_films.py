@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..diagnosis.bed.judge import disks_of
+from ..inference.windows.judge import disks_of
 from .player import Moving
 
 if TYPE_CHECKING:
-    from ..diagnosis.bed.model import BedFinding
+    from ..inference.windows.model import BedFinding
 
 NEAR = 10.0  # radii of the largest grain around the swimmer's way, within which grains are shown
 SHOWN = ("recalibrated", "revised")

@@ -18,11 +18,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
-from ..diagnosis.innovations import Whiteness
-from ..diagnosis.name import Trial
-from ..diagnosis.tracks import TrackFinding
 from ..inference.mechanisms import APPARATUS
 from ..inference.significance import Null
+from ..inference.tracks.innovations import Whiteness
+from ..inference.tracks.model import TrackFinding
+from ..inference.tracks.name import Trial
 from ..laws import all_laws
 from .style import (
     COLOURS,

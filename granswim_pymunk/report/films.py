@@ -10,8 +10,8 @@ from .player import MOST_FRAMES, Moving
 from .track_drawing import chosen_cases, end_of_rod, hinged_places, models, predicted
 
 if TYPE_CHECKING:
-    from ..diagnosis.data import Case
-    from ..diagnosis.tracks import TrackFinding
+    from ..inference.data import Case
+    from ..inference.tracks.model import TrackFinding
 
 Hung = tuple[int, "int | tuple[float, float]"]
 

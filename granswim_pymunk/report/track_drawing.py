@@ -12,9 +12,9 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..diagnosis.data import Case
-from ..diagnosis.fitted import Fit
-from ..diagnosis.tracks import TrackFinding
+from ..inference.data import Case
+from ..inference.tracks.fitted import Fit
+from ..inference.tracks.model import TrackFinding
 from ..joints import hinged, place
 from ..scene import Scene
 from .style import (

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..diagnosis.data import Case
-from ..diagnosis.fitted import Fit
-from ..diagnosis.tracks import TrackFinding
+from ..inference.data import Case
+from ..inference.tracks.fitted import Fit
+from ..inference.tracks.model import TrackFinding
 from ..joints import arm_of
 from ..laws import Law
 from .style import (

@@ -16,10 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
-from ..diagnosis.data import Case
-from ..diagnosis.fitted import Fit
-from ..diagnosis.innovations import WindowMap
-from ..diagnosis.tracks import TrackFinding
+from ..inference.data import Case
+from ..inference.tracks.fitted import Fit
+from ..inference.tracks.innovations import WindowMap
+from ..inference.tracks.model import TrackFinding
 from .style import (
     COLOURS,
     FLOOR,

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
-from ..diagnosis.data import Case
-from ..diagnosis.tracks import TrackFinding
+from ..inference.data import Case
+from ..inference.tracks.model import TrackFinding
 from ..walls import outline
 from .style import (
     FLOOR,

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..diagnosis.unseen.checks import prediction
-from ..diagnosis.unseen.response import spread_of
 from ..inference.criteria import current
+from ..inference.packings.checks import prediction
+from ..inference.packings.response import spread_of
 from ..inference.significance import at_alarm
 from .style import (
     COLOURS,
@@ -29,8 +29,8 @@ from .style import (
 )
 
 if TYPE_CHECKING:
-    from ..diagnosis.unseen.conclude import Finding
-    from ..diagnosis.unseen.summaries import Condition
+    from ..inference.packings.conclude import Finding
+    from ..inference.packings.summaries import Condition
 
 
 def models(f: Finding) -> list[str]:

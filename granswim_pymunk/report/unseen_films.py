@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..diagnosis.unseen.checks import prediction
+from ..inference.packings.checks import prediction
 from .player import Moving
 from .unseen_figures import models
 
 if TYPE_CHECKING:
-    from ..diagnosis.unseen.conclude import Finding
+    from ..inference.packings.conclude import Finding
 
 FRAMES = 73  # of one cycle, first and last alike but for the drift
 

@@ -1,0 +1,117 @@
+"""What the apparatus may have done to the picture and its clock: candidates beside the laws, and judged as they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..laws import Law
+from .criteria import current
+from .data import Case
+from .hypothesis import Free, Term
+
+
+def camera_terms(cases: Sequence[Case]) -> list[Term]:
+    """What the apparatus may have done: seen = s R(angle) true + b, at t + offset."""
+
+    def put(key):
+        def apply(scene, camera, values):
+            value = float(values[0]) if len(values) == 1 else tuple(float(v) for v in values)
+            return scene, {**camera, key: value}
+
+        return apply
+
+    rate = cases[0].recording.sampling or 1.0 / float(np.median(np.diff(cases[0].t)))
+    positions = any(c.kind != "angle" for case in cases for c in case.channels)
+    terms = []
+    if positions:
+        off = current().verdict.scale_off
+        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, 1e-3, None, 1.0)
+        terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
+                          expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
+    terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
+                      expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
+    if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
+        terms.append(
+            Term("time_offset", "time_offset", (Free("camera.time_offset", "s", -0.2, 0.2, 0.0, 0.1 / rate),),
+                 put("time_offset"), expression="a frame stamped t shows the state at t + offset",
+                 groups=(("offset", (0,)),))
+        )  # fmt: skip
+    if positions and any(_holds(item.law) for c in cases for item in c.recording.scene.laws):
+        terms.append(
+            Term("tracking_bias", "tracking_bias",
+                 (Free("camera.bias_x", "m", -1.0, 1.0, 0.0, 1e-4), Free("camera.bias_y", "m", -1.0, 1.0, 0.0, 1e-4)),
+                 put("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
+        )  # fmt: skip
+    return terms + _oblique_terms(positions) + _lens_terms(cases)
+
+
+def _holds(law: Law) -> bool:
+    """Whether a law holds bodies to a place of the scene: only there a shift of all positions shows."""
+    return law.kind == "constraint" or any(p.name == "anchor" for p in law.parameters)
+
+
+def _oblique_terms(positions: bool) -> list[Term]:
+    """A camera that looks at the plane of motion at an angle: from below or above, from the side, or from elsewhere.
+
+    Its bounds are those of a scale: lengths along the direction that it shortens are off by no more.
+    """
+    if not positions:
+        return []
+    name, off = "camera_foreshortening", current().verdict.scale_off
+    factor = Free("camera.foreshortening", "1", 1 - off, 1 + off, 1.0, 1e-3, None, 1.0)
+    any_way = Free("camera.direction", "rad", -math.pi, math.pi, math.pi / 4, 0.1, None, math.pi / 4, inner=True)
+    expression = "seen = true - (1 - f) (true . e) e"
+
+    def along(direction: float):
+        def apply(scene, camera, values):
+            way = float(values[1]) if len(values) > 1 else direction
+            return scene, {**camera, "foreshortening": float(values[0]), "direction": way}
+
+        return apply
+
+    terms = [
+        Term(name, f"{name} along {axis}", (factor,), along(direction), expression=expression, groups=(("f", (0,)),),
+             choices={"axis": axis}, special=True)
+        for axis, direction in (("x", 0.0), ("y", math.pi / 2))
+    ]  # fmt: skip
+    both = (("f", (0,)), ("direction", (1,)))
+    sought = f"{name}, its direction sought"
+    return [*terms, Term(name, sought, (factor, any_way), along(0.0), expression=expression, groups=both, special=True)]
+
+
+def _lens_terms(cases: Sequence[Case]) -> list[Term]:
+    """A lens that bends the picture about the mean of all tracks; and about a place that is sought, too.
+
+    Its bounds: at the farthest place that was seen the picture is off by no more than a scale may be.
+    """
+    seen = [c.recording.xy.reshape(-1, 2) for c in cases]
+    places = np.concatenate(seen) if seen else np.zeros((0, 2))
+    places = places[np.isfinite(places).all(axis=1)]
+    if any(c.recording.scene.periodic_x for c in cases) or len(places) < current().candidates.places:
+        return []
+    middle = places.mean(axis=0)
+    away = np.hypot(*(places - middle).T)
+    extent = float(away.max())
+    if not extent > 0:
+        return []
+
+    def apply(scene, camera, values):
+        about = tuple(map(float, values[1:])) if len(values) > 1 else tuple(map(float, middle))
+        return scene, {**camera, "distortion": float(values[0]), "middle": about}
+
+    most, far = current().verdict.scale_off / extent**2, current().candidates.farthest * extent
+    k = Free("camera.distortion", "1/m^2", -most, most, 0.0, 1e-3 / extent**2)
+    o = [
+        Free(f"camera.middle_{axis}", "m", m - far, m + far, m, 0.1 * extent, None, m, inner=True)
+        for axis, m in zip("xy", map(float, middle), strict=True)
+    ]
+    name, expression = "lens_distortion", "seen = o + (true - o)(1 + k |true - o|^2)"
+    fixed = {"o": ([float(m) for m in middle], "m")}
+    both = (("k", (0,)), ("o", (1, 2)))
+    return [
+        Term(name, name, (k,), apply, expression=expression, groups=both[:1], fixed=fixed),
+        Term(name, f"{name}, its middle sought", (k, *o), apply, expression=expression, groups=both),
+    ]

@@ -1,0 +1,429 @@
+"""Candidates for what was left out: laws from the registry, a changed contact, and the apparatus.
+
+A candidate is made of a law's own declaration: its numeric choices are enumerated, the parameters with a
+typical size are fitted, the rest keep their defaults.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..joints import arm_of
+from ..laws import Law, all_laws
+from ..scene import Scene, use
+from .camera_terms import camera_terms
+from .criteria import current
+from .data import Case
+from .driven_terms import driven_terms
+from .hypothesis import Free, Term
+from .mechanisms import RESTITUTION
+from .swimmer_terms import swimmer_terms
+
+
+def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
+    """Mobile bodies of all recordings by id, with radius and mass: the same three are the same body."""
+    found: dict[str, tuple[float, float]] = {}
+    for case in cases:
+        for body in case.recording.scene.bodies:
+            if body.mobile:
+                found.setdefault(body.id, (body.radius, body.mass))
+    return found
+
+
+def _driven(scene: Scene) -> set[str]:
+    """Bodies whose motion is commanded: no force changes it."""
+    return {name for item in scene.laws_as("command") for name in item.bodies or ()}
+
+
+def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:
+    return float(choice.get("p", 0.0))
+
+
+def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
+    """Terms that add this law: one for each combination of its choices.
+
+    ``each``: a strength for every distinct body instead of one for all, scaled by radius.
+    """
+    bodies = {
+        b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)
+    }
+    if not bodies:
+        return []  # every motion is commanded: no force shows
+    radii = np.array([radius for radius, _ in bodies.values()])
+    choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
+    combinations = [
+        dict(zip([n for n, _ in choices], values, strict=True))
+        for values in itertools.product(*[c for _, c in choices])
+    ]
+    if np.ptp(radii) == 0 or each:
+        # the power of the radius changes nothing
+        combinations = [
+            c for c in combinations if all(v == p.choices[0] for v, p in ((v, law.parameter(k)) for k, v in c.items()))
+        ]
+    terms = []
+    fitted = [p for p in law.parameters if p.typical is not None]
+    given = constants(law, cases)
+    fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
+    for choice, stretch in itertools.product(combinations, _stretches(law)):
+        r0 = float(radii.mean())
+        free: list[Free] = []
+        groups: list[tuple[str, tuple[int, ...]]] = []
+        owners: list[Any] = [None]
+        if each:
+            owners = list(joints_by_body(cases)) if law.kind == "joint" else list(bodies)
+        for owner in owners:
+            where = None if owner is None else frozenset(c.name for c in cases if owner in c.recording.scene.ids)
+            for p in fitted:
+                start = len(free)
+                inner = p.name not in law.strength
+                grown = r0 / current().candidates.radius if p.unit == "m" else 1.0
+                typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
+                scale = 0.1 * abs(typical) if inner else 1.0
+                low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
+                for argument in p.arguments:
+                    name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
+                    ordinary = 0.0 if inner else p.ordinary
+                    free.append(
+                        Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner, ordinary=ordinary)
+                    )
+                groups.append((p.name, tuple(range(start, len(free)))))
+        label = law.mechanism + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
+        terms.append(
+            Term(
+                mechanism=law.mechanism,
+                label=label + (" (each body)" if each else ""),
+                free=tuple(free),
+                apply=_LawAdder(law, fitted, dict(choice), owners, r0, given),
+                bodies=tuple(bodies),
+                expression=law.expression,
+                choices=dict(choice),
+                law=law.name,
+                suited=suited(law, cases),
+                fixed={name: (value, law.parameter(name).unit) for name, value in given.items()},
+                groups=tuple(groups),
+            )
+        )
+    return terms
+
+
+def _stretches(law: Law) -> tuple[float, ...]:
+    """From how many times its typical size a range or an exponent is looked for."""
+    if law.role == "medium" or law.candidate == "flexible":
+        return (1.0,)  # its signature finds the flow itself; a form bends wherever it begins
+    shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
+    if not shapes:
+        return (1.0,)
+    return (1.0, 0.1, 3.0) if any(p.unit == "m" for p in shapes) else (1.0, 0.3, 3.0)
+
+
+def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
+    """Values of parameters that are not fitted but belong to the recordings.
+
+    Sizes of forms without a name, from the training parts; of a joint's law the rate below which it is smooth.
+    """
+    if law.kind == "joint":
+        return _smooth_below(law, cases)
+    if law.candidate != "flexible":
+        return {}
+    names = {p.name for p in law.parameters}
+    result: dict[str, Any] = {}
+    cases = [case for case in cases if not case.held_out]
+    if "top" in names:
+        result["top"] = 1.2 * fastest_of(cases)
+    if "begin" in names:
+        begin = min(float(c.t[c.training][0]) for c in cases)
+        end = max(float(c.t[c.training][-1]) for c in cases)
+        result["begin"], result["span"] = begin, max(end - begin, 1e-9)
+    if "centre" in names:
+        places = [c.recording.xy[c.training].reshape(-1, 2) for c in cases]
+        every = np.concatenate(places)
+        every = every[np.isfinite(every).all(axis=1)]
+        if len(every):
+            result["centre"] = tuple(float(v) for v in every.mean(axis=0))
+            result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
+    return result
+
+
+def _smooth_below(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
+    """Rates [rad/s] below which a law of joints is smooth, those at which the law it stands for becomes smooth [m/s].
+
+    Where a body hangs from one joint both are then the same law, and the data cannot prefer either.
+    """
+    speeds = [
+        float(p.default) for name in law.stands_for for p in all_laws()[name].parameters
+        if p.unit == "m/s" and p.size == 1 and p.default is not None
+    ]  # fmt: skip
+    rates = [p.name for p in law.parameters if p.unit == "rad/s" and p.default is not None]
+    arms = [
+        arm_of(c.recording.scene, b) for c in cases for name in law.preferred_where
+        for item in c.recording.scene.laws_named(name) for b in (item.bodies or ())[-1:]
+    ]  # fmt: skip
+    if not speeds or not arms or min(arms) <= 0:
+        return {}
+    return {name: speeds[0] / float(np.mean(arms)) for name in rates}
+
+
+def fastest_of(cases: Sequence[Case]) -> float:
+    """How fast bodies moved in the training parts, along one axis [m/s]; a hundredth of the steps may be faster."""
+    fastest = 1e-12
+    for case in cases:
+        if case.held_out:
+            continue
+        dt, values = np.diff(case.t[case.training]), case.values[case.training]
+        for k, channel in enumerate(case.channels):
+            arm = arm_of(case.recording.scene, channel.body) if channel.kind == "angle" else 1.0
+            step = np.abs(np.diff(values[:, k])) / dt * arm
+            step = step[np.isfinite(step)]
+            fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
+    return fastest
+
+
+class _LawAdder:
+    """Adds a law to a scene with the values found; the mean radius is that of all recordings together."""
+
+    def __init__(self, law, fitted, choice, owners, r0, fixed) -> None:
+        self.law, self.fitted, self.choice, self.owners, self.r0, self.fixed = law, fitted, choice, owners, r0, fixed
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        driven = _driven(scene)
+        width = sum(p.size for p in self.fitted)
+        for k, owner in enumerate(self.owners):
+            if owner is not None and (owner not in scene.ids or owner in driven):
+                continue
+            mine = list(values[k * width : (k + 1) * width])
+            given: dict[str, Any] = dict(self.choice) | self.fixed
+            at = 0
+            for p in self.fitted:
+                numbers = [float(v) for v in mine[at : at + p.size]]
+                at += p.size
+                given[p.name] = numbers[0] if p.size == 1 else tuple(numbers)
+            bodies = None if owner is None else [owner]
+            if owner is not None and self.law.kind == "joint":
+                bodies = next((list(b) for b in scene.joints_of.values() if b[-1] == owner), None)
+                if bodies is None:
+                    continue
+            if owner is None and driven:
+                bodies = [b.id for b in scene.bodies if b.mobile and b.id not in driven]
+            acting = [b.radius for b in scene.bodies if b.mobile and (bodies is None or b.id in bodies)]
+            power = _radius_power(self.law, self.choice)
+            if owner is None and power and acting:
+                factor = (float(np.mean(acting)) / self.r0) ** power
+                for name in self.law.strength:
+                    given[name] = given[name] * factor
+            scene = scene.with_laws(use(self.law, bodies=bodies, **given))
+        return scene, camera
+
+
+def _contact_terms(cases: Sequence[Case]) -> list[Term]:
+    """Contacts that lose more, or less, than believed."""
+    scene = cases[0].recording.scene
+    adjustable = {a.name for a in scene.adjustable}
+    terms = []
+    for item in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        lost = item.law.parameter(item.law.loses)
+        name = f"{item.name}.{lost.name}"
+        if name not in adjustable:
+            believed = float(scene.parameter(name))
+
+            def apply(scene, camera, values, name=name):
+                return scene.with_parameter(name, float(values[0])), camera
+
+            scale = 0.01 * max(believed, 0.1)
+            free = Free(name, lost.unit, 0.0, lost.high, believed, scale, None, believed, natural=True)
+            acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
+            terms.append(
+                Term(
+                    RESTITUTION, RESTITUTION, (free,), apply, bodies=acting,
+                    expression=item.law.expression, groups=((lost.name, (0,)),),
+                )
+            )  # fmt: skip
+    return terms
+
+
+def joints_by_body(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:
+    """Pins and hinges by the body that hangs from each, the ids that name the joint; empty where one bears two."""
+    found: dict[str, tuple[str, ...]] = {}
+    for case in cases:
+        for bodies in case.recording.scene.joints_of.values():
+            if not bodies or found.get(bodies[-1], bodies) != bodies:
+                return {}
+            found[bodies[-1]] = bodies
+    return found
+
+
+def _is_simple(law: Law) -> bool:
+    """A law on single bodies whose fitted numbers are all strengths: it may have one strength for each body.
+
+    More inertia, too: of several carts one may be heavier than it is believed to be. Not a field, which has a
+    direction: a tilt or a stream is that of the place, not of the body.
+    """
+    fitted = [p for p in law.parameters if p.typical is not None]
+    single = law.kind in ("body", "constraint") and all(p.size == 1 for p in fitted)
+    return single and {p.name for p in fitted} == set(law.strength)
+
+
+def _is_push(law: Law) -> bool:
+    """A force that asks nothing of its body but the mass: one body may be pushed and the others not."""
+    own = {a for p in law.parameters for a in p.arguments}
+    return law.kind == "body" and set(law.arguments) <= {"mass"} | own
+
+
+def suited(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law is declared for an apparatus that a recording has: joint drag for a pin."""
+    return any(c.recording.scene.laws_named(name) for c in cases for name in law.preferred_where)
+
+
+def has_its_joints(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law of joints has pins or hinges to act in: a rod turns freely at both ends. True of other laws."""
+    return law.kind != "joint" or any(c.recording.scene.joints_of for c in cases)
+
+
+def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law makes no sense for the apparatus: a richer form of one that another law stands for there.
+
+    Where every body hangs from a pin or hinge, what a stream in still air would be is the drag of the joint. And what
+    rubs by its weight on a substrate has none there: with one joint, where it is the friction of the joint in other
+    numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one.
+    """
+    held: set[str] = set()
+    for other in all_laws().values():
+        if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):
+            held |= set(other.stands_for)
+    by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
+    return bool(held & set(law.nests)) or (by_weight and law.name in held)
+
+
+def in_contact_alone(term: Term) -> bool:
+    """Whether all that a term changes acts only while bodies touch."""
+    laws = [all_laws().get(f.name.partition(".")[0]) for f in term.free]
+    return bool(laws) and all(
+        law is not None and (law.kind == "impulse" or (law.kind == "pair" and not law.reach)) for law in laws
+    )
+
+
+def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
+    """Whether every mobile body is in one of the laws of these names."""
+    bodies = {b for name in names for item in scene.laws_named(name) for b in item.bodies or scene.ids}
+    return all(b.id in bodies for b in scene.bodies if b.mobile)
+
+
+def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
+    """All candidates that have a name, apparatus first."""
+    terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
+    scenes = [c.recording.scene for c in cases]
+    terms += swimmer_terms(scenes) if any(s.chains for s in scenes) else []
+    several = len(distinct_bodies(cases)) > 1
+    kinds = ("body", "pair", "joint", "constraint")
+    for law in all_laws().values():
+        if law.candidate != "named" or law.kind not in kinds or not has_its_joints(law, cases):
+            continue
+        if not applies(law, cases) or out_of_place(law, cases):
+            continue
+        terms += law_terms(law, cases, each=False)
+        if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
+            terms += law_terms(law, cases, each=True)
+        elif several and each and _is_push(law):
+            terms += _on_one_body(law, cases)
+    return terms
+
+
+def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
+    """A push on a single body, for each of a few."""
+    terms = []
+    for together in law_terms(law, cases, each=True):
+        names = owners(together)
+        single = 1 < len(names) <= current().candidates.single
+        alone = [(name, for_bodies(together, [name])) for name in names if single]
+        terms += [replace(found[0], label=f"{law.mechanism} on {name}") for name, found in alone if found is not None]
+    return terms
+
+
+def applies(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a law has anything to act on: a swimmer, a second body, the pin or spring whose numbers it needs."""
+    for case in cases:
+        scene = case.recording.scene
+        if law.kind == "chain" and not scene.chains:
+            continue
+        if law.kind == "pair" and len(scene.bodies) < (1 if scene.walls and not law.reach else 2):
+            continue
+        values: dict[str, Any] = {}
+        for p in law.parameters:
+            if p.typical is not None or p.default is None:
+                # a typical size outside the bounds says where to begin, not that the law does not apply
+                size = min(max(float(p.typical or 0.0), p.low), p.high)
+                values[p.name] = p.choices[0] if p.choices else (size if p.size == 1 else (size,) * p.size)
+        try:
+            scene.resolved(use(law, **values))
+        except InputError:
+            continue
+        return True
+    return False
+
+
+def flexible_terms(cases: Sequence[Case]) -> list[Term]:
+    """The forms that name nothing: smooth force fields in speed and in place."""
+    terms: list[Term] = []
+    for law in all_laws().values():
+        if law.candidate == "flexible" and not out_of_place(law, cases):
+            terms += law_terms(law, cases, each=False)
+    return terms
+
+
+def rescaled(term: Term, scales: Sequence[float], firsts: Sequence[float]) -> Term:
+    """The term with other scales and first values of its numbers."""
+    free = tuple(
+        replace(f, scale=float(s), first=float(np.clip(v, f.low, f.high)))
+        for f, s, v in zip(term.free, scales, firsts, strict=True)
+    )
+    return replace(term, free=free)
+
+
+def scaled_like(term: Term, other: Term) -> Term:
+    """The term with the scales that numbers of the same names have in another form of it."""
+    scales = {f.name: f.scale for f in other.free}
+    return replace(term, free=tuple(replace(f, scale=scales.get(f.name, f.scale)) for f in term.free))
+
+
+class _Partly:
+    """Applies a term with some of its numbers; the others stay where the law is absent."""
+
+    def __init__(self, term: Term, kept: Sequence[int]) -> None:
+        self.term = term
+        self.kept = tuple(kept)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        full = [f.neutral for f in self.term.free]
+        for k, value in zip(self.kept, values, strict=True):
+            full[k] = float(value)
+        return self.term.apply(scene, camera, full)
+
+
+def with_numbers(term: Term, kept: Sequence[int]) -> Term:
+    """The term with only some of its numbers free."""
+    new = {k: n for n, k in enumerate(kept)}
+    groups = tuple(
+        (name, tuple(new.get(k, -1) for k in rows)) for name, rows in term.groups if any(k in new for k in rows)
+    )
+    return replace(term, free=tuple(term.free[k] for k in kept), apply=_Partly(term, kept), groups=groups)
+
+
+def for_bodies(term: Term, bodies: Sequence[str]) -> tuple[Term, list[int]] | None:
+    """A term that has a strength for each body, for some of them only, and which of its numbers those are."""
+    numbers = [k for k, f in enumerate(term.free) if any(f.name.endswith(f"[{b}]") for b in bodies)]
+    if not numbers:
+        return None
+    present = tuple(b for b in owners(term) if b in bodies)
+    return replace(with_numbers(term, numbers), bodies=present), numbers
+
+
+def owners(term: Term) -> list[str]:
+    """Bodies that have a strength of their own in this term."""
+    names = [f.name[f.name.index("[") + 1 : -1] for f in term.free if f.name.endswith("]")]
+    return list(dict.fromkeys(names)) if term.mechanism not in ("adjustable",) else []

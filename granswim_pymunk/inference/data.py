@@ -1,0 +1,394 @@
+"""What a diagnosis looks at: recordings as channels of numbers with noise, split into training and held out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import stats
+
+from ..errors import InputError
+from ..joints import hinged
+from ..recording import Recording
+from ..walls import gap_to_wall
+from .criteria import current
+from .noise import Noise, coloured, outliers, slopes, timing, whitened
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured number of one body: ``kind`` is "x", "y" [m] or "angle" [rad]."""
+
+    body: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording, ready to be compared.
+
+    t : (T,) frame times [s];  values : (T, c) measured numbers, NaN where there is none;
+    sigma : (c,) one standard deviation of the white noise;  sigma_known : given by the experimenter, and not refuted
+    notes : what was found of the noise;  noise : its slow part, as it was estimated from what the best fit leaves
+    late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma
+    training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
+        parameters are known; scored as held out
+    """
+
+    recording: Recording
+    t: np.ndarray
+    channels: tuple[Channel, ...]
+    values: np.ndarray
+    sigma: np.ndarray
+    sigma_known: bool
+    training: np.ndarray
+    start: np.ndarray
+    scored: np.ndarray
+    held_out: bool
+    notes: tuple[str, ...] = ()
+    noise: Noise = field(default_factory=Noise)
+    late: np.ndarray | None = None
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(T,) numbers of the frames, lost ones counted: how often the median time between frames has passed."""
+        steps = np.diff(self.t)
+        return np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))])
+
+    def timed(self, innovations: np.ndarray, frames: np.ndarray, back: bool = False) -> np.ndarray:
+        """Innovations (T_frames, c) with what stamps that are off do to all numbers of a frame scaled down to one.
+
+        (1 + u u')^-1/2 r, u what a stamp of one standard deviation moves: the root of the covariance of a frame.
+        ``back``: the other way.
+        """
+        if self.late is None:
+            return innovations
+        u = np.where(np.isfinite(innovations), self.late[frames], 0.0)
+        size = np.sum(u**2, axis=1)
+        root = np.sqrt(1.0 + size)
+        factor = np.where(size > 0, (root - 1.0 if back else 1.0 / root - 1.0) / np.maximum(size, 1e-300), 0.0)
+        return np.asarray(innovations + u * (factor * np.nansum(u * innovations, axis=1))[:, None])
+
+    def white(self, innovations: np.ndarray, frames: np.ndarray) -> np.ndarray:
+        """Innovations (T_frames, c) on ``frames`` (T,), uncorrelated and of unit size where they are this noise."""
+        timed = self.timed(innovations, frames)
+        return whitened(timed, self.numbers[frames], self.noise)[0] if self.noise.size else timed
+
+    def raw(self, white: np.ndarray, frames: np.ndarray) -> np.ndarray:
+        """The innovations that ``white`` makes these of."""
+        timed = coloured(white, self.numbers[frames], self.noise) if self.noise.size else white
+        return self.timed(timed, frames, back=True)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """(T, c) noise like that of the recording [m or rad]."""
+        drawn = self.noise.draw(self.values.shape, rng)
+        if self.late is not None:
+            drawn = drawn + self.late * rng.normal(size=(len(self.t), 1))
+        return np.asarray(drawn * self.sigma)
+
+    @property
+    def name(self) -> str:
+        return self.recording.name
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The observed bodies, in the order of their channels."""
+        return tuple(dict.fromkeys(channel.body for channel in self.channels))
+
+    @property
+    def unit(self) -> str:
+        return "rad rms" if all(channel.kind == "angle" for channel in self.channels) else "m rms"
+
+
+def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
+    """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points.
+
+    t, values : (T,) without NaN. Quadratics, or the least higher degree (to 5) after which the next takes no more than
+    a tenth away: over few frames of an oscillation, what a quadratic leaves is no noise. The dof of each local fit are
+    taken off; the median keeps collisions out. At least what rounding to a grid leaves, which hides where a coordinate
+    hardly moves: then most frames have the same value.
+    """
+    return max(_scatter(t, values), grid_of(values) / math.sqrt(12.0))
+
+
+def grid_of(values: np.ndarray) -> float:
+    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none."""
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > current().noise.same_level * np.ptp(values)] if len(levels) > 1 else steps
+    if not len(steps):
+        return 0.0
+    count = (levels - levels[0]) / steps.min()
+    return float(steps.min()) if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
+
+
+def _scatter(t: np.ndarray, values: np.ndarray) -> float:
+    """``estimate_noise`` without a grid."""
+    width = 9
+    if len(t) < width + 2:
+        return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0
+    s = sliding_window_view(t, width)
+    s = (s - s[:, [width // 2]]) / np.maximum(np.ptp(s, axis=1, keepdims=True), 1e-300)
+    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(7)))
+    v = sliding_window_view(values, width)
+    found = []
+    for degree in (2, 3, 4, 5, 6):
+        # the first columns span the polynomials of each degree
+        span = q[..., : degree + 1]
+        left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)
+        sums = np.sum(left**2, axis=1)
+        found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
+    return next((now for now, then in pairwise(found) if then > 0.9 * now), found[-2])
+
+
+def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = True) -> Case:
+    """Make a Case. ``held_out``: nothing of it is used for fitting; ``split``: the last 40 % of its time are;
+    ``clean``: single sightings that are no positions are left out, and the noise that was stated is held against them.
+
+    Raises InputError where there is nothing to look at.
+    """
+    channels: list[Channel] = []
+    columns: list[np.ndarray] = []
+    known = True
+    sigmas: list[float] = []
+    pinned = {name for item in recording.scene.laws_as("pendulum") for name in item.bodies or ()}
+    pinned |= set(hinged(recording.scene))
+    t = recording.t
+    xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
+    for k, body in enumerate(recording.ids):
+        angle = None if recording.angle is None else recording.angle[:, k]
+        for axis, kind in enumerate("xy"):
+            column = xy[:, k, axis]
+            seen = np.isfinite(column)
+            if seen.sum() < 4:
+                continue
+            if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
+                continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
+            sigma = recording.position_noise
+            if not sigma:
+                known = False
+                sigma = estimate_noise(t[seen], column[seen])
+            channels.append(Channel(body, kind))
+            columns.append(column)
+            sigmas.append(sigma)
+        # the angle of a free disk says nothing about forces without spin
+        if angle is not None and body in pinned and np.isfinite(angle).sum() >= 4:
+            seen = np.isfinite(angle)
+            column = angle.copy()
+            column[seen] = np.unwrap(angle[seen])
+            sigma = recording.angle_noise
+            if not sigma:
+                known = False
+                sigma = estimate_noise(t[seen], column[seen])
+            channels.append(Channel(body, "angle"))
+            columns.append(column)
+            sigmas.append(sigma)
+    if not channels:
+        raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
+    values = np.column_stack(columns)
+    notes, lost, tau = list[str](), 0, 0.0
+    if clean:
+        smooth = _without_meetings(recording, channels, values)
+        values, lost = _without_outliers(t, values, channels, sigmas, smooth)
+        sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
+        sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
+        known = known and not refuted
+        if tau:
+            notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
+    if lost:
+        notes.append(f"{recording.name}: {lost} single sightings are off by more than noise and are left out")
+    scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
+    sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
+    begin, end = float(t[0]), float(t[-1])
+    before = t <= begin + current().split.training * (end - begin)
+    nothing = np.zeros(len(t), dtype=bool)
+    if held_out:
+        start = t <= begin + current().split.start * (end - begin)
+        training, scored = nothing, ~start
+    elif split:
+        training, start, scored = before, before, ~before
+    else:
+        training, start, scored = ~nothing, ~nothing, nothing
+    return Case(
+        recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
+        late=tau * slopes(t, values) / sigma_array if tau else None,
+    )  # fmt: skip
+
+
+def _timed_noise(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
+    stated: float | None, smooth: np.ndarray,
+) -> tuple[list[float], float]:  # fmt: skip
+    """Sizes of the white noise beside an error of the stamps [s], 0 where none shows.
+
+    smooth : (T,) frames in which nothing meets.
+    Where no size was given, one camera has one: that of the channel that shows least.
+    """
+    base = list(sigmas)
+    if not known:
+        for kinds in (("x", "y"), ("angle",)):
+            mine = [k for k, channel in enumerate(channels) if channel.kind in kinds and sigmas[k] > 0]
+            for k in mine:
+                base[k] = min(sigmas[m] for m in mine)
+    if min(base) <= 0:
+        return list(sigmas), 0.0
+    tau, larger = timing(t, values, np.array(base), stated, known, smooth)
+    if not tau:
+        return list(sigmas), 0.0
+    off = abs(np.log(larger)) > current().noise.stated_off
+    return [b * larger if off or not known else b for b in base], tau
+
+
+def _without_meetings(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> np.ndarray:
+    """(T,) frames with no meeting of two bodies, or of one and a wall, within the frames of a polynomial about them.
+
+    All of them where that leaves less than half: bodies that go on touching press, and do not kink.
+    """
+    scene, every = recording.scene, np.ones(len(values), dtype=bool)
+    place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
+    bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
+    if not scene.laws_as("contact"):
+        return every
+    paths = {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
+    paths |= {b.id: np.array([b.initial[:2]]) for b in scene.bodies if not b.mobile and b.initial is not None}
+    near = np.zeros(len(values), dtype=bool)
+    for k, (name, xy) in enumerate(paths.items()):
+        radius = scene.body(name).radius
+        gaps = [(r := radius + scene.body(other).radius, np.linalg.norm(xy - at, axis=1) - r)
+                for other, at in list(paths.items())[k + 1 :] if len(xy) > 1 or len(at) > 1]  # fmt: skip
+        gaps += [(radius, gap_to_wall(xy, radius, wall, scene.periodic_x)) for wall in scene.walls if len(xy) > 1]
+        for size, gap in gaps:
+            # as near as it gets between two frames
+            step = np.abs(np.diff(gap, prepend=gap[:1]))
+            near |= gap < np.fmax(step, np.append(step[1:], 0.0)) + current().segments.near * size
+    around = np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
+    return every if around.sum() > len(values) / 2 else ~around
+
+
+def _without_outliers(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], smooth: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """The numbers (T, c) without single sightings that are no positions, and how many were taken out.
+
+    Where one coordinate of a body is off, the other is not believed either.
+    """
+    found = np.zeros(values.shape, dtype=bool)
+    for c, sigma in enumerate(sigmas):
+        seen = values[np.isfinite(values[:, c]), c]
+        estimate = estimate_noise(t[np.isfinite(values[:, c])], seen)
+        found[:, c] = outliers(t, values[:, c], max(sigma, estimate), smooth)
+    for body in dict.fromkeys(channel.body for channel in channels):
+        mine = [c for c, channel in enumerate(channels) if channel.body == body]
+        found[:, mine] = found[:, mine].any(axis=1, keepdims=True)
+    return np.where(found, np.nan, values), int(found.any(axis=1).sum())
+
+
+def _weighed_noise(
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
+    tau: float = 0.0,
+) -> tuple[list[float], bool, list[str]]:  # fmt: skip
+    """Sizes of the noise, whether what was stated is refuted by the recording itself, and what is to be said of it.
+
+    What neighbouring frames say is believed where all channels of a kind together are off by more than
+    ``stated_off``, and are told well enough.
+    """
+    result, refuted, notes = list(sigmas), False, list[str]()
+    if not known or tau:  # with the stamps the white part was weighed too
+        return result, bool(tau), notes
+    for kinds, what, unit in ((("x", "y"), "positions", "m"), (("angle",), "angles", "rad")):
+        ratios, told = [], 0
+        for c, channel in enumerate(channels):
+            seen = np.isfinite(values[:, c])
+            if channel.kind in kinds and seen.sum() >= current().noise.frames:
+                estimate = estimate_noise(t[seen], values[seen, c])
+                if estimate > 0:
+                    ratios.append(np.log(estimate / sigmas[c]))
+                    told += int(seen.sum())
+        if not ratios:
+            continue
+        off = float(np.median(ratios))
+        if abs(off) > max(current().noise.stated_off, current().noise.refutes / np.sqrt(2 * told)):
+            refuted = True
+            mine = [c for c, channel in enumerate(channels) if channel.kind in kinds]
+            for c in mine:
+                result[c] = sigmas[c] * float(np.exp(off))
+            notes.append(
+                f"noise of {what}: {sigmas[mine[0]]:.2g} {unit} was stated, neighbouring frames show "
+                f"{result[mine[0]]:.2g} {unit}, which is used"
+            )
+    return result, refuted, notes
+
+
+def choose_held_out(recordings: Sequence[Recording]) -> set[str]:
+    """Names of the recordings to hold out where the user named none: none below three.
+
+    Of recordings of the same bodies the last by name; where every recording has bodies of its own, the
+    bodies' parameters could not be known, so then the last 40 % of each are held out instead.
+    """
+    if len(recordings) < 3:
+        return set()
+    groups: dict[tuple, list[str]] = {}
+    for recording in recordings:
+        key = tuple((b.id, b.radius, b.mass) for b in recording.scene.bodies if b.mobile)
+        groups.setdefault(key, []).append(recording.name)
+    chosen: set[str] = set()
+    for names in groups.values():
+        names.sort()
+        if len(names) >= 2:
+            chosen |= set(names[-max(1, len(names) // 3) :])
+    return chosen
+
+
+def divided(
+    recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()
+) -> tuple[list[Recording], list[Recording]]:
+    """Recordings to learn from and held-out ones: as given, or as ``choose_held_out`` chooses.
+
+    Raises InputError where none is left to learn from.
+    """
+    if hold_out:
+        training, held = list(recordings), list(hold_out)
+    else:
+        names = choose_held_out(recordings)
+        training = [r for r in recordings if r.name not in names]
+        held = [r for r in recordings if r.name in names]
+    if not training:
+        raise InputError("every recording is held out: nothing is left to learn from")
+    return training, held
+
+
+def prepare_all(recordings: Sequence[Recording], hold_out: Sequence[Recording] = ()) -> list[Case]:
+    """Cases of all recordings, training first. Raises InputError where no training recording is left."""
+    training, held = divided(recordings, hold_out)
+    cases = [prepare(r, held_out=False, split=not held) for r in training]
+    cases += [prepare(r, held_out=True, split=False) for r in held]
+    for case in cases:
+        _check_enough(case)
+    return cases
+
+
+def _check_enough(case: Case) -> None:
+    """Raise InputError where the frames that may be used measure no more than the start of the bodies."""
+    pinned = {name for item in case.recording.scene.laws_as("pendulum") for name in item.bodies or ()}
+    # a place and a speed in each channel; a pinned body has one angle and its speed
+    of_start = sum(2 for c in case.channels if c.body not in pinned) + 2 * len(pinned & set(case.bodies))
+    frames, needed = (case.start, of_start) if case.held_out else (case.training, of_start + 1)
+    measured = int(np.isfinite(case.values[frames]).sum())
+    if measured >= needed:
+        return
+    if case.held_out:
+        part, why = f"first {current().split.start:.0%}", "its start is fitted on these frames alone"
+    elif frames.all():
+        part, why = "100 %", "they say nothing beyond it"
+    else:
+        part, why = f"first {current().split.training:.0%}", "they say nothing beyond it, and the rest is held out"
+    raise InputError(
+        f"the {part} of its time ({case.t[0]:.6g} to {case.t[frames][-1]:.6g} s) have {int(frames.sum())} frames with "
+        f"{measured} measured numbers, and the start alone has {of_start}: {why}. Are all time stamps right?",
+        file=case.recording.folder,
+        where=case.name,
+    )

@@ -1,0 +1,387 @@
+"""A hypothesis: the naive scene with some parameters free and some terms added; and what it predicts.
+
+A term is a law missing from the list (or a changed parameter, or a part of the camera) with free numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..engine import Simulation
+from ..errors import InputError, SimulationError
+from ..joints import hinged
+from ..laws import has_role
+from ..recording.camera import see
+from ..scene import Scene
+from .criteria import current
+from .data import Case
+from .start import StartBody, numbers_at, states, turning_angle
+
+NO_CAMERA: dict[str, Any] = {
+    "scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0, "middle": (0.0, 0.0),
+    "foreshortening": 1.0, "direction": 0.0,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number to be found. ``cases``: the names of the recordings it bears on (None: all)."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    first: float
+    scale: float
+    cases: frozenset[str] | None = None
+    neutral: float = 0.0  # where the term is absent
+    natural: bool = False  # its bounds are those of nature (a restitution of one), and may be the answer
+    inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
+    ordinary: float = 0.0  # distance from ``neutral`` up to which it is what laboratories are off by
+    prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
+
+
+@dataclass(frozen=True)
+class Term:
+    """Something added to the scene or the camera: ``apply(scene, camera, values)`` gives both changed."""
+
+    mechanism: str
+    label: str
+    free: tuple[Free, ...]
+    apply: Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
+    bodies: tuple[str, ...] | None = None
+    expression: str = ""
+    choices: Mapping[str, Any] = field(default_factory=dict)
+    groups: tuple[tuple[str, tuple[int, ...]], ...] = ()  # verdict parameter -> numbers that make it up
+    law: str = ""  # name of the law that it is made of
+    suited: bool = False  # its law is declared for an apparatus that the recordings have: it goes before its equals
+    fixed: Mapping[str, tuple[Any, str]] = field(default_factory=dict)  # value and unit of what the recording gives
+    special: bool = False  # a special fault of the apparatus: of equals with as many numbers the plain one is named
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Terms on top of the naive scene; ``dt`` is one for all, so that differences are smooth."""
+
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def free(self) -> tuple[Free, ...]:
+        return tuple(f for term in self.terms for f in term.free)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest of all free numbers, (p,) each."""
+        return np.array([f.low for f in self.free]), np.array([f.high for f in self.free])
+
+    @property
+    def believed(self) -> list[int]:
+        """Which numbers have a prior: those of the apparatus that are known, but not exactly."""
+        return [k for k, f in enumerate(self.free) if f.prior]
+
+    def priors(self, case: Case, values: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(k,) of the numbers with a prior that bear on a recording, how far they are off it in standard deviations.
+
+        Their squares belong to chi2. What several recordings share counts in each for its part.
+        """
+        found = [
+            (f.neutral - float(v)) / (f.prior * math.sqrt(len(f.cases or (case.name,))))
+            for v, f in zip(values, self.free, strict=True) if f.prior and (f.cases is None or case.name in f.cases)
+        ]  # fmt: skip
+        return np.array(found)
+
+    def with_term(self, *terms: Term) -> Hypothesis:
+        return Hypothesis(self.terms + terms)
+
+    def turns(self, case: Case) -> bool:
+        """Whether disks are made to spin, and spin matters to them: what one segment ends with the next begins with."""
+        return any(has_role(t.law, "spin") for t in self.terms) or bool(case.recording.scene.laws_as("spin"))
+
+    def scene(self, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Scene, Mapping[str, Any]]:
+        """Scene and camera of a recording under these values."""
+        scene: Scene = case.recording.scene
+        camera: Mapping[str, Any] = NO_CAMERA
+        at = 0
+        for term in self.terms:
+            mine = values[at : at + len(term.free)]
+            at += len(term.free)
+            if _bears_on(term, case):
+                scene, camera = term.apply(scene, camera, mine)
+        return scene, camera
+
+
+def _bears_on(term: Term, case: Case) -> bool:
+    return not term.free or any(f.cases is None or case.name in f.cases for f in term.free)
+
+
+def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
+    """One term for every ``[[adjustable]]`` of the recordings (each of its copies, per body or recording)."""
+    terms: dict[str, Term] = {}
+    for case in cases:
+        scene = case.recording.scene
+        for a in scene.adjustable:
+            parameter = scene.laws_named(a.law)[0].law.parameter(a.parameter)
+            if parameter.size != 1 or parameter.choices:
+                raise InputError("only a single number can be adjustable", where=f"adjustable {a.name}")
+            copies: list[tuple[str, tuple[str, ...] | None, frozenset[str]]]
+            if a.per == "recording":
+                copies = [(f"{a.name}@{case.name}", None, frozenset([case.name]))]
+            elif a.per == "body":
+                acting = [scene.bodies[k].id for u in scene.laws_named(a.law) for k in scene.rows(u)]
+                copies = [
+                    (f"{a.name}[{b}]", (b,), frozenset(c.name for c in cases if b in c.recording.scene.ids))
+                    for b in acting
+                ]
+            else:
+                copies = [(a.name, None, frozenset(c.name for c in cases if a in c.recording.scene.adjustable))]
+            for name, bodies, where in copies:
+                if name in terms:
+                    continue
+                first = float(np.clip(scene.resolved(scene.laws_named(a.law)[0])[a.parameter], a.low, a.high))
+                free = Free(name, parameter.unit, a.low, a.high, first, 1e-3 * (a.high - a.low), where)
+                terms[name] = Term(
+                    "adjustable", name, (free,), _set_parameter(a.name, bodies), bodies=bodies, expression=name
+                )
+    return tuple(terms.values())
+
+
+def _set_parameter(name: str, bodies: tuple[str, ...] | None):
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        present = None if bodies is None else [b for b in bodies if b in scene.ids]
+        return scene.with_parameter(name, float(values[0]), bodies=present), camera
+
+    return apply
+
+
+def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> str:
+    """An equation with its numbers: (name, value, unit) each."""
+
+    def said(value: Any) -> str:
+        if isinstance(value, list | tuple):
+            return "[" + ", ".join(said(v) for v in value) + "]"
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    shown = [f"{name} = {said(value)}" + (f" {unit}" if unit not in ("1", "") else "") for name, value, unit in numbers]
+    return f"{expression}; {', '.join(shown)}" if shown else expression
+
+
+ESCAPED = 1e9  # m: squares of what is farther off may overflow
+
+
+class Failed(Exception):
+    """A run that could not be finished: a reason, never a number in the likelihood."""
+
+
+@dataclass(frozen=True)
+class End:
+    """What a run ends with: the free numbers (m,) of the start that comes after, and the spins (n,) [rad/s]."""
+
+    numbers: np.ndarray
+    spin: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Beginning:
+    """With what a run begins, and the start that comes after it; see ``Predictor.run``."""
+
+    starts: tuple[StartBody, ...]
+    numbers: np.ndarray
+    t0: float
+    following: tuple[float, tuple[StartBody, ...]] | None
+    spin: np.ndarray | None
+
+
+@dataclass
+class Predictor:
+    """Simulates recordings under a hypothesis and looks at them as the camera does."""
+
+    dt: Mapping[str, float]
+    runs: int = 0
+    failures: list[str] = field(default_factory=list)
+    _last: _Last = field(default_factory=lambda: _Last(), repr=False)
+    _kept: _Kept = field(default_factory=lambda: _Kept(), repr=False)
+
+    def __call__(
+        self,
+        hypothesis: Hypothesis,
+        case: Case,
+        values: Sequence[float] | np.ndarray,
+        starts: tuple[StartBody, ...],
+        numbers: np.ndarray,
+        t0: float,
+        t: np.ndarray,
+    ) -> np.ndarray:
+        """Predicted channels (T, c) at frame times ``t``, the first of which is ``t0``. Raises Failed."""
+        return self.run(hypothesis, case, values, starts, numbers, t0, t)[0]
+
+    def run(
+        self,
+        hypothesis: Hypothesis,
+        case: Case,
+        values: Sequence[float] | np.ndarray,
+        starts: tuple[StartBody, ...],
+        numbers: np.ndarray,
+        t0: float,
+        t: np.ndarray,
+        following: tuple[float, tuple[StartBody, ...]] | None = None,
+        spin: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, End | None]:
+        """Predicted channels (T, c) at frame times ``t``, and the start that the run ends with. Raises Failed.
+
+        following : time [s] and description of a start that comes after;  spin : (n,) of the scene's bodies to begin
+        with [rad/s], none where not given
+        """
+        after = () if following is None else following[1]
+        numbered = [np.asarray(part, dtype=float).tobytes() for part in (values, numbers, () if spin is None else spin)]
+        terms = tuple(map(id, hypothesis.terms))
+        when = (t0, hash(t.tobytes()), following and following[0], self.dt[case.name])
+        key = (id(case), id(starts), id(after), *terms, *when, *numbered)
+        known = self._kept.get(key)
+        if known is None:
+            begin = _Beginning(starts, numbers, t0, following, spin)
+            known = self._ran(hypothesis, case, values, begin, t)
+            self._kept.put(key, (case, hypothesis.terms, starts, after), known)
+        return known[0].copy(), known[1]
+
+    def _ran(
+        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray, begin: _Beginning, t: np.ndarray
+    ) -> tuple[np.ndarray, End | None]:
+        """As ``run``, by a simulation."""
+        starts, numbers, t0 = begin.starts, begin.numbers, begin.t0
+        following, spin = begin.following, begin.spin
+        try:
+            scene, camera = self._scene(hypothesis, case, values)
+            offset = float(camera["time_offset"])
+            placed = states(starts, numbers, scene, t0 + offset)
+        except InputError as error:  # numbers that a search tried and no law takes
+            self.failures.append(f"{case.name}: {error}")
+            raise Failed(str(error)) from None
+        self.runs += 1
+        # angles of hinged bodies follow from the places of those that they hang from
+        rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]
+        times = np.maximum(t + offset, t0 + offset)
+        end = None
+        try:
+            with np.errstate(all="ignore"):
+                simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset, spin)
+                if following is None:
+                    xy = simulation.sample(times, rows)
+                else:
+                    xy = simulation.sample(np.append(times, following[0] + offset), rows)[:-1]
+                    end = _end_of(simulation, scene, *following, offset)
+        except (SimulationError, InputError) as error:
+            self.failures.append(f"{case.name}: {error}")
+            raise Failed(str(error)) from None
+        if not (np.abs(xy) < ESCAPED).all():  # so also where one is not a number
+            why = f"a body is not within {ESCAPED:g} m"
+            self.failures.append(f"{case.name}: {why}")
+            raise Failed(why)
+        seen = see(xy, **{key: value for key, value in camera.items() if key != "time_offset"})
+        at = {b: k for k, b in enumerate(case.bodies)}
+        out = np.empty((len(t), len(case.channels)))
+        for c, channel in enumerate(case.channels):
+            k = at[channel.body]
+            if channel.kind == "angle":
+                angle = turning_angle(xy, rows, scene, channel.body) + camera["tilt"]
+                # the same turn as the start that was asked for
+                first = next(s for s in starts if s.body == channel.body)
+                asked = numbers[_offset(starts, channel.body)] if first.free[0] else first.first[0]
+                out[:, c] = angle + 2 * np.pi * round((asked - angle[0]) / (2 * np.pi))
+            else:
+                out[:, c] = seen[:, k, 0 if channel.kind == "x" else 1]
+        return out, end
+
+    def _key(self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray) -> tuple[Any, ...]:
+        """What runs have in common that differ in the start alone."""
+        terms = tuple(map(id, hypothesis.terms))
+        return id(case), self.dt[case.name], terms, np.asarray(values, dtype=float).tobytes()
+
+    def _scene(
+        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray
+    ) -> tuple[Scene, Mapping[str, Any]]:
+        """Scene and camera under these values: the last ones where only the start is another, as all segments ask."""
+        key, last = self._key(hypothesis, case, values), self._last
+        if last.scene is None or last.scene[0] != key:
+            last.scene = key, (case, hypothesis.terms), hypothesis.scene(case, values)
+        return last.scene[2]
+
+    def _simulation(
+        self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,
+        spin: np.ndarray | None,
+    ) -> Simulation:  # fmt: skip
+        """A simulation that stands at its start: the last one begun again where only the start is another.
+
+        Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
+        """
+        key, last = self._key(hypothesis, case, values), self._last
+        begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
+        if last.key == key and last.simulation is not None:
+            last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
+            return last.simulation
+        whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
+        simulation = Simulation(whole, averaged=True, stretch=current().fits.stretch)
+        last.key = None
+        if simulation.mode == "verlet":
+            last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
+            if spin is not None:
+                simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
+        return simulation
+
+
+def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...], offset: float) -> End:
+    """The start at a time that the simulation has just reached, or is less than a step before."""
+    state = simulation.state()
+    ahead = time + offset - state.t
+    mass = np.array([b.mass for b in scene.bodies])
+    v = state.v + simulation.forces() / mass[:, None] * ahead
+    return End(numbers_at(starts, scene, state.xy + v * ahead, v), np.array(state.spin))
+
+
+KEPT = 2**25  # bytes of predictions
+
+
+class _Kept:
+    """The last runs: a fit begins where another ended, and ends where its derivatives were taken."""
+
+    def __init__(self) -> None:
+        self._runs: dict[Any, tuple[Any, tuple[np.ndarray, End | None]]] = {}
+        self._bytes = 0
+        self._lock = threading.Lock()
+
+    def get(self, key: Any) -> tuple[np.ndarray, End | None] | None:
+        with self._lock:
+            found = self._runs.get(key)
+        return None if found is None else found[1]
+
+    def put(self, key: Any, held: Any, run: tuple[np.ndarray, End | None]) -> None:
+        """``held``: what the key speaks of by id, so that nothing else gets it."""
+        with self._lock:
+            if key not in self._runs:
+                self._runs[key] = held, run
+                self._bytes += run[0].nbytes
+            while self._bytes > KEPT:
+                self._bytes -= self._runs.pop(next(iter(self._runs)))[1][0].nbytes
+
+
+class _Last(threading.local):
+    """The simulation and the scene that this thread used last, and what they were built for."""
+
+    key: tuple[Any, ...] | None = None
+    held: tuple[Any, ...] = ()  # what the key speaks of, so that nothing else gets its id
+    simulation: Simulation | None = None
+    scene: tuple[Any, Any, tuple[Scene, Mapping[str, Any]]] | None = None  # its key, what that speaks of, and camera
+
+
+def _offset(starts: tuple[StartBody, ...], body: str) -> int:
+    at = 0
+    for start in starts:
+        if start.body == body:
+            return at
+        at += int(start.free.sum())
+    raise KeyError(body)

@@ -1,0 +1,277 @@
+"""What may be missing where the bed is not seen, and how much of it a first run tries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...laws import Law, Parameter, all_laws
+from ...scene import Scene, use
+from ..candidates import applies
+from ..criteria import current
+from ..hypothesis import Free, Term
+from ..mechanisms import APPARATUS
+from ..swimmer_terms import swimmer_terms, tried_below
+from .summaries import Condition, Shim
+
+KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; those of a chain: ``swimmer_terms``
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A candidate and the points at which it is run first.
+
+    design : (n, n) rows are amounts (value less neutral) of its n numbers; empty for the apparatus, which needs
+    no runs;  extent : the class of bodies it acts on, for the verdict
+    other : times the first amount, where else to look for one that shows: at the size that the units tell
+    """
+
+    term: Term
+    design: np.ndarray
+    extent: tuple[str, ...]
+    other: float | None = None
+
+    @property
+    def name(self) -> str:
+        return self.term.mechanism
+
+    @property
+    def label(self) -> str:
+        return self.term.label
+
+    @property
+    def apparatus(self) -> bool:
+        return self.term.mechanism in APPARATUS
+
+    @property
+    def neutral(self) -> np.ndarray:
+        return np.array([f.neutral for f in self.term.free])
+
+    @property
+    def size(self) -> int:
+        return len(self.term.free)
+
+    def scaled(self, factor: float) -> Candidate:
+        """The same, first tried at another amount, inside its bounds."""
+        criteria = current().packings
+        design = self.design * factor
+        for k, f in enumerate(self.term.free):
+            room = (f.low - f.neutral, f.high - f.neutral)
+            design[:, k] = np.clip(design[:, k], criteria.inside * room[0], criteria.inside * room[1])
+        return replace(self, design=design)
+
+
+def candidates_of(conditions: Sequence[Condition]) -> list[Candidate]:
+    """Apparatus first, then laws on bodies and pairs, then what the swimmer itself may have."""
+    recordings = {c.recording.name: c.recording for c in conditions}
+    shims = [Shim(r) for r in recordings.values()]
+    scenes = [c.scene for c in conditions]
+    found = _camera(conditions)
+    found += _contacts(scenes[0], {a.name for s in shims for a in s.recording.scene.adjustable})
+    found += _fields(conditions, shims)
+    for term in swimmer_terms(scenes):
+        # the side on which there is room: a joint gets weaker, a limit comes nearer
+        below = tried_below(term)
+        amounts = [0.4 * f.scale if below else f.scale for f in term.free]
+        signs = [-1.0 if below or f.neutral >= f.high else 1.0 for f in term.free]
+        whole = term.bodies is None or len(term.bodies) == len(scenes[0].chains[0])
+        bodies = ("swimmer",) if whole else tuple(term.bodies or ())
+        found.append(Candidate(term, np.diag([a * s for a, s in zip(amounts, signs, strict=True)]), bodies))
+    return found
+
+
+def _camera(conditions: Sequence[Condition]) -> list[Candidate]:
+    def put(key: str):
+        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+            return scene, {**camera, key: float(values[0])}
+
+        return apply
+
+    rows = [("camera_scale", "scale", "1", 0.5, 2.0, 1.0, 1e-2, "seen = s true", "s")]
+    if any(not c.any_view.curve for c in conditions):
+        rows += [
+            ("camera_tilt", "tilt", "rad", -0.8, 0.8, 0.0, 1e-2, "seen = R(+angle) true", "angle"),
+            ("time_offset", "time_offset", "s", -0.2, 0.2, 0.0, 1e-3,
+             "a frame stamped t shows the state at t + offset", "offset"),
+        ]  # fmt: skip
+    return [
+        Candidate(
+            Term(name, name, (Free(f"camera.{key}", unit, low, high, neutral, scale, None, neutral),), put(key),
+                 expression=expression, groups=((said, (0,)),)),
+            np.zeros((0, 0)), (),
+        )
+        for name, key, unit, low, high, neutral, scale, expression, said in rows
+    ]  # fmt: skip
+
+
+def _contacts(scene: Scene, adjustable: set[str]) -> list[Candidate]:
+    """Contacts that lose more, or less, than believed."""
+    found = []
+    for use_ in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        name = f"{use_.name}.{use_.law.loses}"
+        if use_.law.kind != "pair" or name in adjustable:
+            continue
+        believed = float(use_.values[use_.law.loses])
+
+        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray, name: str = name):
+            return scene.with_parameter(name, float(values[0])), camera
+
+        first = believed if believed > 0 else 1e4
+        free = Free(name, "1/s", 0.0, math.inf, believed, first, None, believed)
+        term = Term("restitution", f"restitution ({name})", (free,), apply, expression=use_.law.expression,
+                    groups=(("damping", (0,)),))  # fmt: skip
+        found.append(Candidate(term, np.array([[first]]), ("swimmer", "grains")))
+    return found
+
+
+def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Candidate]:
+    """Every named law on bodies and pairs, from its declaration; a user's own are among them."""
+    scale = natural_scale(conditions)
+    found = []
+    for law in all_laws().values():
+        if law.candidate != "named" or law.kind not in KINDS or not law.strength:
+            continue
+        if any(c.scene.laws_named(law.name) for c in conditions):
+            continue  # it is known already; its strength is the adjustables' business
+        if not applies(law, shims):  # type: ignore[arg-type]
+            continue
+        if law.role == "medium":
+            found.append(_flow_candidate(law, scale))
+            continue
+        free: list[Free] = []
+        groups = []
+        for name in law.strength:
+            p = law.parameter(name)
+            at, size = len(free), _declared(law, p) or scale(p)
+            free += [
+                Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, size, None, p.neutral)
+                for argument in p.arguments
+            ]
+            groups.append((name, tuple(range(at, len(free)))))
+        amounts = [_inward(f) for f in free]
+        if not all(amounts):
+            continue  # its bounds hold it where it is absent
+        term = Term(
+            law.mechanism, law.name, tuple(free), _Adder(law), expression=law.expression, groups=tuple(groups),
+            choices=_fixed(law),
+        )  # fmt: skip
+        declared = _declared(law, law.parameter(law.strength[0]))
+        other = scale(law.parameter(law.strength[0])) / declared if declared else None
+        found.append(Candidate(term, np.diag(amounts), ("swimmer", "grains"), other))
+    return found
+
+
+def _declared(law: Law, p: Parameter) -> float | None:
+    """The size that a user's own law declares as typical; sizes of the package's laws follow from the bed."""
+    return None if law.shipped or not p.typical else abs(float(p.typical))
+
+
+def _inward(free: Free) -> float:
+    """The amount of a first try, on the side of neutral with room for it, inside the bounds; 0 where there is none."""
+    up, down = free.high - free.neutral, free.neutral - free.low
+    if up >= free.scale or up >= down:
+        return min(free.scale, current().packings.inside * up)
+    return -min(free.scale, current().packings.inside * down)
+
+
+Scale = Callable[[Parameter], float]
+
+
+def natural_scale(conditions: Sequence[Condition]) -> Scale:
+    """The size of a parameter that tells on the motion, from its unit alone.
+
+    Mass M of the mean grain, time T = 1/(1.5 f), length L = u T with u the swimmer's typical speed sideways: a force
+    of M L/T^2 stops a grain at that speed within a tenth of a cycle. Numbers without a unit: what the law declares as
+    typical. Amounts are tried and scaled afterwards, see ``search.scaled_candidates``.
+    """
+    scene = conditions[0].scene
+    bed = scene.bed
+    if bed is not None:
+        a, b = bed.grain_diameter
+        mass = bed.density * math.pi / 6 * ((b**4 - a**4) / (4 * (b - a)) if b > a else a**3)
+    else:
+        mass = float(np.mean([b.mass for b in scene.bodies if b.role == "grain"]))
+    frequency = float(np.mean([c.frequency for c in conditions]))
+    length = sum(2 * scene.bodies[k].radius for k in scene.chains[0])
+    amplitude = abs(float(scene.laws_as("stroke")[0].values["amplitude"])) or 1.0
+    speed = 0.15 * amplitude * 2 * math.pi * frequency * length
+    time = 1 / (1.5 * frequency)
+
+    def size(p: Parameter) -> float:
+        powers = dimension(p.unit)
+        if powers is None or powers == (0, 0, 0):
+            return abs(p.typical or 0.1)
+        return float(mass ** powers[0] * (speed * time) ** powers[1] * time ** powers[2])
+
+    return size
+
+
+def dimension(unit: str) -> tuple[float, float, float] | None:
+    """Powers of kg, m and s in a unit such as "kg/s", "N m", "m/s^2"; rad and 1 have none; None for other units."""
+    known = {
+        "kg": (1, 0, 0), "m": (0, 1, 0), "s": (0, 0, 1), "N": (1, 1, -2), "J": (1, 2, -2), "Pa": (1, -1, -2),
+        "Hz": (0, 0, -1), "rad": (0, 0, 0), "1": (0, 0, 0), "": (0, 0, 0),
+    }  # fmt: skip
+    total = [0.0, 0.0, 0.0]
+    for k, part in enumerate(unit.replace("*", " ").split("/")):
+        for factor in part.strip("() ").split():
+            base, _, power = factor.partition("^")
+            if base not in known:
+                return None
+            times = (float(power) if power else 1.0) * (1 if k == 0 else -1)
+            for axis in range(3):
+                total[axis] += times * known[base][axis]
+    return total[0], total[1], total[2]
+
+
+def _flow_candidate(law: Law, scale: Scale) -> Candidate:
+    """Linear in c and in the push c u: u itself means nothing where c is zero."""
+    c0 = scale(law.parameter("c"))
+    push = c0 * 0.3 * scale(law.parameter("u"))
+    free = (
+        Free(f"{law.name}.c", "kg/s", 0.0, math.inf, 0.0, c0),
+        *[Free(f"{law.name}.push_{k}", "N", -math.inf, math.inf, 0.0, push) for k in "xy"],
+    )
+    term = Term(law.mechanism, law.name, free, partial(_flow, law), expression=law.expression,
+                groups=(("c", (0,)), ("push", (1, 2))))  # fmt: skip
+    design = np.array([[c0, 0.0, 0.0], [c0, push, 0.0], [c0, 0.0, push]])
+    return Candidate(term, design, ("swimmer", "grains"))
+
+
+def _fixed(law: Law) -> dict[str, Any]:
+    """Numbers of a law that are not looked for here, at their usual sizes."""
+    fixed: dict[str, Any] = {}
+    for p in law.parameters:
+        if p.name in law.strength:
+            continue
+        if p.choices:
+            fixed[p.name] = p.default if p.default is not None else p.choices[0]
+        elif p.typical is not None and p.size == 1:
+            fixed[p.name] = float(p.typical)
+    return fixed
+
+
+class _Adder:
+    """Adds a law with its strengths, the rest at usual sizes."""
+
+    def __init__(self, law: Law) -> None:
+        self.law, self.fixed = law, _fixed(law)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        given = dict(self.fixed)
+        at = 0
+        for name in self.law.strength:
+            n = self.law.parameter(name).size
+            given[name] = float(values[at]) if n == 1 else tuple(float(v) for v in values[at : at + n])
+            at += n
+        return scene.with_laws(use(self.law, **given)), camera
+
+
+def _flow(law: Law, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+    c = max(float(values[0]), 1e-15)
+    return scene.with_laws(use(law, c=c, u=(float(values[1]) / c, float(values[2]) / c))), camera

@@ -1,0 +1,460 @@
+"""From gains to laws: leaders refitted by simulation, pairs, what they explain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import stats
+
+from ...laws import all_laws
+from ..criteria import current
+from ..explained import Explained
+from ..mechanisms import UNKNOWN
+from ..significance import at_alarm, price
+from ..simpler import all_absent, ended_at_bound, special_cases
+from .candidates import Candidate
+from .response import Fit, fit, spread_of, whitened
+from .search import (
+    NAIVE,
+    Bank,
+    Search,
+    Trial,
+    arrived,
+    base_point,
+    counts,
+    extended,
+    model_of,
+    refit,
+    rounded,
+)
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place along the body where prediction and recording differ.
+
+    p : probability that the largest of all places looked at is as large where nothing is missing;  z : its normal
+    score, one-sided;  phase : the part of the drive's cycle, 0..1
+    """
+
+    joint: int | None  # None: the swimmer as a whole (its drift, or the mean speed)
+    z: float
+    p: float
+    phase: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The form without a name: the mean shift of all numbers, as the other recordings show it."""
+
+    mechanism: str = UNKNOWN
+    label: str = "a mean shift of all numbers"
+
+
+@dataclass
+class Finding:
+    """The laws that are told, and the scene with them.
+
+    label : of its runs;  true : whether those have the scene's own contacts
+    train, held : errors by model, see ``HeldOut``;  wilder : see ``wilder_there``
+    """
+
+    search: Search
+    found: list[Trial]
+    revised: Fit
+    label: str
+    true: bool
+    train: dict[str, float | None] = field(default_factory=dict)
+    held: dict[str, float | None] = field(default_factory=dict)
+    wilder: float = 1.0
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values of the adjustables in the revised scene."""
+        return rounded(self.revised.u[: len(self.search.adjust)])
+
+    def extra(self) -> list[tuple]:
+        """(term, values) of the laws found, the apparatus left out."""
+        return extra_of(self.search, self.found, self.revised)
+
+    def camera(self) -> dict[str, float]:
+        return {name: float(self.revised.u[k]) for k, name in enumerate(self.revised.model.camera) if name is not None}
+
+    def own(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+        """A found law's numbers in the revised fit, and their covariance, see ``Fit.told``."""
+        at = len(self.search.adjust)
+        for t in self.found:
+            if t is trial:
+                break
+            at += t.candidate.size
+        n = trial.candidate.size
+        f = self.revised
+        student = float(stats.t.ppf(0.975, max(f.dof, 2))) / 1.96
+        return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
+
+
+def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
+    """(term, values) of laws in a fit, the apparatus left out."""
+    at = len(s.adjust)
+    result = []
+    for t in found:
+        if not t.candidate.apparatus:
+            result.append((t.candidate.term, rounded(fitted.u[at : at + t.candidate.size])))
+        at += t.candidate.size
+    return result
+
+
+# ---- the search -----------------------------------------------------------------------------------
+
+
+def named_laws(
+    s: Search, bank: Bank, open_: Sequence[Trial], candidates: Sequence[Candidate]
+) -> tuple[list[Trial], Fit | None, list[tuple[Trial, bool]]]:
+    """Leaders refitted by simulation: one law or two, their fit, and laws that come near, with whether they do as well.
+
+    No law, and None, where none of them stands beyond the nulls. ``open_``: candidates in question, best first.
+    """
+    criteria = current().packings
+    leaders = _refitted_leaders(s, open_)
+    assert s.nulls is not None
+    threshold = max(at_alarm(s.nulls.best), 8.0)
+    leaders = [t for t in leaders if sensible(s, t)]
+    if not leaders or leaders[0].worth < threshold:
+        return [], None, []
+    same = [t for t in leaders if _alike(s, leaders[0], t)]
+    chosen = min(same, key=lambda t: (t.candidate.size, not t.candidate.apparatus, -t.gain))
+    chosen = plainer(s, chosen, leaders)
+    found, revised = [chosen], chosen.fit
+    pair = _pair(s, bank, chosen, candidates)
+    if pair is not None:
+        found, revised = pair
+    names = {f.mechanism for f in found}
+    curves = all(c.any_view.curve for c in s.training)
+    rivals = [
+        (t, _alike(s, chosen, t) or (curves and t.gain > criteria.of_a_class * chosen.gain))
+        for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
+    ]  # fmt: skip
+    if curves:
+        # a few speeds say one thing only: whatever explains it to first order is of the same class
+        rivals += [
+            (_to_first_order(s, t), True) for t in open_
+            if t.fit is None and t.gain > criteria.of_a_class * open_[0].gain and t.mechanism != chosen.mechanism
+        ]  # fmt: skip
+    return found, revised, _once(rivals)
+
+
+def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
+    """What comes near the best, refitted by simulation, best first; signatures are not linear."""
+    best = open_[0].gain
+    leaders = [t for t in open_ if t.gain > 0.3 * best or (t.candidate.apparatus and t.gain > 0.15 * best)]
+    leaders = leaders[: 2 * s.sizes.leaders]
+    for k, t in enumerate(leaders):
+        again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
+    leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
+    for k, t in enumerate(leaders):
+        if not _in_reach(s, leaders[0], t) and not _is_there(s, t) and _may_yet_lead(leaders[0], t):
+            # its runs were not where its fit is: what it gains there is not known yet
+            again(s, t, 0.72 + 0.02 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
+    leaders.sort(key=lambda t: -t.worth)
+    settled: set[str] = set()
+    while leaders:
+        # whoever comes near the best has to be known as well as the best
+        near = [t for t in leaders if _in_reach(s, leaders[0], t)]
+        rest = [t for t in near[: s.sizes.leaders] if t.candidate.label not in settled]
+        if not rest:
+            break
+        again(s, rest[0], 0.74 + 0.04 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
+        settled.add(rest[0].candidate.label)
+        leaders.sort(key=lambda t: -t.worth)
+    dueled: set[str] = set()
+    for t in leaders[1:3]:
+        if leaders[0].worth - t.worth < current().verdict.same + 2 * _noise(s, leaders[0], t):
+            # the error of the simulated means is what keeps these two together: more runs of both
+            for one in (leaders[0], t):
+                if one.candidate.label not in dueled:
+                    again(s, one, 0.79, 1, s.sizes.duel)
+                    dueled.add(one.candidate.label)
+    return sorted(leaders, key=lambda t: -t.worth)
+
+
+def _in_reach(s: Search, best: Trial, other: Trial) -> bool:
+    """Whether the error of the runs may be what keeps a law below the best."""
+    reach = current().packings.reach * _noise(s, best, other)
+    return best.worth - other.worth < current().verdict.same + reach
+
+
+def _may_yet_lead(best: Trial, other: Trial) -> bool:
+    behind = current().packings.behind * best.worth
+    return best.worth - other.worth < behind + current().verdict.same
+
+
+def _is_there(s: Search, t: Trial) -> bool:
+    """Whether a law was run at the numbers that it is fitted with."""
+    if t.fit is None or t.candidate.apparatus:
+        return True
+    own = slice(len(s.adjust), None)
+    off, away = np.abs(t.fit.u - t.fit.model.centre)[own], t.values() - t.candidate.neutral
+    return arrived(off, np.sqrt(np.diag(t.fit.covariance)[own]), away)
+
+
+def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:
+    """The law that a richer one becomes where the numbers that it adds are none within their intervals (contract).
+
+    A flow of no speed is drag in still air. The law itself where they are not, or where the other does not stand.
+    """
+    plain = None if found.fit is None else _nested(s, found.candidate, found.fit, len(s.adjust))
+    if plain is None:
+        return found
+    if plain not in leaders or not plain.refitted:
+        again(s, plain, 0.8, 2, s.sizes.leader)
+    if plain.fit is None or not sensible(s, plain):
+        return found
+    s.notes.append(f"{found.candidate.name}: what it adds to {plain.candidate.name} is none within its intervals")
+    return plain
+
+
+def _nested(s: Search, x: Candidate, found: Fit, at: int) -> Trial | None:
+    """The trial of the law that x is where all its numbers but the first are neutral; None where they are not.
+
+    found : a fit in which the numbers of x begin at ``at``
+    """
+    names = special_cases(x.name)
+    added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.size))
+    if not names or not all_absent(added):
+        return None
+    return next((t for t in s.trials if t.candidate.name in names and not t.reason), None)
+
+
+def _to_first_order(s: Search, t: Trial) -> Trial:
+    """A trial with the fit that its signature gives, where it was not simulated again."""
+    model = model_of(s, [t.candidate])
+    if model is not None:
+        t.fit = fit(model, s.means, s.training)
+    return t
+
+
+def sensible(s: Search, t: Trial) -> bool:
+    """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
+    assert t.fit is not None
+    ended = ended_at_bound(zip(t.candidate.term.free, map(float, t.values()), strict=True))
+    if ended is not None:
+        s.notes.append(f"{t.candidate.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
+        return False
+    value = float(t.values()[0])
+    if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
+        s.notes.append(f"{t.candidate.label} is no explanation: {t.candidate.term.free[0].name} would be {value:.3g}")
+        return False
+    return True
+
+
+def _noise(s: Search, a: Trial, b: Trial) -> float:
+    """Standard deviation of the difference of two objectives that comes from the error of their simulated means."""
+    if a is b or a.fit is None or b.fit is None:
+        return 0.0
+
+    def own(t: Trial) -> float:
+        """Variance of what its own runs put into chi2, in units of 4: chi2 times that of the mean."""
+        assert t.fit is not None
+        shares = []
+        for c in s.training:
+            points = t.fit.model.sums(c.name, t.fit.u)
+            found = s.means.mean[c.name]
+            # what both share, the naive runs and those of the recalibrated scene, drops out of the difference
+            apart = [p for p in points if p[0] not in (NAIVE, base_point(s))]
+            shares.append(sum(points[p] ** 2 / found[p][1] for p in apart))
+        return t.fit.chi2 * float(np.mean(shares))
+
+    return 2.0 * math.sqrt(max(own(a) + own(b), 0.0))
+
+
+def _one_and_the_same(a: str, b: str) -> bool:
+    """Whether two mechanisms are one where only the drive depends on time: what differs is the error of the runs."""
+    laws = all_laws()
+    return any(one in laws and other in laws[one].same_as for one, other in ((a, b), (b, a)))
+
+
+def _alike(s: Search, best: Trial, other: Trial) -> bool:
+    """Whether these data, and the runs that were done, cannot tell the other law from the best."""
+    if _one_and_the_same(best.mechanism, other.mechanism):
+        return True
+    return best.worth - other.worth < current().verdict.same + _noise(s, best, other)
+
+
+def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
+    """The best of each mechanism, in order."""
+    best: dict[str, tuple[Trial, bool]] = {}
+    for trial, same in rivals:
+        best.setdefault(trial.candidate.name, (trial, same))
+    return list(best.values())
+
+
+def again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
+    """Refit a trial by simulation, from where it stands."""
+    found, done, reason = refit(s, [t.candidate], share, rounds, count, t.fit)
+    t.refitted += done
+    if found is not None and (done or t.fit is None):
+        t.fit = found
+    elif found is None:
+        t.reason = reason
+    _level(s)
+
+
+def _level(s: Search) -> None:
+    """Every run tells more of the spread: base and trials are fitted again with what is known of it now."""
+    s.base = fit(s.base.model, s.means, s.training)
+    for t in s.trials:
+        if t.fit is not None:
+            t.fit = fit(t.fit.model, s.means, s.training)
+            t.gain = s.base.objective - t.fit.objective
+
+
+# ---- two laws ---------------------------------------------------------------------------------------
+
+
+def pair_gains(bank: Bank, candidates: Sequence[Candidate]) -> list[tuple[float, Candidate, Candidate]]:
+    """First-order gain of all pairs from the normal equations, best first; none where a bound forbids a sign."""
+    left = bank.left - bank.adjust @ (bank.adjust.T @ bank.left)
+    result = []
+    for i, a in enumerate(candidates):
+        for b in candidates[i + 1 :]:
+            if a.name == b.name:
+                continue
+            columns = np.hstack([bank.columns[a.label], bank.columns[b.label]])
+            amounts, *_ = np.linalg.lstsq(columns, left, rcond=None)
+            if any(
+                x.size == 1 and not bank.signs[x.label][0] <= v <= bank.signs[x.label][1]
+                for x, v in ((a, amounts[0]), (b, amounts[-1]))
+            ):
+                continue
+            result.append((float(left @ columns @ amounts), a, b))
+    return sorted(result, key=lambda item: -item[0])
+
+
+def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) -> tuple[list[Trial], Fit] | None:
+    """Two laws, where each earns its price beside the other; refitted together by simulation."""
+    assert first.fit is not None
+    alive = [x for x in candidates if counts(bank, x)]
+    cost = price(max(len(alive), 2))
+    tried: list[tuple[float, list[Candidate], Fit | None]] = []
+    for x in alive:
+        if x.name == first.candidate.name or _one_and_the_same(x.name, first.mechanism):
+            continue
+        both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
+        tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.candidate, x], both))
+    for gain, a, b in pair_gains(bank, alive)[:1]:
+        if first.candidate.label not in (a.label, b.label):
+            tried.append((gain - first.gain - 2 * (a.size + b.size - 2), [a, b], None))
+    tried.sort(key=lambda item: -item[0])
+    for gain, pair, start in tried[:2]:
+        if gain < cost:
+            break
+        found, _, why = refit(s, pair, 0.81, 2, s.sizes.leader, start)
+        if found is None or why:
+            continue
+        simpler = _simpler(s, pair, found)
+        if simpler != pair:
+            pair = simpler
+            found, _, why = refit(s, pair, 0.82, 2, s.sizes.leader)
+            if found is None or why:
+                continue
+        _level(s)
+        found = fit(found.model, s.means, s.training)
+        assert first.fit is not None
+        if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1) or not _earned(s, pair, found, cost):
+            continue
+        gains = first.fit.objective - found.objective
+        known = {t.candidate.label: t for t in s.trials}
+        trials = [replace(known[x.label], fit=found, gain=first.gain + gains, refitted=2) for x in pair]
+        return trials, found
+    return None
+
+
+def _simpler(s: Search, pair: list[Candidate], found: Fit) -> list[Candidate]:
+    """The laws, each that is a simpler one within its intervals as that one; the same where that is there already."""
+    at = len(s.adjust)
+    result: list[Candidate] = []
+    for x in pair:
+        plain = _nested(s, x, found, at)
+        at += x.size
+        other = x if plain is None else plain.candidate
+        result.append(x if other.name in {o.name for o in (*pair, *result)} else other)
+    return result
+
+
+def _earned(s: Search, laws: Sequence[Candidate], found: Fit, cost: float) -> bool:
+    """Whether each law of a set is as far from its absence as its price asks."""
+    at = len(s.adjust)
+    for x in laws:
+        away = found.u[at : at + x.size] - x.neutral
+        own = found.covariance[at : at + x.size, at : at + x.size]
+        if float(away @ np.linalg.pinv(own) @ away) < cost:
+            return False
+        at += x.size
+    return True
+
+
+# ---- what is explained ------------------------------------------------------------------------------
+
+
+def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
+    """Share of the misfit explained by a fit, and by a form without a name.
+
+    Of several recordings each is predicted by a fit to the others; of one, degrees of freedom are taken off. S_floor is
+    that of the nulls. The form without a name is the mean shift of all numbers in the other recordings, None where
+    there are none.
+    """
+    criteria = current().packings
+    assert s.nulls is not None
+    n = s.base.count
+    floor = float(s.nulls.left.mean()) / max(n - len(s.base.u), 1)
+    wide = float(s.nulls.left.std()) / n
+    before = float((_unseen(s, s.base) ** 2).mean())
+    rng = np.random.default_rng(s.runner.seed)
+
+    def drawn(mean: float) -> np.ndarray:
+        """Mean squares above the floor that other packings would give: of a chi2 that is not central."""
+        size = math.sqrt(2 + 4 * max(mean - floor, 0.0))
+        return mean - floor + rng.normal(size=criteria.resamples) * size / math.sqrt(n)
+
+    def share(after: np.ndarray | float, before: np.ndarray | float) -> np.ndarray:
+        return np.minimum(1 - np.asarray(after) / np.maximum(before, 1e-9), 1.0)
+
+    def told(after: float) -> Explained:
+        low, high = np.quantile(share(drawn(after), drawn(before)), [0.025, 0.975])
+        value, left, left_before = float(share(after - floor, before - floor)), after - floor, before - floor
+        return Explained(
+            value, float(low), float(high), left, left_before, left_before >= current().verdict.beyond * wide, wide
+        )
+
+    named = told(float((_unseen(s, revised) ** 2).mean()))
+    free = _free_form(s)
+    return named, None if free is None else told(float((free**2).mean()))
+
+
+def _unseen(s: Search, found: Fit) -> np.ndarray:
+    """(n,) residuals in units of their spread, of each recording by a fit to the others."""
+    if len(s.training) < 2 or any(c.any_view.curve for c in s.training):
+        freedom = max(found.count - len(found.u), 1)
+        return whitened(found) * math.sqrt(found.count / freedom)
+    rows = []
+    for c in s.training:
+        others = fit(found.model, s.means, [o for o in s.training if o is not c], start=found.u)
+        mean, variance = found.model.predict(s.means, c, others.u)
+        rows.append(np.linalg.solve(np.linalg.cholesky(spread_of(s.means, c, variance, c.error)), c.seen - mean))
+    return np.concatenate(rows)
+
+
+def _free_form(s: Search) -> np.ndarray | None:
+    """(n,) residuals that are left where each recording is shifted as the others are, None for one or for curves."""
+    if len(s.training) < 2 or len({len(c.seen) for c in s.training}) > 1 or any(c.any_view.curve for c in s.training):
+        return None
+    rows = []
+    for c in s.training:
+        others = [s.base.left[o.name][0] for o in s.training if o is not c]
+        r, v = s.base.left[c.name]
+        v = v * (1 + 1 / len(others))
+        rows.append(np.linalg.solve(np.linalg.cholesky(v), r - np.mean(others, axis=0)))
+    return np.concatenate(rows)

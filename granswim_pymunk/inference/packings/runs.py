@@ -1,0 +1,241 @@
+"""Runs of a swimmer in packed beds, kept on disk by the hash of their scene: an interrupted diagnosis goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...engine import Simulation, advise_dt, softened
+from ...engine.advice import contact_duration
+from ...errors import InputError, SimulationError
+from ...packing import pack
+from ...scene import Scene
+from ...storage import cache_folder
+from ..kept import load_array, store_array
+from ..threads import ContextPool
+from .summaries import Condition
+
+SOFTER = 25.0  # contacts are softer by this at most in runs that only give differences; restitution stays the same
+STROKE = 450.0  # contacts that a cycle of the drive is long, at least, where they are softer
+FIRST_SEED = 700_001  # of the packings of a diagnosis: unlikely to be that of a simulated recording
+CODE = 3  # part of the cache's key
+PER_CONTACT = 10.0  # steps that a contact lasts
+BODY_STEP = 1.4e-8  # s of a core that a step of one body takes, about
+START_UP = 0.15  # s of a core that a run takes to begin
+COARSER = 4.0  # than advised, the step of all other laws where contacts are soft: 25 a period of the union
+
+Change = Callable[[Scene], Scene]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: a condition under a change of its scene, in one packing. ``label`` names the change.
+
+    part : the run ends with the training part: candidates that are only screened predict nothing that is held out
+    """
+
+    condition: Condition
+    label: str
+    change: Change
+    number: int  # of the packing
+    soft: bool
+    part: bool = False
+
+    @property
+    def key(self) -> tuple[str, str, bool]:
+        """The scene of a condition that this is a run of."""
+        return self.condition.name, self.label, self.soft
+
+    @property
+    def frames(self) -> np.ndarray:
+        """(k,) times [s] at which the run is looked at: all of the condition's, or those up to the held-out part."""
+        every = self.condition.frames
+        return every[: self.condition.learnt] if self.part else every
+
+
+@dataclass
+class Runner:
+    """Does runs in threads and remembers them on disk.
+
+    ``tracks`` maps (condition, label, soft) to {packing: (T, n, 2) [m]}, NaN after the end of a run of the training
+    part alone. A scene of which one run fails is not used; ``failures`` has the reason.
+    """
+
+    seed: int = 0
+    workers: int = 2
+    tracks: dict[tuple[str, str, bool], dict[int, np.ndarray]] = field(default_factory=dict)
+    failures: dict[tuple[str, str, bool], dict[int, str]] = field(default_factory=dict)
+    runs: int = 0
+    cached: int = 0
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _packed: dict[tuple[str, int], Scene] = field(default_factory=dict)
+    _dt: dict[tuple[str, bool], float] = field(default_factory=dict)
+
+    def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
+        """Seconds of a run on one core, about: told from its size, so that plans repeat; ``part``: see ``Job``."""
+        scene = self.packed(condition, 0)
+        duration = float(condition.frames[condition.learnt - 1 if part else -1]) - scene.time.start
+        return START_UP + BODY_STEP * len(scene.bodies) * duration / self.time_step(condition, soft)
+
+    def do(self, jobs: Sequence[Job], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
+        """Do what is not done yet. Ctrl-C keeps what is finished."""
+        # longer ones last: of a run that is asked for twice they stay
+        wanted = sorted((j for j in jobs if not self.done(j)), key=lambda j: not j.part)
+        todo = {(*j.key, j.number): j for j in wanted}
+        if not todo:
+            return
+        with ContextPool(self.workers) as pool:
+            waiting: set[Future[None]] = set()
+            done, queue = 0, list(todo.values())[::-1]
+            try:
+                while queue or waiting:
+                    while queue and len(waiting) < self.workers + 1:
+                        waiting.add(pool.submit(self._one, queue.pop()))
+                    finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        future.result()
+                        done += 1
+                    tell(done, len(todo))
+            except BaseException:
+                for future in waiting:
+                    future.cancel()
+                raise
+
+    def reason(self, label: str, soft: bool = True) -> str:
+        """Why runs of a scene failed, the first reason by recording and packing; empty where none did."""
+        found = sorted((key[0], *k) for key, why in self.failures.items() if key[1:] == (label, soft)
+                       for k in why.items())  # fmt: skip
+        return found[0][2] if found else ""
+
+    def values(self, condition: Condition, label: str, soft: bool) -> np.ndarray | None:
+        """(k, T, n, 2) tracks of all packings done, None where there are none."""
+        found = self.tracks.get((condition.name, label, soft))
+        return np.array([found[k] for k in sorted(found)]) if found else None
+
+    def done(self, job: Job) -> bool:
+        """Whether a run, at least as long, is there or failed."""
+        if job.number in self.failures.get(job.key, {}):
+            return True
+        found = self.tracks.get(job.key, {}).get(job.number)
+        return found is not None and (job.part or bool(np.isfinite(found[-1]).all()))
+
+    def _one(self, job: Job) -> None:
+        frames = job.frames
+        try:
+            scene = job.change(self.packed(job.condition, job.number))
+            if job.soft:
+                scene = _soft(scene)
+            scene = replace(scene, time=replace(scene.time, dt=self.time_step(job.condition, job.soft)))
+            file = self._file(scene, frames, job.condition.rows)
+            xy = load_array(file, (len(frames), len(job.condition.rows), 2))
+            new = xy is None or not np.isfinite(xy).all()
+            if new:
+                with np.errstate(all="ignore"):
+                    xy = Simulation(scene).sample(frames, list(job.condition.rows))
+                if not np.isfinite(xy).all():
+                    raise SimulationError("a position is not finite")
+                store_array(file, xy)
+            assert xy is not None
+            _whole(xy, scene, job.condition)
+            later = len(job.condition.frames) - len(frames)
+            if later:
+                xy = np.concatenate([xy, np.full((later, *xy.shape[1:]), np.nan)])
+        except (SimulationError, InputError) as error:
+            with self._lock:
+                self.failures.setdefault(job.key, {})[job.number] = str(error)
+            return
+        with self._lock:
+            self.runs += new
+            self.cached += not new
+            self.tracks.setdefault(job.key, {})[job.number] = xy
+
+    def packed(self, condition: Condition, number: int) -> Scene:
+        """The naive scene of a condition in one of its packings."""
+        key = (condition.name, number)
+        with self._lock:
+            found = self._packed.get(key)
+        if found is not None:
+            return found
+        seed = FIRST_SEED + 1000 * self.seed + number
+        scene = replace(condition.scene, seed=seed)
+        if any(b.role == "grain" for b in scene.bodies):
+            # the packing is known: what differs between runs is what chaos makes of the last digits
+            rng = np.random.default_rng(seed)
+            moved = {
+                b.id: (b.initial[0] + 1e-6 * b.radius * rng.normal(), b.initial[1] + 1e-6 * b.radius * rng.normal(),
+                       *b.initial[2:])
+                for b in scene.bodies if b.role == "grain" and b.initial is not None
+            }  # fmt: skip
+            scene = scene.with_initial(moved)
+        else:
+            scene = pack(scene)
+        with self._lock:
+            self._packed[key] = scene
+        return scene
+
+    def time_step(self, condition: Condition, soft: bool) -> float:
+        """Step [s] of all runs of a condition."""
+        key = (condition.name, soft)
+        with self._lock:
+            found = self._dt.get(key)
+        if found is None:
+            found = condition.scene.time.dt if not soft else None
+            if found is None:
+                found = time_step(self.packed(condition, 0), soft)
+            with self._lock:
+                self._dt[key] = found
+        return found
+
+    @staticmethod
+    def _file(scene: Scene, frames: np.ndarray, rows: Sequence[int]) -> Path:
+        key = [CODE, scene.hash, hashlib.sha256(np.ascontiguousarray(frames).tobytes()).hexdigest(), list(rows)]
+        name = hashlib.sha256(json.dumps(key).encode()).hexdigest()
+        return cache_folder() / "runs" / name[:2] / f"{name}.npy"
+
+
+def _whole(xy: np.ndarray, scene: Scene, condition: Condition) -> None:
+    """Raise SimulationError where the swimmer came apart or left the bed: such a run says nothing."""
+    radius = np.array([scene.bodies[k].radius for k in condition.rows])
+    apart = np.hypot(*np.moveaxis(np.diff(xy, axis=1), -1, 0)) / (radius[1:] + radius[:-1])
+    if apart.min() < 0.7 or apart.max() > 1.5:
+        raise SimulationError("the swimmer came apart")
+    y, edge = xy[..., 1], radius.max()
+    if scene.bed is not None and (y.min() < -edge or y.max() > scene.bed.height + edge):
+        raise SimulationError("the swimmer left the bed")
+
+
+def softness(scene: Scene) -> float:
+    """How much softer contacts may be where runs only give differences: short beside a stroke, at most SOFTER."""
+    duration = contact_duration(scene)
+    if duration is None:
+        return 1.0
+    frequency = float(scene.laws_as("stroke")[0].values["frequency"])
+    return float(min(max((1 / (STROKE * frequency) / duration) ** 2, 1.0), SOFTER))
+
+
+def _soft(scene: Scene) -> Scene:
+    """The scene with softer contacts, where it has any."""
+    factor = softness(scene)
+    return softened(scene, factor) if factor > 1 else scene
+
+
+def time_step(scene: Scene, soft: bool) -> float:
+    """Step [s] of a run whose numbers are compared with a spread between packings of some per cent."""
+    if not soft:
+        return 1.5 * advise_dt(scene)  # 10 steps a contact
+    contact = contact_duration(_soft(scene))
+    others = replace(scene, laws=tuple(u for u in scene.laws if u.law.role != "contact" or u.law.kind != "pair"))
+    return min(COARSER * advise_dt(others), contact / PER_CONTACT if contact is not None else 1e-3)
+
+
+def workers() -> int:
+    """Threads that this process may use at once."""
+    return max(1, min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 8))

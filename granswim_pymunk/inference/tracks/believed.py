@@ -1,0 +1,114 @@
+"""Masses and radii that are known, but not exactly: numbers with a prior, fitted beside whatever is tried.
+
+Through an impact an error b of the sum R of two radii turns the line of centres by about b/R, and within some diameters
+that is seen. A fit with exact radii takes it for whatever else bends paths a little: a scale of the picture, a drag
+near the walls. So radii and masses of bodies that met are numbers of every fit, held to what is believed by a Gaussian
+prior. Source: Tarantola 2005, Inverse Problem Theory, ch. 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ...scene import Body, Scene
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Free, Term
+from .fit import Fitter
+from .fitted import Fit
+from .segments import find_impacts
+
+
+def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
+    """A term for every radius and mass that is not known exactly, of bodies that met in what is learned from.
+
+    Where nothing was said of them, they are as uncertain as ``criteria.candidates.unstated``; a mass counts where it
+    met one that moves, too. A body with the same id, radius and mass in two recordings is the same body, and off by the
+    same.
+    """
+    met: dict[tuple[str, float, float], Case] = {}
+    weighed: set[str] = set()
+    for case in cases:
+        impacts = [i for i in find_impacts(case) if case.training[i.row]] if not case.held_out else []
+        weighed |= {n for i in impacts if sum(case.recording.scene.body(m).mobile for m in i.met) > 1 for n in i.met}
+        for name in sorted({n for i in impacts for n in i.met}):
+            body = case.recording.scene.body(name)
+            met.setdefault((name, body.radius, body.mass), case)
+    terms: list[Term] = []
+    for (name, *_), case in met.items():
+        errors: dict[str, float | None] = {"radius": case.recording.radius_error, "mass": case.recording.mass_error}
+        errors = {what: current().candidates.unstated if e is None else e for what, e in errors.items()}
+        if name not in weighed or not case.recording.scene.body(name).mobile:
+            del errors["mass"]
+        terms += [_error_term(cases, what, case.recording.scene.body(name), e) for what, e in errors.items() if e]
+    return tuple(terms)
+
+
+def stated_terms(cases: Sequence[Case], fitted: Collection[str]) -> tuple[Term, ...]:
+    """A term for every mass and radius that is said to be off by so much, but for those that are ``fitted``."""
+    terms: dict[str, Term] = {}
+    for case in cases:
+        for what, error in (("mass", case.recording.mass_error), ("radius", case.recording.radius_error)):
+            for body in case.recording.scene.bodies if error else ():
+                name = error_name(what, body.id)
+                if error and name not in fitted and (body.mobile or what == "radius"):
+                    terms.setdefault(name, _error_term(cases, what, body, error))
+    return tuple(terms.values())
+
+
+def _error_term(cases: Sequence[Case], what: str, body: Body, error: float) -> Term:
+    """The ``mass`` or ``radius`` of a body, off by a share with a prior of that standard deviation."""
+    same = (body.id, body.radius, body.mass)
+    where = frozenset(c.name for c in cases if same in [(b.id, b.radius, b.mass) for b in c.recording.scene.bodies])
+    most = min(current().candidates.believed * error, 0.5)
+    free = Free(error_name(what, body.id), "1", -most, most, 0.0, error, where, 0.0, prior=error)
+    return Term(f"{what}_error", free.name, (free,), _Off(what, body.id), (body.id,), free.name)
+
+
+def off_belief(fitter: Fitter, fit: Fit) -> dict[str, float]:
+    """By which shares masses and radii are off where the data refute what is believed of them, empty where they do not.
+
+    With all of them held to what is believed chi2 rises by more than as many numbers gain by chance (a likelihood
+    ratio; what the priors take of it makes it the more careful). Those are told whose 95 %
+    intervals leave out what is believed.
+    """
+    rows = fit.hypothesis.believed
+    if not len(rows) or not np.any(fit.values[list(rows)]):
+        return {}
+    values = fit.values.copy()
+    values[list(rows)] = [fit.hypothesis.free[k].neutral for k in rows]
+    held = fitter.fit(fit.hypothesis, values, fit.starts, held=tuple(rows), evaluations=current().intervals.refit)
+    level = max(fit.chi2 / max(fit.count - fit.numbers, 1), 1.0)
+    if (held.chi2 - fit.chi2) / level < stats.chi2.isf(current().noise.alarm, len(rows)):
+        return {}
+    names, errors = [fit.hypothesis.free[k].name for k in rows], np.sqrt(np.diag(fit.covariance)[list(rows)])
+    shares = fit.values[list(rows)]
+    away = np.abs(shares) / np.maximum(errors, np.finfo(float).tiny)
+    told = away >= min(stats.norm.isf(current().verdict.absent / 2), away.max())
+    return {name: float(share) for name, share, tell in zip(names, shares, told, strict=True) if tell}
+
+
+def error_name(what: str, body: str) -> str:
+    """The name of the number that says by which share the ``mass`` or ``radius`` of a body is off."""
+    return f"{what}_error[{body}]"
+
+
+def with_error(scene: Scene, what: str, body: str, share: float) -> Scene:
+    """The scene with the ``mass`` or ``radius`` of a body larger by a share."""
+    bodies = tuple(replace(b, **{what: getattr(b, what) * (1.0 + share)}) if b.id == body else b for b in scene.bodies)
+    return replace(scene, bodies=bodies)
+
+
+class _Off:
+    """Makes a radius or mass larger by the share that was found."""
+
+    def __init__(self, what: str, body: str) -> None:
+        self.what, self.body = what, body
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        return with_error(scene, self.what, self.body, float(values[0])), camera

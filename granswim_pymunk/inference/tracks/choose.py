@@ -1,0 +1,244 @@
+"""Which of the laws that were tried is named: one, one for some of the bodies, or none, and with what verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from ...laws import all_laws
+from ..camera_terms import camera_terms
+from ..candidates import for_bodies, owners
+from ..criteria import current
+from ..data import Case
+from ..simpler import by_chance, ended_at_bound, special_cases
+from .fit import Fitter
+from .fitted import Fit
+from .name import InnerSplit, Trial, is_apparatus, is_part, spread_of
+
+
+def score_inner(inner: InnerSplit, trials: list[Trial], spread: float, ahead: float = 0.0) -> list[Trial]:
+    """Inner scores of the trials that are near the best; the others keep an infinite one.
+
+    ahead : the gain of the best of others, which may be the best of all
+    """
+    best = max([ahead, *(t.gain for t in trials)])
+    result = []
+    for t in trials:
+        assert t.fit is not None
+        if t.gain >= current().refits.inner_scored * best and t.gain > 0:
+            score, _ = inner.score(t.fit)
+            t = replace(t, inner=score)
+        result.append(t)
+    return result
+
+
+def worth(trial: Trial, spread: float) -> float:
+    """Gain in chi2 over the inflation, less what as many free numbers gain by chance (AIC)."""
+    return trial.gain / spread - 2 * trial.used
+
+
+def _excess(trial: Trial) -> float:
+    """Chi2 beyond that of noise, 0 where it is within three of its standard deviations."""
+    assert trial.fit is not None
+    left = trial.fit.chi2 - trial.fit.count
+    return left if left > 3 * np.sqrt(2 * trial.fit.count) else 0.0
+
+
+def absurd(trial: Trial, spread: float = 1.0) -> str:
+    """Why the numbers of a law make no sense for the apparatus; empty where they do."""
+    if trial.fit is None:
+        return ""
+    own = trial.fit.values[len(trial.fit.values) - trial.numbers :]
+    ended = ended_at_bound(zip(trial.term.free, map(float, own), strict=True))
+    return "" if ended is None else f"{ended[0]} ends at {ended[1]:g}, where its search ends"
+
+
+def ordinary(trial: Trial) -> bool:
+    """Whether a law is no more than what laboratories are off by: a mass by some per cent, a picture by its scale.
+
+    Of apparatus: its numbers lie within a part of the way to where they are absurd (``VerdictCriteria.ordinary``); and
+    no special fault, for which a camera has to stand otherwise than it was put.
+    """
+    if trial.fit is None:
+        return False
+    offset, apparatus = len(trial.fit.values) - trial.numbers, is_apparatus(trial) and not trial.term.special
+    for k, free in enumerate(trial.term.free):
+        away = float(trial.fit.values[offset + k]) - free.neutral
+        room = current().verdict.ordinary * abs((free.high if away > 0 else free.low) - free.neutral)
+        if not free.inner and abs(away) > (room if apparatus else free.ordinary):
+            return False
+    return True
+
+
+def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
+    """The candidate to be named.
+
+    Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
+    training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
+    one with fewest numbers, what laboratories are off by before physics, and a law on all bodies before the same law on
+    one of them, which had as many chances as there are bodies.
+    """
+    verdict, sets = current().verdict, current().sets
+    trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
+    if not trials:
+        return None
+    if spread <= 1.0:
+        best = max(trials, key=lambda t: worth(t, spread))
+        same = [t for t in trials if worth(best, spread) - worth(t, spread) < verdict.same]
+        # the best of several richer laws gains by chance more than one of them would
+        for t in trials:
+            extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
+            if extra > 0 and best.holds(t, verdict.same * spread) and ahead < stats.chi2.isf(verdict.simpler, extra):
+                same.append(t)
+    else:
+        near = [t for t in trials if worth(t, spread) > sets.near_best * max(worth(u, spread) for u in trials)]
+        best = min(near, key=lambda t: t.inner)
+        same = [t for t in near if t.inner < sets.same_score * best.inner]
+    # a law whose further numbers are compatible with none gives way to what it is then (a stream at rest is a drag)
+    plain = special_cases(best.mechanism)
+    same += [
+        t for t in trials
+        if t.mechanism in plain and t.used < best.used
+        and by_chance((best.gain - t.gain) / max(spread, 1.0), best.used - t.used)
+    ]  # fmt: skip
+    # where something remains, a law with more numbers must remove most of what a simpler one leaves
+    same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
+    forms = [t.term for t in same]
+    # a picture's scale is off more often than the inertia of a body
+    chosen = min(
+        same,
+        key=lambda t: (t.used, not ordinary(t), t.term.special, ordinary(t) and not is_apparatus(t),
+                       is_part(t.term, forms), -t.gain),
+    )  # fmt: skip
+    return of_the_apparatus(chosen, trials, spread)
+
+
+def of_the_apparatus(chosen: Trial, trials: Sequence[Trial], spread: float) -> Trial:
+    """The law that by its declaration stands for the chosen one in such an apparatus and does as well, else itself."""
+    laws = all_laws()
+    equals = [
+        t for t in trials
+        if t.term.suited and chosen.mechanism in laws[t.term.law].stands_for
+        and worth(chosen, spread) - worth(t, spread) < current().verdict.same
+    ]  # fmt: skip
+    return max(equals, key=lambda t: t.gain, default=chosen)
+
+
+def prune(
+    chosen: Trial,
+    base: Fit,
+    fitter: Fitter,
+    inner: InnerSplit,
+    notes: list[str],
+) -> tuple[Trial | None, dict[str, str]]:
+    """Keep a law only for the bodies whose own recordings ask for it, and where no camera scale does as well."""
+    bodies = owners(chosen.term)
+    if len(bodies) < 2 or chosen.fit is None:
+        return chosen, {}
+    dropped: dict[str, str] = {}
+    kept = []
+    for owner in bodies:
+        mine = [c for c in fitter.cases if owner in c.recording.scene.ids]
+        if not mine:
+            continue
+        base_fit, with_law = _without_and_with(owner, chosen, base, fitter, mine)
+        own_spread = spread_of(with_law, mine)
+        gain = (base_fit.chi2 - with_law.chi2) / own_spread
+        split = InnerSplit.make(mine, fitter.predictor, fitter.stop, fitter.closeness)
+        without, _ = split.score(base_fit)
+        with_, _ = split.score(with_law)
+        if gain < current().sets.entry:
+            dropped[owner] = f"its own data gain only {gain:.1f} in chi2 (over their spread)"
+        elif gain < current().sets.entry_sure and not with_ < without:
+            dropped[owner] = "its own data gain little, and are not predicted better with it"
+        elif _one_camera_will_do(chosen, owner, base, fitter, own_spread):
+            dropped[owner] = "one camera scale for all recordings explains its data as well"
+        if owner not in dropped:
+            kept.append(owner)
+    if not kept:
+        notes.append(f"{chosen.mechanism} was not kept for any single body")
+        return None, dropped
+    if len(kept) == len(bodies):
+        return chosen, dropped
+    part = for_bodies(chosen.term, kept)
+    assert part is not None
+    term, index = part
+    values = _with_numbers(chosen, len(base.values), index)
+    fit = fitter.fit(base.hypothesis.with_term(term), values, chosen.fit.starts)
+    score, _ = inner.score(fit)
+    signature = replace(chosen.signature, term=term)
+    return Trial(signature, fit, base.chi2 - fit.chi2, score), dropped
+
+
+def _without_and_with(owner: str, chosen: Trial, base: Fit, fitter: Fitter, mine: list[Case]) -> tuple[Fit, Fit]:
+    """Fits to the recordings with this body, ``mine``: the law on all others in them, and on this one too.
+
+    The others keep theirs: what they would miss without it would drown what this one gains.
+    """
+    assert chosen.fit is not None
+    there = [b for b in owners(chosen.term) if any(b in c.recording.scene.ids for c in mine)]
+    alone = Fitter(mine, fitter.predictor, {c.name: fitter.frames[c.name] for c in mine}, fitter.stop)
+    alone = alone.tightened(fitter.closeness)
+    fits = []
+    for kept in ([b for b in there if b != owner], there):
+        part = for_bodies(chosen.term, kept)
+        if part is None:
+            fits.append(alone.fit(base.hypothesis, base.values, base.starts, fixed=True))
+            continue
+        # the other numbers begin where they are with the law: without it they may have made up for it
+        start, starts = _with_numbers(chosen, len(base.values), part[1]), chosen.fit.starts
+        fits.append(alone.fit(base.hypothesis.with_term(part[0]), start, starts))
+    return fits[0], fits[1]
+
+
+def _with_numbers(chosen: Trial, before: int, index: Sequence[int], *more: float) -> np.ndarray:
+    """Values of a fit: those ``before`` the law's, those of its numbers that are kept, and further ones."""
+    assert chosen.fit is not None
+    values = chosen.fit.values
+    return np.concatenate([values[:before], values[before + np.array(index)], more])
+
+
+def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, spread: float) -> bool:
+    """Whether a scale of the one camera, with the law on all other bodies, does as well as the law on this one too."""
+    scale = next((t for t in camera_terms(fitter.cases) if t.mechanism == "camera_scale"), None)
+    others = for_bodies(chosen.term, [b for b in owners(chosen.term) if b != owner])
+    if scale is None or others is None or chosen.fit is None:
+        return False
+    term, index = others
+    start = _with_numbers(chosen, len(base.values), index, 1.0)
+    rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
+    return (rival.chi2 - chosen.fit.chi2) / spread < current().verdict.same
+
+
+def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, training: Sequence[Case]) -> float:
+    """The share of the misfit that an explanation leaves: of that inside the training part, or of chi2 if larger.
+
+    A wrong law with a number for each body may predict far better than none and still follow nothing closely;
+    where the size of the noise is given, what is left in chi2 shows it.
+    """
+    share = (inner - 1.0) / max(base - 1.0, 1e-12)
+    rest = revised.chi2 - revised.count
+    if all(c.sigma_known for c in training) and rest > 3 * np.sqrt(2 * revised.count):
+        share = max(share, rest / max(recalibrated.chi2 - recalibrated.count, 1e-12))
+    return float(share)
+
+
+def rivals_of(found: list[Trial], alive: list[Trial], spread: float) -> list[tuple[Trial, bool]]:
+    """Other candidates than the one found, best first, once for each name; True where data cannot tell them apart."""
+    if not found:
+        return []
+    winner = found[0]
+    result: list[tuple[Trial, bool]] = []
+    seen = {winner.mechanism}
+    for t in sorted(alive, key=lambda t: -t.gain):
+        if t.mechanism in seen or t.fit is None or winner.fit is None:
+            continue
+        if t.gain < current().verdict.rival * winner.gain:
+            continue
+        seen.add(t.mechanism)
+        same = worth(winner, spread) - worth(t, spread) < current().verdict.same
+        result.append((t, bool(same)))
+    return result[: current().verdict.rivals]

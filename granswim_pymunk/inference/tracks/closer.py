@@ -1,0 +1,65 @@
+"""How closely segments join at impacts before candidates are compared.
+
+A loose joint lets a scene follow that does not yet know what is missing, and hides what an impact shows: a restitution
+that is off by a per cent is less than the joint gives. Masses and radii that are a little off are numbers of every fit,
+so that a scene in which nothing is missing can be joined far more closely; and one that cannot shows by that which law
+of contacts it lacks, where with that law it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...laws import all_laws
+from ..candidates import in_contact_alone
+from ..criteria import current
+from ..hypothesis import Term
+from ..significance import price
+from .fit import Fitter
+from .fitted import Fit
+from .name import refit
+from .signatures import make_bank
+
+
+def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fitter, Fit]:
+    """The fitter and the recalibrated fit with steps at impacts as narrow as the recordings allow.
+
+    Allowed is what chance brings, of the scene itself or of the scene with one law that acts where bodies meet: then
+    that law alone takes away what the narrower steps show, its price paid.
+    """
+    if not base.ties:
+        return fitter, base
+    rivals = [t for t in terms if _of_impacts(t)]
+    loose = base
+    for share in current().segments.closer:
+        if fitter.stop():
+            break
+        closer = fitter.tightened(share / fitter.closeness)
+        again = closer.fit(base.hypothesis, base.values, base.starts, evaluations=12)
+        if again.chi2 - loose.chi2 <= loose.allowed_rise:
+            fitter, base = closer, again
+            continue
+        if not _explained_by_one(closer, again, loose, rivals):
+            break
+        fitter, base = closer, again
+    return fitter, base
+
+
+def _of_impacts(term: Term) -> bool:
+    """Whether a law of one number or two acts on bodies only where they are near each other."""
+    law = all_laws().get(term.law)
+    return (in_contact_alone(term) or (law is not None and law.kind == "pair")) and len(term.free) <= 2
+
+
+def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:
+    """Whether with one of the laws chi2 rises no further than allowed, and falls by its price below that without it."""
+    signatures = sorted(make_bank(closer, base, rivals).signatures, key=lambda s: -s.gain)
+    rise, least = loose.allowed_rise, price(len(rivals), 1)
+    for signature in signatures[: current().segments.rivals]:
+        if signature.gain < least:
+            break
+        found = refit(closer, base, signature, (1.0,))
+        fell = base.chi2 - found.chi2
+        if found.chi2 - loose.chi2 <= rise and fell > price(len(rivals), len(signature.term.free)):
+            return True
+    return False

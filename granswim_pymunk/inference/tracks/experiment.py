@@ -1,0 +1,132 @@
+"""Which next recording would separate the rivals: simulated with the winner, the loser refitted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Failed, Predictor
+from ..model import Proposal
+from .fit import Fitter
+from .fitted import Fit
+
+
+def _shortened(case: Case, most: int = 400) -> Case:
+    """The first frames of a long recording: what separates laws shows there, at a fraction of the cost."""
+    if len(case.t) <= most:
+        return case
+    keep = slice(0, most)
+    return replace(
+        case, t=case.t[keep], values=case.values[keep], training=case.training[keep], start=case.start[keep],
+        scored=case.scored[keep], late=None if case.late is None else case.late[keep],
+        recording=case.recording.select(keep),
+    )  # fmt: skip
+
+
+def _stretched(case: Case, factor: float) -> Case:
+    t = case.t[0] + (case.t - case.t[0]) * factor
+    every = np.ones(len(t), dtype=bool)
+    return replace(
+        case, t=t, values=np.zeros_like(case.values), training=every, start=every, scored=~every, held_out=False
+    )
+
+
+def propose(
+    winner: Fit,
+    loser: Fit,
+    names: tuple[str, str],
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+) -> Proposal | None:
+    """Try longer, faster and wider repeats of the training recordings and return the best.
+
+    d' is the square root of the chi2 that the loser keeps when it is refitted to the winner's prediction
+    (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
+    """
+    training = [_shortened(c) for c in cases if c.name in winner.starts][:3]
+    best: Proposal | None = None
+    changes = [
+        ("film twice as long", 2.0, 1.0, 1.0),
+        ("start at half the speed", 1.0, 0.5, 1.0),
+        ("start at twice the speed", 1.0, 2.0, 1.0),
+    ]
+    if any(s.coordinates.swings for case in training for s in winner.start_of(case.name)[0]):
+        changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
+    for text, longer, faster, wider in changes:
+        total = 0.0
+        try:
+            for case in training:
+                synthetic = _stretched(case, longer)
+                described, numbers = winner.start_of(case.name)
+                start = _changed(described, numbers, faster, wider)
+                # what is kept of a start is part of its description
+                truth = predictor(
+                    winner.hypothesis, synthetic, winner.values, described, start, float(synthetic.t[0]), synthetic.t
+                )
+                replicate = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
+                inner = Fitter([replicate], predictor, None, stop, whole=True)
+                inner.segments = {case.name: tuple(replace(s, starts=described) for s in inner.segments[case.name])}
+                found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=6)
+                total += found.chi2
+        except Failed:
+            continue
+        d = float(np.sqrt(total))
+        if best is None or d > current().verdict.further * best.d_prime:
+            best = Proposal(text, names, d)
+    if best is not None and best.d_prime >= current().verdict.decides:
+        return best
+    told = _apparatus_check(winner, names, training)
+    if told is not None and told.d_prime >= current().verdict.decides:
+        return told
+    if best is None:
+        return told
+    return replace(best, change=f"none of these would decide: {', '.join(text for text, *_ in changes)}")
+
+
+def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) -> Proposal | None:
+    """Where no other motion separates the apparatus from physics, measure the apparatus itself."""
+    tools = {
+        "camera_scale": ("camera.scale", "film a ruler in the same frame"),
+        "camera_tilt": ("camera.tilt", "film a plumb line in the same frame"),
+        "camera_foreshortening": ("camera.foreshortening", "film a ruler along x and along y in the same frame"),
+        "time_offset": ("camera.time_offset", "film a flash that the apparatus triggers"),
+    }
+    for name in names:
+        if name not in tools:
+            continue
+        key, text = tools[name]
+        numbers = [f.name for f in fit.hypothesis.free]
+        if key not in numbers:
+            continue
+        k = numbers.index(key)
+        change = abs(float(fit.values[k]) - fit.hypothesis.free[k].neutral)
+        case = cases[0]
+        if name == "time_offset":
+            resolution = 0.3 * float(np.median(np.diff(case.t)))  # a frame, evenly distributed
+        else:
+            places = [c for c, channel in enumerate(case.channels) if channel.kind != "angle"]
+            if not places:
+                continue
+            extent = float(
+                np.max(np.nanmax(case.values[:, places], axis=0) - np.nanmin(case.values[:, places], axis=0))
+            )
+            resolution = float(np.sqrt(2) * np.max(case.sigma[places])) / extent
+        return Proposal(text, names, change / resolution)
+    return None
+
+
+def _changed(described, numbers, faster, wider):
+    result = numbers.copy()
+    at = 0
+    for start in described:
+        for kind, is_free in zip(start.coordinates.kinds, start.free, strict=True):
+            if not is_free:
+                continue
+            result[at] *= faster if kind in "vs" else wider if kind == "a" else 1.0
+            at += 1
+    return result

@@ -1,0 +1,466 @@
+"""Fitting by simulation: starts and free numbers together, least squares in observed space."""
+
+from __future__ import annotations
+
+import copy
+import os
+import threading
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Free, Hypothesis, Predictor
+from ..start import Pendulum
+from ..threads import ContextPool
+from .fitted import Fit, huber, information_of, weight_roots
+from .follow import POOL, Follower, Slow
+from .segments import Segment, limits_of
+from .solve import Blocks, Secant, descend
+
+# whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
+_FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
+
+Found = TypeVar("Found")
+
+
+def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
+    """The fit again with segments that join more closely at impacts, at last as one, as far as the recordings allow.
+
+    Allowed is a rise of chi2 that as many narrower steps would bring by chance in one of twenty fits. What numbers say
+    grows with the length that is followed from one start, and closely tied segments may be caught in the bent valley
+    between their starts, where one long one is not. Through many impacts chi2 of one start has many valleys itself: it
+    counts only where the search ends in the same one from the loosely and from the closely joined segments.
+    """
+    ties, level = fit.ties, max(fit.chi2 / max(fit.count, 1), 1.0)
+    allowed = fit.allowed_rise
+    loose = fit
+    for share in current().segments.tighter if ties else ():
+        if share >= fitter.closeness:
+            continue
+        closer = fitter.tightened(share / fitter.closeness)
+        again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=12)
+        if again.chi2 - fit.chi2 > allowed:
+            break
+        fitter, fit = closer, again
+    if not fitter.segmented or fitter.stop():
+        return fitter, fit
+    one = fitter.in_one()
+    ends = [one.fit_from(begin) for begin in ((fit,) if fit is loose else (fit, loose))]
+    whole = min(ends, key=lambda f: f.chi2)
+    spread = np.sqrt(np.diag(whole.covariance) * level)
+    same = all((np.abs(f.values - whole.values) <= current().segments.same_valley * spread).all() for f in ends)
+    if not same or whole.chi2 - fit.chi2 > allowed:
+        return fitter, fit
+    if not ties:
+        return one, whole
+    # how late each impact was stays open: what one start through rigid impacts would say is too sharp
+    again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=30)
+    return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
+
+
+def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> list[Found]:
+    """What each job makes of a fitter of its own, in their order; no bit of it hangs on how many run at a time."""
+    gone = threading.Event()
+
+    def stop() -> bool:
+        return gone.is_set() or fitter.stop()
+
+    def done(job: Callable[[Fitter], Found]) -> Found:
+        own = fitter.apart()
+        own.stop = stop
+        return job(own)
+
+    try:
+        return list(_FITS.map(done, jobs))
+    finally:
+        gone.set()  # whoever waits no longer, as at Ctrl-C, does not wait for the fits that are under way
+
+
+class TimeUp(Exception):
+    """The budget is spent: a fit ends where it stands."""
+
+
+class Fitter(Follower):
+    """Fits hypotheses to the same frames of the same recordings.
+
+    stop : whether the time is up: a fit then ends with the best that it has seen
+    rough : its fits end early: they tell what is worth fitting
+    """
+
+    def __init__(
+        self,
+        cases: Sequence[Case],
+        predictor: Predictor,
+        frames: Mapping[str, np.ndarray] | None = None,
+        stop: Callable[[], bool] = lambda: False,
+        weights: Mapping[str, np.ndarray] | None = None,
+        whole: bool = False,
+        spin: Mapping[str, np.ndarray | None] | None = None,
+        rough: bool = False,
+    ) -> None:
+        super().__init__(cases, predictor, frames, weights, whole, spin)
+        self.rough = rough
+        self.closeness = 1.0  # by which the spread of steps at impacts is multiplied, as far as ``Segment.least``
+        self.stop = stop
+        # of each recording, derivatives by its starts (n, q) and by numbers with a prior (n, k) at the last fit
+        self._kept: dict[str, Slow] = {}
+
+    def in_one(self) -> Fitter:
+        """The same with every recording followed from one start."""
+        return Fitter(self.cases, self.predictor, self.frames, self.stop, self.weights, whole=True, spin=self.spin)
+
+    def fit_from(self, segments: Fit) -> Fit:
+        """Recordings followed from one start, beginning where a fit to their segments ended, over growing parts."""
+        first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}
+        return self.fit(segments.hypothesis, segments.values, first, stages=(0.35, 0.65, 1.0), evaluations=30)
+
+    def continued(self, whole: Fit) -> dict[str, np.ndarray]:
+        """Numbers of all segments' starts where a fit from one start to each recording passes them."""
+        starts = {}
+        for case in self.cases:
+            numbers = self._begin(case.name, whole.starts)
+            at, spin = 0, self.spin.get(case.name)
+            for k, segment in enumerate(self.segments[case.name][:-1]):
+                part = self._parts(case, numbers, self.frames[case.name])[k]
+                run = self._follow(case, whole.hypothesis, whole.values, replace(part, spin=spin))
+                at, spin = at + segment.size, run.spin
+                following = self.segments[case.name][k + 1]
+                numbers[at : at + following.size] -= run.steps * following.tie
+            starts[case.name] = numbers
+        return starts
+
+    def apart(self) -> Fitter:
+        """The same for fits of their own: what these leave behind is not seen here."""
+        other = copy.copy(self)
+        other._kept = dict(self._kept)
+        return other
+
+    def tightened(self, share: float) -> Fitter:
+        """The same with the spread of steps at impacts multiplied by a share, as far as ``Segment.least``."""
+
+        def closer(s: Segment) -> Segment:
+            return replace(s, tie=np.where(np.isfinite(s.limit), np.maximum(share * s.tie, s.least), s.tie))
+
+        other = copy.copy(self)
+        other._kept = {}  # its rows of steps are others
+        other.segments = {name: tuple(map(closer, segments)) for name, segments in self.segments.items()}
+        other.closeness = share * self.closeness
+        return other
+
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        values: Sequence[float] | np.ndarray | None = None,
+        starts: Mapping[str, np.ndarray] | None = None,
+        *,
+        fixed: bool = False,
+        stages: Sequence[float] = (1.0,),
+        evaluations: int = 25,
+        held: Collection[int] = (),
+        near: Fit | None = None,
+    ) -> Fit:
+        """Fit starts, and the free numbers unless ``fixed``, on the training frames; those ``held`` stay.
+
+        ``stages``: shares of the frames taken in one after the other, so that a long oscillation is not
+        caught a period off. ``values``, ``starts``: where to begin. ``near``: a fit of another hypothesis nearby, whose
+        derivatives by the starts are good enough as long as the search gets on with them.
+        """
+        free = hypothesis.free
+        x = np.array([f.first for f in free] if values is None else values, dtype=float)
+        numbers = {c.name: self._begin(c.name, starts) for c in self.cases}
+        if self.segmented:
+            active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+            known = self._known(near)
+            x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
+            return self._finish(hypothesis, x, numbers, fixed, known)
+        for share in stages:
+            if share == 1.0 and near is not None and not fixed and self.of_many_numbers:
+                active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+                x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
+            else:
+                x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
+        return self._finish(hypothesis, x, numbers, fixed)
+
+    def _known(self, near: Fit | None) -> dict[str, Slow]:
+        """Derivatives by the starts, and by numbers with a prior, from a fit nearby, where there are any.
+
+        Over a segment they hardly hang on the law that is fitted: those of the last fit will do for the next one, which
+        takes them anew where it gets on badly.
+        """
+        if near is None:
+            return dict(self._kept)
+        believed = near.hypothesis.believed
+        given = {name: Slow(by_start, by_value[:, believed]) for name, (by_value, by_start) in near.jacobian.items()}
+        return self._kept | given
+
+    @property
+    def of_many_numbers(self) -> bool:
+        """Whether most derivatives are by starts, so that those of a fit nearby save most of the runs."""
+        return max(len(self.first_numbers(c.name)) for c in self.cases) >= current().fits.own
+
+    def _begin(self, name: str, starts: Mapping[str, np.ndarray] | None) -> np.ndarray:
+        """The numbers given, as far as they are those of the same segments, the others from the first frames."""
+        first = self.first_numbers(name)
+        given = (starts or {}).get(name, np.zeros(0))
+        if len(self.segments[name]) == 1 and len(given) != len(first):
+            given = given[: len(first)]
+        same = min(len(given), len(first))
+        return np.concatenate([given[:same], first[same:]])
+
+    def _descend(
+        self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
+        evaluations: int, known: dict[str, Slow],
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
+        """The numbers that are ``active`` and all starts, by ``solve.descend``."""
+        low, high = hypothesis.bounds
+        at = np.array(active, dtype=int)
+
+        def whole(part: np.ndarray) -> np.ndarray:
+            values = np.array(x, dtype=float)
+            values[at] = part
+            return values
+
+        def evaluate(part: np.ndarray, starts: list[np.ndarray]) -> list[np.ndarray]:
+            values = whole(part)
+            return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
+
+        held = [k for k in range(len(x)) if k not in set(active)]
+        believed = [k for k in hypothesis.believed if k not in held]
+        kept = known
+        normal = {name: slow.by_start.T @ slow.by_start for name, slow in kept.items()}
+
+        def differentiate(
+            part: np.ndarray, starts: list[np.ndarray], here: list[np.ndarray], starts_too: bool
+        ) -> list[Blocks]:
+            values = whole(part)
+            blocks = []
+            for c, s, r in zip(self.cases, starts, here, strict=True):
+                anew = starts_too or c.name not in kept or not kept[c.name].fits(r, s, believed)
+                quick = held if anew else [*held, *believed]
+                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, quick, anew)
+                roots = self._roots(c, r)[:, None]
+                by_value *= roots
+                if anew:
+                    kept[c.name] = Slow(by_start * roots, by_value[:, believed])
+                    normal[c.name] = kept[c.name].by_start.T @ kept[c.name].by_start
+                by_value[:, believed] = kept[c.name].by_believed
+                blocks.append(Blocks(r * roots[:, 0], by_value[:, at], kept[c.name].by_start, normal[c.name]))
+            return blocks
+
+        def loss(vectors: list[np.ndarray]) -> float:
+            return sum(self._loss(c, v) for c, v in zip(self.cases, vectors, strict=True))
+
+        begin = (np.asarray(x, dtype=float)[at], [numbers[c.name] for c in self.cases])
+        try:
+            with np.errstate(all="ignore"):
+                part, starts = descend(
+                    evaluate, differentiate, loss, begin, (low[at], high[at]), stale=bool(known),
+                    evaluations=evaluations, stop=self.stop,
+                )  # fmt: skip
+        except (ValueError, np.linalg.LinAlgError) as error:
+            self.predictor.failures.append(f"fit: {error}")
+            return x, dict(numbers)
+        return whole(part), {c.name: s for c, s in zip(self.cases, starts, strict=True)}
+
+    def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
+        """Fit from several beginnings and keep the best: an oscillation has a local minimum in every period.
+
+        Beginnings: gradually from the tracks, from ``base``, from every adjustable on a grid, and from swings
+        of other amplitudes (an undamped pendulum follows a decaying one best with an amplitude in between).
+        """
+        found = [self.fit(hypothesis, None, base.starts if base else None, stages=stages)]
+        values = np.array([f.first for f in hypothesis.free], dtype=float)
+        beginnings: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        if self.segmented:
+            return found[0] if base is None else self._from_grid(hypothesis, found[0], base)
+        starts = {c.name: self.first_numbers(c.name) for c in self.cases}
+        bodies = [s for segments in self.segments.values() for s in segments[0].starts]
+        swinging = any(isinstance(s.coordinates, Pendulum) for s in bodies)
+        shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
+        grid = [values]
+        for k, f in enumerate(hypothesis.free):
+            for share in np.linspace(0.05, 0.95, 13) if self._bears(f) and not f.prior else ():
+                other = values.copy()
+                other[k] = f.low + share * (f.high - f.low)
+                if np.isfinite(other[k]):
+                    grid.append(other)
+        for share in shares:
+            beginnings += [(v, {name: n * share for name, n in starts.items()}) for v in grid]
+        if base is not None:
+            beginnings += [(v, dict(base.starts)) for v in grid]
+        if len(beginnings) > 1:
+            chi2 = list(POOL.map(lambda b: self._chi2(hypothesis, *b), beginnings))
+            for k in np.argsort(chi2)[:3]:
+                found.append(self.fit(hypothesis, beginnings[k][0], beginnings[k][1]))
+        return min(found, key=lambda fit: fit.chi2)
+
+    def _from_grid(self, hypothesis: Hypothesis, first: Fit, base: Fit) -> Fit:
+        """The best of a fit and of those that begin where single numbers lie elsewhere between their bounds."""
+        found = [first]
+        for k, f in enumerate(hypothesis.free):
+            sought = self._bears(f) and np.isfinite(f.high - f.low) and not f.prior
+            for share in (0.15, 0.5, 0.85) if sought else ():
+                values = first.values.copy()
+                values[k] = f.low + share * (f.high - f.low)
+                found.append(self.fit(hypothesis, values, base.starts, near=first))
+        return min(found, key=lambda fit: fit.chi2)
+
+    def _chi2(self, hypothesis: Hypothesis, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> float:
+        return sum(self._loss(c, self.vector(c, hypothesis, values, starts[c.name])) for c in self.cases)
+
+    def _seen(self, case: Case) -> int:
+        return int(np.isfinite(case.values[self.frames[case.name]]).sum())
+
+    def _loss(self, case: Case, vector: np.ndarray) -> float:
+        """chi2 of a vector: squares of innovations, Huber's loss of steps."""
+        seen = self._seen(case)
+        return float(vector[:seen] @ vector[:seen]) + huber(vector[seen:], limits_of(self.segments[case.name]))
+
+    def _roots(self, case: Case, vector: np.ndarray) -> np.ndarray:
+        seen = self._seen(case)
+        return np.concatenate([np.ones(seen), weight_roots(vector[seen:], limits_of(self.segments[case.name]))])
+
+    def _part(self, case: Case, share: float) -> np.ndarray:
+        frames = self.frames[case.name]
+        if share >= 1.0:
+            return frames
+        rows = np.flatnonzero(frames)
+        part = np.zeros_like(frames)
+        part[rows[: max(int(len(rows) * share), min(8, len(rows)))]] = True
+        return part
+
+    def _solve(self, hypothesis, x, numbers, fixed, share, evaluations, held):
+        free, cases = hypothesis.free, self.cases
+        parts = {c.name: self._part(c, share) for c in cases}
+        use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
+        # a number that bears on none of these recordings would only run into its bounds and shorten every step
+        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+        p, place = len(active), {k: n for n, k in enumerate(active)}
+        sizes = [len(numbers[c.name]) for c in cases]
+        offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        scale, low, high = self._box([free[k] for k in active])
+        if not len(scale):
+            return x, numbers
+
+        def unpack(z):
+            z = np.clip(z * scale, low, high)
+            values = np.array(x)
+            values[active] = z[:p]
+            return values, {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
+
+        def residuals(z):
+            if last and self.stop():
+                raise TimeUp
+            values, starts = unpack(z)
+            seen = POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
+            last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
+            found = seen_of(values)
+            if float(found @ found) < best[0]:
+                best[:] = [float(found @ found), np.array(z)]
+            return found
+
+        best: list[Any] = [np.inf, None]  # chi2 and numbers of the best so far, where time runs out
+        last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
+
+        def seen_of(values):
+            seen = [last["seen"][name][use[name]] for name in parts]
+            return np.concatenate([*seen, *(hypothesis.priors(c, values) for c in cases)])
+
+        secant = Secant()
+        rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
+
+        def jacobian(z):
+            values, starts = unpack(z)
+            if not last or not np.array_equal(last["z"], z):
+                residuals(z)
+            seen = seen_of(values)
+            result = np.zeros((len(seen), len(z)))
+            if (updated := secant.at(z, seen)) is not None:
+                return updated
+            for k, c in enumerate(cases):
+                here = last["seen"][c.name]
+                given = c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
+                columns, block = self.derivatives(*given)
+                span = slice(rows[k], rows[k + 1])
+                for index, column in zip(columns, block, strict=True):
+                    target = place[index] if index >= 0 else offsets[k] - index - 1
+                    result[span, target] = -column[use[c.name]] * scale[target]
+            for k in set(hypothesis.believed) & set(place):
+                result[rows[-1] :, place[k]] = self._by_prior(hypothesis, values, k) * scale[place[k]]
+            secant.anew(z, seen, result)
+            return result
+
+        rough = self.rough or share < 1.0
+        z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
+        fall = current().fits.rough if rough else max(current().fits.fine / rows[-1], 1e-7)
+        # the solver wants to begin strictly inside the bounds
+        z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
+        try:
+            # a first-order amount can be far off: what overflows is a step that is taken back
+            with np.errstate(all="ignore"):
+                end = least_squares(
+                    residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
+                    max_nfev=evaluations, xtol=1e-6, ftol=fall, gtol=1e-9,
+                ).x  # fmt: skip
+        except (ValueError, np.linalg.LinAlgError) as error:
+            self.predictor.failures.append(f"fit: {error}")
+            return x, numbers
+        except TimeUp:
+            end = best[1]
+        values, starts = unpack(end)
+        return np.array(values), {name: np.array(v) for name, v in starts.items()}
+
+    def _box(self, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Scale, low and high of numbers and, after them, of all starts."""
+        starts = np.concatenate([self.number_scales(c.name) for c in self.cases])
+        ends = np.full(len(starts), np.inf)
+        scale, low, high = ([getattr(f, name) for f in free] for name in ("scale", "low", "high"))
+        return tuple(np.concatenate(both) for both in ((scale, starts), (low, -ends), (high, ends)))  # type: ignore
+
+    def sharpened(self, fit: Fit) -> Fit:
+        """The fit with derivatives and covariance from central differences, over steps that change chi2 by about one.
+
+        A search does with steps of a tenth of a scale to one side; where two numbers nearly make up for one another,
+        the curvature over such a step looks like a difference between them.
+        """
+        size = np.sqrt(sum(np.sum(by_value**2, axis=0) for by_value, _ in fit.jacobian.values()))
+        jacobian = {c.name: self._central(c, fit, size) for c in self.cases}
+        return replace(fit, jacobian=jacobian, covariance=np.linalg.pinv(information_of(jacobian, len(fit.values))))
+
+    def _finish(self, hypothesis, x, numbers, fixed, known: dict[str, Slow] | None = None) -> Fit:
+        innovations, white, jacobian, steps = {}, {}, {}, {}
+        p = len(hypothesis.free)
+        chi2, count = 0.0, 0
+        for c in self.cases:
+            frames = self.frames[c.name]
+            full = np.full(c.values.shape, np.nan)
+            full[frames], steps[c.name] = self.innovations(c, hypothesis, x, numbers[c.name], frames)
+            white[c.name] = full
+            innovations[c.name] = self._raw(c, full, numbers[c.name])
+            seen = full[np.isfinite(full)]
+            here = np.concatenate([seen, steps[c.name]])
+            kept, believed = (known or {}).get(c.name), hypothesis.believed
+            if kept is not None and not kept.fits(here, numbers[c.name], believed):
+                kept = None
+            quick = believed if kept is not None else ()
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, quick, kept is None)
+            roots = self._roots(c, here)[:, None]
+            by_value, by_start = by_value * roots, by_start * roots
+            if kept is not None:
+                by_start = kept.by_start
+                by_value[:, believed] = 0.0 if fixed else kept.by_believed
+            jacobian[c.name] = by_value, by_start
+            if not fixed or not believed:
+                self._kept[c.name] = Slow(by_start, by_value[:, believed])
+            chi2 += self._loss(c, here)
+            count += len(seen)
+        covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
+        return Fit(
+            hypothesis, np.array(x), numbers, self.segments, innovations, chi2, count, covariance, jacobian,
+            steps=steps, whitened=white,
+        )  # fmt: skip

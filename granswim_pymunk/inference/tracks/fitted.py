@@ -1,0 +1,157 @@
+"""A fitted hypothesis: its numbers, what they leave, and what chi2 makes of steps between segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from scipy import stats
+
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Hypothesis, Predictor
+from ..linear import project
+from ..start import StartBody
+from .segments import Segment, limits_of
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    values : (p,) free numbers of the terms;  starts : numbers of each recording's starts, segment after segment
+    segments : of each recording, one where the whole of it is followed from one start
+    innovations : (T, c) seen minus predicted over sigma, per recording, NaN where not used
+    believed : (p, p) covariance of the values by errors of the believed masses and radii, None where they are exact
+    whitened : the same with the memory of the noise taken out (``Case.white``); left out where it has none
+    steps : (m,) from the ends of segments to the starts of the next ones, over their spread, per recording; after them
+        how far numbers with a prior are off it
+    covariance : (p, p) of the values, noise taken as known and white
+    chi2, count : sum of squared innovations and steps, and how many innovations there are
+    jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers, then on the steps
+    limits : of numbers whose 95 % interval was found by profiles, see ``intervals.py``
+    """
+
+    hypothesis: Hypothesis
+    values: np.ndarray
+    starts: Mapping[str, np.ndarray]
+    segments: Mapping[str, tuple[Segment, ...]]
+    innovations: Mapping[str, np.ndarray]
+    chi2: float
+    count: int
+    covariance: np.ndarray
+    jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    steps: Mapping[str, np.ndarray] = field(default_factory=dict)
+    whitened: Mapping[str, np.ndarray] = field(default_factory=dict)
+    believed: np.ndarray | None = None
+
+    @property
+    def white(self) -> Mapping[str, np.ndarray]:
+        """Innovations with the memory of the noise taken out, the squares of which chi2 sums up."""
+        return self.whitened or self.innovations
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers were fitted, those of the starts included, less the steps that tie them."""
+        ties = sum(len(s) for s in self.steps.values())
+        return len(self.values) + sum(len(s) for s in self.starts.values()) - ties
+
+    @property
+    def ties(self) -> int:
+        """How many numbers of starts are held to an impact before them."""
+        return sum(int(np.isfinite(s.limit).sum()) for segments in self.segments.values() for s in segments)
+
+    @property
+    def allowed_rise(self) -> float:
+        """What narrower steps at impacts may add to chi2: as much as chance does in one of twenty fits."""
+        level = max(self.chi2 / max(self.count, 1), 1.0)
+        return level * float(stats.chi2.isf(current().segments.joins, max(self.ties, 1)))
+
+    def start_of(self, case: str) -> tuple[tuple[StartBody, ...], np.ndarray]:
+        """How the first start of a recording is described, and its free numbers."""
+        first = self.segments[case][0]
+        return first.starts, self.starts[case][: first.size]
+
+    def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
+        """Value, low, high of free number k: central 95 %, cut at its bounds."""
+        free = self.hypothesis.free[k]
+        value = float(self.values[k])
+        more = 0.0 if self.believed is None else 1.96**2 * max(float(self.believed[k, k]), 0.0)
+        if k in self.limits:
+            low, high = self.limits[k]
+        else:
+            half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
+            low, high = value - half, value + half
+        low, high = value - math.hypot(value - low, math.sqrt(more)), value + math.hypot(high - value, math.sqrt(more))
+        return value, max(low, free.low), min(high, free.high)
+
+    def used(self, case: str) -> np.ndarray:
+        """Innovations of a recording as one vector, the steps between its segments after them, weighted."""
+        array, steps = self.white[case], self.steps.get(case, np.zeros(0))
+        return np.concatenate([array[np.isfinite(array)], steps * self._step_roots(case)])
+
+    def _step_roots(self, case: str) -> np.ndarray:
+        steps = self.steps.get(case, np.zeros(0))
+        return weight_roots(steps, limits_of(self.segments[case])) if len(steps) else steps
+
+    def roots(self, case: str) -> np.ndarray:
+        """Roots of the weights of ``used``: 1 but for steps that are far."""
+        return np.concatenate([np.ones(int(np.isfinite(self.innovations[case]).sum())), self._step_roots(case)])
+
+    def step_loss(self, case: str, most: int | None = None) -> float:
+        """What the first ``most`` steps between segments, and priors, of a recording add to chi2."""
+        steps, limit = self.steps.get(case, np.zeros(0)), limits_of(self.segments[case])
+        between, priors = steps[: len(limit)][:most], steps[len(limit) :]
+        return huber(between, limit) + float(priors @ priors)
+
+
+def _limits(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Limits of so many steps; what follows them has none."""
+    return np.concatenate([limit[: len(steps)], np.full(max(len(steps) - len(limit), 0), np.inf)])
+
+
+def huber(steps: np.ndarray, limit: np.ndarray) -> float:
+    """Sum of Huber's loss: r^2 within the limit d, 2 d |r| - d^2 beyond it."""
+    size, limit = np.abs(steps), _limits(steps, limit)
+    return float(np.sum(np.minimum(size, limit) * (2 * size - np.minimum(size, limit))))
+
+
+def weight_roots(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Roots of the weights with which squares have the gradient of Huber's loss: d/|r| beyond the limit."""
+    size = np.maximum(np.abs(steps), 1e-300)
+    return np.asarray(np.sqrt(np.minimum(1.0, _limits(steps, limit) / size)))
+
+
+def spin_at(predictor: Predictor, fit: Fit, case: Case, t0: float) -> np.ndarray | None:
+    """Spins (n,) [rad/s] of the scene's bodies where the last segment of a fit that begins at ``t0`` or before begins.
+
+    None where nothing turns, or where that is the first.
+    """
+    spin = None
+    if not fit.hypothesis.turns(case):
+        return None
+    segments, numbers = fit.segments[case.name], fit.starts[case.name]
+    for segment, after in pairwise(segments):
+        if segment.until is None or segment.until > t0:
+            break
+        mine, numbers = numbers[: segment.size], numbers[segment.size :]
+        begin = case.t[segment.frames][:1]
+        _, end = predictor.run(
+            fit.hypothesis, case, fit.values, segment.starts, mine, float(begin[0]), begin,
+            (segment.until, after.starts), spin,
+        )  # fmt: skip
+        spin = None if end is None else end.spin
+    return spin
+
+
+def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:
+    """(p, p) of the values, the starts projected out."""
+    information = np.zeros((p, p))
+    for by_value, by_start in jacobian.values():
+        projected = by_value - project(by_start, by_value)
+        information += projected.T @ projected
+    return information

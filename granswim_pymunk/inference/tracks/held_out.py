@@ -1,0 +1,427 @@
+"""Held-out errors: naive, recalibrated, revised, and the floor that perfect knowledge of the physics leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...scene import Scene
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Failed, Hypothesis, Predictor, Term
+from ..judge import Remains, paired
+from .blocks import cut
+from .fit import Fitter
+from .fitted import Fit
+from .segments import find_impacts, make_segments
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of seen minus predicted over all measured numbers [m or rad], and by recording.
+
+    ``whole``: where starts were fitted to whole held-out recordings, reported beside it.
+    ``values``: for a held-out recording with numbers of its own, all numbers (p,) as it was scored with.
+    """
+
+    rms: float | None
+    by_case: Mapping[str, float]
+    whole: float | None = None
+    whole_by_case: Mapping[str, float] | None = None
+    predicted: Mapping[str, np.ndarray] | None = None
+    values: Mapping[str, np.ndarray] | None = None
+    # (T, c) of each recording in standard deviations of the noise, NaN where not scored
+    scored: Mapping[str, np.ndarray] | None = None
+    window: float | None = None  # s, of the windows that were scored, None for whole runs
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares in units of the noise."""
+        return float(sum(np.nansum(e**2) for e in (self.scored or {}).values()))
+
+
+def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> str:
+    """Whether held-out data are predicted better: by a bootstrap of blocks of frames, see ``paired``."""
+    blocks: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for name, first in (before.scored or {}).items():
+        second = (after.scored or {}).get(name)
+        if second is None:
+            continue
+        for c in range(first.shape[1]):
+            rows = np.flatnonzero(np.isfinite(first[:, c]) & np.isfinite(second[:, c]))
+            for part in np.array_split(rows, current().blocks.held_out):
+                if len(part):
+                    blocks[0].append(first[part, c] ** 2)
+                    blocks[1].append(second[part, c] ** 2)
+    return paired(*blocks, rng)
+
+
+def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None) -> Remains:
+    """What held-out data show beyond noise where the training part shows nothing: of whom, and when most.
+
+    floor : [m or rad, rms] of the held-out errors
+    """
+    sizes: dict[str, list[float]] = {}
+    worst, when = 0.0, None
+    for case in cases:
+        scored = (errors.scored or {}).get(case.name)
+        if scored is None:
+            continue
+        for c, channel in enumerate(case.channels):
+            if np.isfinite(scored[:, c]).any():
+                sizes.setdefault(channel.body, []).append(float(np.nanmean(scored[:, c] ** 2)))
+        for rows in np.array_split(np.flatnonzero(np.isfinite(scored).any(axis=1)), current().blocks.held_out):
+            size = float(np.nanmean(scored[rows] ** 2)) if len(rows) else 0.0
+            if size > worst:
+                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
+    means = {body: float(np.mean(m)) for body, m in sizes.items()}
+    least = 1.0 + current().verdict.bodies * (max(means.values()) - 1.0)  # one: the noise
+    bodies = tuple(body for body, mean in means.items() if mean > least) or tuple(means)
+    times = errors.rms / floor if errors.rms is not None and floor else None
+    return Remains(errors.rms, times, bodies, when, None, "physics that the training part does not show")
+
+
+def meets_when_scored(case: Case) -> bool:
+    """Whether bodies meet in the held-out frames of a recording."""
+    return any(case.scored[impact.row] for impact in find_impacts(case))
+
+
+class _Bound:
+    """Applies a term with some of its numbers; the others stay at the values given."""
+
+    def __init__(self, term: Term, kept: Sequence[int], values: np.ndarray) -> None:
+        self.term, self.kept, self.values = term, list(kept), np.array(values, dtype=float)
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        full = self.values.copy()
+        full[self.kept] = values
+        return self.term.apply(scene, camera, full)
+
+
+def own_numbers(hypothesis: Hypothesis, values: np.ndarray, case: Case) -> tuple[Hypothesis, np.ndarray]:
+    """The hypothesis in which only the numbers that belong to this recording alone are free, and which those are.
+
+    No training recording says anything of them, so they are found with the start.
+    """
+    terms, own = [], []
+    at = 0
+    for term in hypothesis.terms:
+        kept = [k for k, f in enumerate(term.free) if f.cases == frozenset([case.name])]
+        bears = not term.free or any(f.cases is None or case.name in f.cases for f in term.free)
+        if bears:
+            free = tuple(term.free[k] for k in kept)
+            terms.append(replace(term, free=free, apply=_Bound(term, kept, values[at : at + len(term.free)])))
+            own += [at + k for k in kept]
+        at += len(term.free)
+    return Hypothesis(tuple(terms)), np.array(own, dtype=int)
+
+
+def training_errors(fit: Fit, cases: Sequence[Case]) -> Errors:
+    """Errors on the training part, from the innovations of a fit."""
+    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations})
+
+
+def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
+    by_case = {}
+    squares, count = 0.0, 0
+    for name, array in errors.items():
+        used = array[np.isfinite(array)]
+        if len(used):
+            by_case[name] = float(np.sqrt(np.mean(used**2)))
+            squares += float(used @ used)
+            count += len(used)
+    return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
+
+
+def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
+    """Weights (T,) of frames that fade into the past: exp(-(t_last - t)/(memory * span)).
+
+    A start that is to predict what comes counts the latest frames most where the scene is not the whole truth
+    (exponential forgetting: Jazwinski 1970, Stochastic Processes and Filtering Theory, ch. 8).
+    """
+    if not np.isfinite(memory):
+        return np.ones(len(case.t))
+    t = case.t[frames]
+    span = max(float(t[-1] - t[0]), 1e-12)
+    return np.exp(-np.maximum(float(t[-1]) - case.t, 0.0) / (memory * span) / 2)
+
+
+def learn_memory(
+    hypothesis: Hypothesis, training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]
+) -> float:
+    """The memory that predicts whole training recordings best from their first 20 %."""
+    best, least = np.inf, np.inf
+    for memory in current().left.memories:
+        squares = 0.0
+        for case in cases:
+            if case.held_out or not case.training.all():
+                continue
+            first = case.t <= case.t[0] + current().split.start * (case.t[-1] - case.t[0])
+            weights = {case.name: fading(case, first, memory)}
+            fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
+            try:
+                fit = fitter.fit(hypothesis, training.values, training.starts, fixed=True, evaluations=10)
+                error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
+            except Failed:
+                squares = np.inf
+                break
+            squares += float(np.nansum(error**2))
+        if squares < least:
+            best, least = memory, squares
+    return best
+
+
+def held_out_errors(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    *,
+    whole: bool = True,
+    memory: float = np.inf,
+    followed: Collection[str] = (),
+) -> Errors:
+    """Score the held-out frames with the parameters of the training fit.
+
+    A split recording runs on from its training part. A held-out recording gets its start, and the adjustables
+    that belong to it alone, from its first 20 % and the rest is scored; ``whole`` also fits the start to all of it.
+    ``memory``: see ``fading``;  ``followed``: recordings that are run on although they are cut into segments.
+    """
+    errors: dict[str, np.ndarray] = {}
+    sizes: dict[str, np.ndarray] = {}
+    window: float | None = None
+    everything: dict[str, np.ndarray] = {}
+    predicted: dict[str, np.ndarray] = {}
+    used: dict[str, np.ndarray] = {}
+    for case in cases:
+        if not case.scored.any():
+            continue
+        windows = [] if case.name in followed else _windows(case)
+        if windows:
+            seen, length = _by_windows(hypothesis, training, case, windows, predictor, stop)
+            if seen is None:
+                continue
+            array = np.where(case.scored[:, None], case.values - seen, np.nan)
+            errors[case.name], predicted[case.name], window = array, seen, length
+            sizes[case.name] = array / case.sigma
+            continue
+        runs = [(case.start, errors, case.scored)]
+        if case.held_out and whole:
+            runs.append((np.ones(len(case.t), dtype=bool), everything, np.ones(len(case.t), dtype=bool)))
+        for frames, into, scored in runs:
+            forget = {case.name: fading(case, frames, memory)} if case.held_out and into is errors else None
+            fitter = Fitter([case], predictor, {case.name: frames}, stop, forget)
+            starts = None if case.held_out else training.starts
+            reduced, own = own_numbers(hypothesis, training.values, case)
+            try:
+                if case.held_out and len(own):
+                    fit = fitter.fit(reduced, training.values[own], starts)
+                else:
+                    fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+                seen = fitter.predict(fit, case, scored | frames)
+            except Failed:
+                continue
+            if case.held_out and len(own) and into is errors:
+                used[case.name] = training.values.copy()
+                used[case.name][own] = fit.values
+            array = np.where(scored[:, None], case.values - seen, np.nan)
+            into[case.name] = array
+            if into is errors:
+                predicted[case.name] = seen
+                sizes[case.name] = array / case.sigma
+    pooled = _pool(errors)
+    all_frames = _pool(everything)
+    return replace(
+        pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
+        scored=sizes, window=window,
+    )  # fmt: skip
+
+
+def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> float:
+    """Mean square, over the noise, of what a fit leaves open where a run goes on into the held-out frames.
+
+    Numbers and starts drawn from their covariance (J'J)^-1 are run on. Below one the run can be followed, as where a
+    ball bounces; where disks scatter one another it grows far beyond. Infinite where nothing can be said.
+    """
+    if case.held_out or not case.scored.any() or case.name not in fit.jacobian:
+        return math.inf
+    fitter = Fitter([case], predictor, {case.name: case.training})
+    fitter.segments = {case.name: fit.segments[case.name]}
+    p = len(fit.values)
+    both = np.hstack(fit.jacobian[case.name])
+    size = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
+    told, turned = np.linalg.eigh((both / size).T @ (both / size))
+    told = np.where(told > 1e-12 * told.max(initial=0.0), told, np.inf)  # what shows in nothing changes nothing
+    low, high = fit.hypothesis.bounds
+    try:
+        runs = [fitter.predict(fit, case, case.scored)[case.scored]]
+        for _ in range(current().left.starts):
+            off = turned @ (rng.normal(size=len(told)) / np.sqrt(told)) / size
+            values = np.clip(fit.values + off[:p], low, high)
+            drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})
+            runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
+    except Failed:
+        return math.inf
+    return float(np.nanmean(((np.array(runs[1:]) - runs[0]) / case.sigma) ** 2))
+
+
+def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Windows of held-out frames with starts of their own, (frames of the start, the rest), where a run would part.
+
+    None where the recording can be followed from one start: then the run goes on.
+    """
+    criteria = current().blocks
+    if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
+        return []
+    return cut(case.t, np.flatnonzero(case.scored), criteria.windows, criteria.start)
+
+
+def _by_windows(
+    hypothesis: Hypothesis, training: Fit, case: Case, windows: Sequence[tuple[np.ndarray, np.ndarray]],
+    predictor: Predictor, stop: Callable[[], bool],
+) -> tuple[np.ndarray | None, float]:  # fmt: skip
+    """What is predicted (T, c) of the windows after their starts, NaN elsewhere, and how long they are [s]."""
+    out = np.full(case.values.shape, np.nan)
+    lengths = []
+    for first, rest in windows:
+        fitter = Fitter([case], predictor, {case.name: first}, stop)
+        try:
+            fit = fitter.fit(hypothesis, training.values, None, fixed=True, evaluations=10)
+            seen = fitter.predict(fit, case, rest)
+        except Failed:
+            continue
+        out[rest] = seen[rest]
+        lengths.append(float(np.ptp(case.t[rest])))
+    return (out, float(np.mean(lengths))) if lengths else (None, 0.0)
+
+
+def window_errors(
+    hypothesis: Hypothesis, values: np.ndarray, case: Case, rows: np.ndarray, length: float, predictor: Predictor,
+    share: float = 1.0,
+) -> np.ndarray:  # fmt: skip
+    """Errors (windows,) [m or rad, rms] over windows of ``rows`` of a recording, NaN where one cannot be run.
+
+    length : [s] of a window;  share : of its frames that its start is fitted on; the others are predicted, or all of
+    them where the start was fitted on all
+    """
+    t = case.t[rows]
+    count = max(int(np.floor((t[-1] - t[0]) / length + 1e-6)), 1)
+    found = []
+    for k in range(count):
+        begin = t[0] + k * length
+        mine = rows[(t >= begin - 1e-9) & (t < begin + length - 1e-9)]
+        first, rest = np.zeros(len(case.t), dtype=bool), np.zeros(len(case.t), dtype=bool)
+        cut_at = max(math.ceil(share * len(mine)), current().blocks.start_frames)
+        first[mine[:cut_at]] = True
+        rest[mine[cut_at:] if cut_at < len(mine) else mine] = True
+        fitter = Fitter([case], predictor, {case.name: first}, whole=True)
+        try:
+            fit = fitter.fit(hypothesis, values, None, fixed=True, stages=(0.2, 1.0), evaluations=15)
+            left = (case.values - fitter.predict(fit, case, first | rest))[rest]
+        except Failed:
+            found.append(np.nan)
+            continue
+        found.append(float(np.sqrt(np.nanmean(left**2))))
+    return np.array(found)
+
+
+def noise_floor(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    rng: np.random.Generator,
+    repeats: int = 3,
+) -> tuple[float | None, float | None]:
+    """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise."""
+    squares = {"train": [0.0, 0], "heldout": [0.0, 0]}
+    for case in cases:
+        try:
+            truth, fit, alone = _as_explained(hypothesis, training, case, predictor, stop)
+        except Failed:
+            continue
+        frames = case.start if case.held_out else case.training
+        # a number found from few frames moves the floor more than noise does
+        for _ in range(4 * repeats if alone else repeats):
+            replicate = _filmed_again(case, truth, rng)
+            inner = Fitter([replicate], predictor, {case.name: frames}, stop)
+            try:
+                found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=6)
+                seen = inner.predict(found, replicate, np.ones(len(case.t), dtype=bool))
+            except Failed:
+                continue
+            error = replicate.values - seen
+            for key, mask in (("train", case.training), ("heldout", case.scored)):
+                used = error[mask]
+                used = used[np.isfinite(used)]
+                squares[key][0] += float(used @ used)
+                squares[key][1] += len(used)
+    train, held = (float(np.sqrt(s / n)) if n else None for s, n in squares.values())
+    return train, held
+
+
+def right_law_errors(
+    hypothesis: Hypothesis,
+    training: Fit,
+    cases: Sequence[Case],
+    predictor: Predictor,
+    stop: Callable[[], bool],
+    rng: np.random.Generator,
+    repeats: int = 10,
+    followed: Collection[str] = (),
+) -> np.ndarray:
+    """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
+
+    The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
+    that is a little off has carried the bodies away. Repeats that fail are left out.
+    """
+    truths = {}
+    for case in cases:
+        try:
+            truths[case.name] = _as_explained(hypothesis, training, case, predictor, stop)[0]
+        except Failed:
+            continue
+    result = []
+    for _ in range(repeats):
+        replicates = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
+        again = Fitter(replicates, predictor, None, stop)
+        try:
+            fit = again.fit(hypothesis, training.values, training.starts, evaluations=20)
+        except Failed:
+            continue
+        rms = held_out_errors(hypothesis, fit, replicates, predictor, stop, whole=False, followed=followed).rms
+        if rms is not None:
+            result.append(rms)
+    return np.array(result)
+
+
+def _as_explained(
+    hypothesis: Hypothesis, training: Fit, case: Case, predictor: Predictor, stop: Callable[[], bool]
+) -> tuple[np.ndarray, Fit, bool]:
+    """What a recording (T, c) would be without noise, the fit of its start, and whether numbers of its own are in it.
+
+    What belongs to a held-out recording alone has to be found from its first frames. Raises Failed.
+    """
+    frames = case.start if case.held_out else case.training
+    fitter = Fitter([case], predictor, {case.name: frames}, stop)
+    reduced, own = own_numbers(hypothesis, training.values, case)
+    alone = case.held_out and len(own) > 0
+    starts = None if case.held_out else training.starts
+    if alone:
+        fit = fitter.fit(reduced, training.values[own], starts)
+    else:
+        fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+    return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, alone
+
+
+def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator) -> Case:
+    """The recording with noise of its own, seen where it was."""
+    noisy = truth + case.draw(rng)
+    noisy[~np.isfinite(case.values)] = np.nan
+    return replace(case, values=noisy)

@@ -1,0 +1,270 @@
+"""Are the innovations noise? And where are they not: body, time, speed, place, contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ...joints import arm_of
+from ...walls import gap_to_wall
+from ..criteria import current
+from ..data import Case
+from ..noise import Noise, Seen, slow_part
+from ..significance import after_looks, normal_score
+from .fit import Fitter
+from .fitted import Fit
+from .nulls import correlation_time
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Innovations against noise of unit size: ``z`` of the size (0 where sigma was not given), ``memory`` the
+    correlation time in frames, ``p`` that white noise would look so."""
+
+    z: float
+    memory: float
+    p: float
+
+
+def series_of(fit: Fit, cases: Sequence[Case], white: bool = False) -> list[np.ndarray]:
+    """One series for each channel that was used; ``white``: with the memory of the noise taken out."""
+    result = []
+    for case in cases:
+        everything = np.ones(len(case.t), dtype=bool)
+        array = fit.white[case.name] if white else case.timed(fit.innovations[case.name], everything)
+        for c in range(array.shape[1]):
+            column = array[:, c]
+            result.append(column[np.isfinite(column)])
+    return result
+
+
+def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
+    """Test the innovations of a fit with ``free`` fitted numbers in all."""
+    dof = max(fit.count - free, 1)
+    known = all(c.sigma_known for c in cases)
+    z = (fit.chi2 - dof) / math.sqrt(2 * dof) if known else 0.0
+    p_size = float(stats.chi2.sf(fit.chi2, dof)) if known else 1.0
+    # Ljung-Box over all channels
+    q, lags = 0.0, 0
+    memory = []
+    for series in series_of(fit, cases, white=True):
+        n = len(series)
+        if n < 12:
+            continue
+        s = series - series.mean()
+        power = float(s @ s)
+        if power == 0.0:
+            continue
+        most = min(10, n // 4)
+        for lag in range(1, most + 1):
+            rho = float(s[:-lag] @ s[lag:]) / power
+            q += n * (n + 2) * rho**2 / (n - lag)
+        lags += most
+        memory.append(correlation_time(series))
+    # fitted numbers take away degrees of freedom here too
+    p_memory = float(stats.chi2.sf(q, max(lags - free, 1))) if lags else 1.0
+    p = min(1.0, 2 * min(p_size, p_memory))
+    return Whiteness(z, float(np.mean(memory)) if memory else 1.0, p)
+
+
+ANEW = 1_000_000  # frames between two segments, for a memory that ends where one begins
+
+
+def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -> Noise:
+    """The slow part of the noise, told from what a fit leaves and counted with what it takes away.
+
+    beside : (n, k) directions in ``Fit.used`` of all recordings in turn that are not to be taken for noise
+    """
+    recordings, at = [], 0
+    for case in cases:
+        if case.name not in fit.innovations:
+            continue
+        residuals = case.timed(fit.innovations[case.name], np.ones(len(case.t), dtype=bool))
+        by_value, by_start = fit.jacobian[case.name]
+        if beside is not None:
+            by_value = np.hstack([by_value, beside[at : at + len(by_value)]])
+        at += len(by_value)
+        seen = np.isfinite(residuals)
+        count = int(seen.sum())
+        spread_out = [np.zeros((*residuals.shape, by.shape[1])) for by in (by_value, by_start)]
+        for out, by in zip(spread_out, (by_value, by_start), strict=True):
+            out[seen] = by[:count]
+        begins = [case.t[s.frames][0] for s in fit.segments[case.name]]
+        frames = case.numbers + ANEW * np.searchsorted(begins, case.t, side="right")
+        ties = np.hstack([by_value[count:], by_start[count:]])
+        recordings.append(Seen(residuals, frames, spread_out[0], spread_out[1], ties, fit.used(case.name)[count:]))
+    return slow_part(recordings) if recordings else Noise()
+
+
+def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
+    """By how much variances grow because innovations are larger than the noise, or remember: 1 for white noise."""
+    dof = max(fit.count - free, 1)
+    memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases, white=True)] or [1.0]))
+    size = fit.chi2 / dof
+    if size < 1 + current().noise.inflated * math.sqrt(2 / dof) and memory < current().noise.remembers:
+        return 1.0
+    return max(1.0, size) * max(1.0, memory)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A part of the data with its mismatch: ``p`` after all looks, ``z`` its normal score."""
+
+    bodies: tuple[str, ...]
+    where: Mapping[str, Any]
+    when: Mapping[str, Any]
+    speed: tuple[float, float] | None
+    z: float
+    p: float
+    case: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it stands in verdict.json."""
+        where = {"region": None, "x": None, "y": None, "gap": None, **self.where}
+        when = {"t": None, "phase": None, "before_contact": None, **self.when}
+        return {
+            "bodies": list(self.bodies), "where": where, "when": when,
+            "speed": None if self.speed is None else list(self.speed), "frequency": None, "z": self.z, "p": self.p,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class WindowMap:
+    """Innovations of short windows, each with a start of its own.
+
+    rows : dicts with case, body, t (2), x (2), y (2), speed (2), z, chi2, dof
+    """
+
+    rows: tuple[Mapping[str, Any], ...]
+
+
+def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
+    """Cut every recording into ``pieces`` windows with starts of their own and see which the model cannot follow.
+
+    ``scale``: variance of the innovations of each recording when the physics is right.
+    """
+    rows: list[dict[str, Any]] = []
+    size = 0
+    for case in fitter.cases:
+        at = np.flatnonzero(fitter.frames[case.name])
+        size = max(len(at) // pieces, 8)
+        for first in range(0, len(at) - size // 2, size):
+            part = np.zeros(len(case.t), dtype=bool)
+            part[at[first : first + size]] = True
+            if part.sum() < 8:
+                continue
+            inner = Fitter([case], fitter.predictor, {case.name: part}, fitter.stop)
+            found = inner.fit(fit.hypothesis, fit.values, fixed=True, evaluations=8)
+            spread = scale[case.name]
+            for body in case.bodies:
+                columns = [k for k, c in enumerate(case.channels) if c.body == body]
+                values = found.white[case.name][:, columns]
+                values = values[np.isfinite(values)]
+                numbers = sum(int(s.free.sum()) for s in inner.segments[case.name][0].starts if s.body == body)
+                dof = max(len(values) - numbers, 1)
+                chi2 = float(values @ values) / spread
+                row = {"case": case.name, "body": body, "t": (float(case.t[part][0]), float(case.t[part][-1])),
+                       "chi2": chi2, "dof": dof,
+                       "z": normal_score(float(stats.chi2.sf(chi2, dof)))}  # fmt: skip
+                row |= _extent(case, body, part)
+                rows.append(row)
+    return WindowMap(tuple(rows))
+
+
+def _extent(case: Case, body: str, part: np.ndarray) -> dict[str, Any]:
+    k = case.recording.ids.index(body)
+    xy = case.recording.xy[part, k]
+    result: dict[str, Any] = {"x": None, "y": None, "speed": None, "gap": None, "before_contact": None}
+    gaps = _gaps(case, body)
+    if gaps is not None and np.isfinite(gaps[part]).any():
+        # a frame in which no other body was seen has no gap
+        near = gaps[part][np.isfinite(gaps[part])]
+        result["gap"] = (float(near.min()), float(near.max()))
+        until = gaps[: np.flatnonzero(part)[-1] + 1]
+        # touching within the noise of the two positions
+        noise = float(max((s for s, c in zip(case.sigma, case.channels, strict=True) if c.body == body), default=0.0))
+        result["before_contact"] = bool(np.nanmin(until) > current().left.touching * noise)
+    for axis, name in enumerate("xy"):
+        column = xy[:, axis]
+        if np.isfinite(column).any():
+            result[name] = (float(np.nanmin(column)), float(np.nanmax(column)))
+    steps = np.linalg.norm(np.diff(xy, axis=0), axis=1) / np.diff(case.t[part])
+    if not np.isfinite(steps).any() and case.recording.angle is not None:
+        length = arm_of(case.recording.scene, body)
+        steps = np.abs(np.diff(case.recording.angle[part, k])) / np.diff(case.t[part]) * length
+    steps = steps[np.isfinite(steps)]
+    if len(steps):
+        # speeds from neighbouring frames carry their noise: the middle of their spread
+        result["speed"] = (float(np.quantile(steps, 0.1)), float(np.quantile(steps, 0.9)))
+    return result
+
+
+def _gaps(case: Case, body: str) -> np.ndarray | None:
+    """Smallest gap (T,) [m] between a body and any other that was seen or stands still, None where it is alone."""
+    recording = case.recording
+    scene = recording.scene
+    own = recording.ids.index(body)
+    radius = scene.body(body).radius
+    others: list[np.ndarray] = []
+    for k, name in enumerate(recording.ids):
+        if k != own:
+            others.append(
+                np.linalg.norm(recording.xy[:, k] - recording.xy[:, own], axis=1) - radius - scene.body(name).radius
+            )
+    for wall in scene.bodies:
+        if wall.role == "wall" and wall.initial is not None:
+            others.append(
+                np.linalg.norm(np.array(wall.initial[:2]) - recording.xy[:, own], axis=1) - radius - wall.radius
+            )
+    others += [gap_to_wall(recording.xy[:, own], radius, wall, scene.periodic_x) for wall in scene.walls]
+    if not others or not np.isfinite(recording.xy[:, own]).any():
+        return None
+    stacked = np.stack(others)
+    stacked[:, np.isnan(stacked).all(axis=0)] = np.inf
+    return np.nanmin(stacked, axis=0)
+
+
+def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
+    """Bodies whose windows are not noise, with the times, places and speeds where it is worst.
+
+    A body counts when the combined chi2 of its windows, or of one, does so after looking at all bodies and windows.
+    """
+    by_body: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for row in windows.rows:
+        by_body.setdefault((row["case"], row["body"]), []).append(row)
+    looked = len(windows.rows) + len(by_body)
+    places = []
+    for (case, body), rows in by_body.items():
+        total = sum(r["chi2"] for r in rows), sum(r["dof"] for r in rows)
+        p_all = float(stats.chi2.sf(*total))
+        worst = max(rows, key=lambda r: r["z"])
+        p_one = float(stats.chi2.sf(worst["chi2"], worst["dof"]))
+        z, p = after_looks(min(p_all, p_one), looked)
+        if p > current().left.places:
+            continue
+        # all windows that are bad by themselves, else the worst
+        level = current().left.windows
+        bad = [r for r in rows if stats.chi2.sf(r["chi2"], r["dof"]) * looked < level] or [worst]
+        span = {
+            key: (min(r[key][0] for r in bad if r[key]), max(r[key][1] for r in bad if r[key]))
+            if any(r[key] for r in bad)
+            else None
+            for key in ("t", "x", "y", "speed", "gap")
+        }
+        contact = [r["before_contact"] for r in bad]
+        before = None if None in contact else all(contact)
+        places.append(
+            Place((body,), {k: _listed(span[k]) for k in ("x", "y", "gap")},
+                  {"t": _listed(span["t"]), "before_contact": before}, span["speed"],
+                  z, p, case)
+        )  # fmt: skip
+    return tuple(sorted(places, key=lambda place: -place.z))
+
+
+def _listed(pair):
+    return None if pair is None else list(pair)

@@ -1,0 +1,194 @@
+"""Intervals of numbers that only together are known, or known unevenly: a profile of chi2 in place of its curvature.
+
+Where a drag is adjustable and a flow is missing, c (v - u) shows as c u and as c plus the other drag: any c will do,
+with a u to match. The curvature at one place of such a valley says nothing of how far it goes, and it bends. Where all
+impacts end without slip, any larger friction says the same, and curvature is none.
+Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..criteria import current
+from ..data import Case
+from ..linear import project
+from .believed import error_name, with_error
+from .fit import Fitter
+from .fitted import Fit, information_of
+
+
+def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Callable[[], bool] = lambda: False) -> Fit:
+    """The fit with sharp derivatives, and with profiles for its numbers from ``first`` on that are not known alone.
+
+    spread : inflation of variances by what the fit leaves;  late : stops between two numbers
+    """
+    fit = fitter.sharpened(fit)
+    uneven: list[int] = []
+    probes: dict[int, tuple[tuple[float, float] | None, Fit]] = {}
+    for _ in range(current().intervals.again):
+        probes = {k: _probe(fitter, fit, k, spread) for k in range(first, len(fit.values)) if not late()}
+        uneven = [k for k, (ends, _) in probes.items() if ends is None]
+        lowest = min((found for _, found in probes.values()), key=lambda f: f.chi2, default=fit)
+        if lowest.chi2 > fit.chi2 - spread or late():
+            break
+        # the fit was not at its end yet
+        better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=current().intervals.evaluations)
+        fit = fitter.sharpened(min(lowest, better, key=lambda f: f.chi2))
+    told = information_of(fit.jacobian, len(fit.values))
+    limits = {k: ends for k, (ends, _) in probes.items() if ends is not None and _lopsided(fit, k, ends, spread)}
+    for k in sorted({*unknown_alone(told), *uneven}):
+        if k < first or late():
+            continue
+        free = fit.hypothesis.free[k]
+        least = current().intervals.at_first * (abs(float(fit.values[k]) - free.neutral) or free.scale)
+        step = min(1.96 / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
+        limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
+    return replace(fit, limits=limits) if limits else fit
+
+
+def _lopsided(fit: Fit, k: int, ends: tuple[float, float], spread: float) -> bool:
+    """Whether the ends of an interval are not where its curvature puts them, by more than a part of its half."""
+    half = 1.96 * math.sqrt(float(fit.covariance[k, k]) * spread)
+    away = (float(fit.values[k]) - ends[0]) / half, (ends[1] - float(fit.values[k])) / half
+    return any(abs(part - 1.0) > current().intervals.lopsided for part in away)
+
+
+def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float, float] | None, Fit]:
+    """The ends of 95 % of a number where chi2 rises about as its curvature says, None where it does not.
+
+    It is looked at where curvature puts them, the other numbers fitted: there it should have risen by ``LEVEL``. As it
+    rises with the square of the distance, a rise by R puts the end at sqrt(LEVEL/R) of that. Also the best of these
+    fits, or the one that was given.
+    """
+    variance, best = float(fit.covariance[k, k]), fit
+    if not variance > 0:
+        return None, best
+    free, as_told = fit.hypothesis.free[k], True
+    away = 1.96 * math.sqrt(spread / variance) * fit.covariance[:, k]
+    bounds = np.array([(f.low, f.high) for f in fit.hypothesis.free]).T
+    ends = []
+    for side in (-1.0, 1.0):
+        values = fit.values + side * away
+        ends.append(float(values[k]))
+        if not free.low <= values[k] <= free.high:
+            continue  # it is cut there
+        found = fitter.fit(fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=5)
+        best = min(best, found, key=lambda f: f.chi2)
+        criteria = current().intervals
+        rise = (found.chi2 - fit.chi2) / (criteria.level * spread)
+        as_told = as_told and 1 / criteria.unlike < rise < criteria.unlike
+        if as_told:
+            ends[-1] = float(fit.values[k] + side * away[k] / math.sqrt(rise))
+    return (ends[0], ends[1]) if as_told else None, best
+
+
+def unknown_alone(information: np.ndarray) -> list[int]:
+    """Numbers of an information matrix (p, p) of whose information the others take nearly all."""
+    size = np.sqrt(np.diag(information))
+    shown = np.flatnonzero(size > 0)
+    if len(shown) < 2:
+        return []
+    part = (information / np.outer(size, size).clip(1e-300))[np.ix_(shown, shown)]
+    # of a singular matrix the inverse of what it lacks is huge
+    inverse = np.linalg.inv(part + 1e-9 * np.eye(len(part)))
+    return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * current().intervals.alone > 1.0]
+
+
+def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
+    """The fit with the variance that errors of the believed masses and radii add to its numbers.
+
+    ``mass_error`` and ``radius_error`` of the recordings are standard deviations of relative errors b, one of each for
+    every body: nuisances with a prior. With J and M the derivatives of the prediction by the numbers and by b over its
+    standard deviation, starts projected out, the covariance of both is ([J M]'[J M]/spread + diag(0, 1))^-1: of the
+    numbers alone J'J/spread would be left, the difference is added.
+    """
+    p = len(fit.values)
+    fitted = {free.name for free in fit.hypothesis.free if free.prior}
+    nuisances = dict.fromkeys(key for case in fitter.cases for key, _, _ in _believed(case, fitted))
+    if not p or not nuisances:
+        return fit
+    place = {key: p + k for k, key in enumerate(nuisances)}
+    told = np.zeros((p + len(place), p + len(place)))
+    for case in fitter.cases:
+        by_value, by_start = fit.jacobian[case.name]
+        both = np.hstack([by_value, np.zeros((len(by_value), len(place)))])
+        for key, low, high in _believed(case, fitted):
+            below, above = (fitter.vector(c, fit.hypothesis, fit.values, fit.starts[case.name]) for c in (low, high))
+            # of two runs, so much of a standard deviation to either side
+            both[:, place[key]] = (below - above) / (2 * current().intervals.sizes) * fit.roots(case.name)
+        both = both - project(by_start, both)
+        told += both.T @ both / spread
+    alone = np.linalg.pinv(told[:p, :p])
+    whole = np.linalg.pinv(told + np.diag([0.0] * p + [1.0] * len(place)))[:p, :p]
+    return replace(fit, believed=whole - alone)
+
+
+def _believed(case: Case, fitted: Collection[str]) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
+    """For each mass and radius that is not known well: whose, and the case with it smaller and larger by a little.
+
+    A body with the same id, radius and mass in two recordings is the same body, and off by the same. What never moves
+    has no mass that matters. Left out are those that are ``fitted`` (``believed.py``).
+    """
+    recording = case.recording
+    for kind, error in (("mass", recording.mass_error), ("radius", recording.radius_error)):
+        for body in recording.scene.bodies if error else ():
+            if (kind == "mass" and not body.mobile) or error_name(kind, body.id) in fitted:
+                continue
+            changed = []
+            for side in (-1.0, 1.0):
+                share = side * current().intervals.sizes * float(error or 0.0)
+                scene = with_error(recording.scene, kind, body.id, share)
+                changed.append(replace(case, recording=replace(recording, scene=scene)))
+            yield (kind, body.id, body.radius, body.mass), changed[0], changed[1]
+
+
+def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: float) -> float:
+    """Where chi2, all others refitted, has risen to its ends; the bound where it never does; ``first``: a step.
+
+    As it rises with the square of the distance, sqrt(rise) is a line: that says where to look next, no farther than
+    twice the last step, as a valley may bend, and no farther than half of one that failed.
+    """
+    free, criteria = fit.hypothesis.free[k], current().intervals
+    bound = free.high if side > 0 else free.low
+    step, here, least = first, fit, criteria.fine * first
+    # where the last fit beyond the end was, its chi2, and whether no lost search can have made that
+    failed, beyond, height, sure = False, math.nan, math.nan, False
+    for _ in range(criteria.most):
+        at = float(here.values[k]) + side * step
+        if (at - bound) * side >= 0:
+            at = bound
+        values = here.values.copy()
+        values[k] = at
+        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,))
+        # 1 at the end
+        before, now = (math.sqrt(max(f.chi2 - fit.chi2, 0.0) / (criteria.level * spread)) for f in (here, found))
+        away = abs(at - float(fit.values[k]))
+        if now < 1:
+            if at == bound:
+                return bound
+            here = found
+            if now > 1 - criteria.fine:
+                return at
+            foreseen = away * (1.0 / now - 1.0) if now > 0 else math.inf
+            step = min(foreseen, step if failed else criteria.growth * step)
+            if sure and step >= abs(beyond - at) * (1.0 - criteria.fine):
+                step = abs(beyond - at) / 2
+        else:
+            # the end, or a valley that bends more than one search can follow: such a one is lost elsewhere next time
+            again = math.isclose(at, beyond, rel_tol=1e-9) and abs(found.chi2 - height) < criteria.level * spread
+            failed, beyond, height, sure = True, at, found.chi2, again
+            step = abs(at - float(here.values[k]))
+            half = step / 2
+            # near a bound what counts is how far it is from there: 0.3 is an end that 0 is not, seen from 100 as well
+            close = min(least + criteria.fine * away, criteria.fine * abs(float(here.values[k]) - bound))
+            if now < 1 + criteria.fine or half < close:
+                return at
+            # a search that is lost says nothing of where the end is
+            foreseen = step * (1.0 - before) / (now - before) if now < criteria.unlike else half
+            step = min(half, max(foreseen, criteria.fine * step))
+    return at if failed else bound

@@ -1,0 +1,597 @@
+"""Whole tracks of free, pinned, sprung and colliding bodies: how they are held against simulations, step by step."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ...laws import all_laws
+from ...recording import Recording
+from ...scene import Scene
+from ..candidates import in_contact_alone
+from ..criteria import current
+from ..data import Case
+from ..explained import Scores, explained
+from ..hypothesis import Failed
+from ..judge import (
+    Claim,
+    Completeness,
+    Form,
+    Judgement,
+    Mismatch,
+    Remains,
+    Weighed,
+    as_large_by_chance,
+    best_form,
+    completeness,
+    remains_of,
+)
+from ..mechanisms import UNKNOWN, plainly
+from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
+from ..pipeline import diagnose_by
+from ..result import Diagnosis, Progress, Used
+from ..significance import Null, after_looks, price
+from .believed import off_belief
+from .blocks import make_blocks, score
+from .choose import rivals_of, worth
+from .experiment import propose
+from .fit import Fitter, joined
+from .fitted import Fit
+from .held_out import (
+    Errors,
+    carried_on,
+    held_out_errors,
+    learn_memory,
+    left_of_held_out,
+    meets_when_scored,
+    noise_floor,
+    paired_verdict,
+    right_law_errors,
+    training_errors,
+)
+from .innovations import Place, Whiteness, WindowMap, locate, series_of, whiteness, window_map
+from .intervals import with_limits
+from .name import Trial, spread_of
+from .score_test import chance_of_more
+from .settle import (
+    apparatus_beside,
+    within_belief,
+)
+from .signatures import make_bank
+from .study import (
+    Study,
+    beyond_nulls,
+    calibrated,
+    explained_by,
+    finely,
+    study_of,
+    tried_alone,
+    with_close_joints,
+    with_memory,
+)
+from .verdict import Told, revised_scene, used
+
+BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
+AS_BELIEVED = "masses and radii as far off as was stated do the same"
+
+
+def _silent(text: str, share: float) -> None:
+    return None
+
+
+@dataclass
+class TrackFinding:
+    """What the figures of whole tracks are drawn from; ``rivals``: with whether these data cannot tell them apart."""
+
+    cases: list[Case]
+    naive: Fit
+    recalibrated: Fit
+    revised: Fit
+    verdict: str
+    found: list[Trial]
+    rivals: list[tuple[Trial, bool]]
+    trials: list[Trial]
+    flexible: Trial | None
+    null: Null | None
+    white_naive: Whiteness
+    white_recalibrated: Whiteness
+    white_revised: Whiteness
+    windows: WindowMap | None
+    spread: float
+    train: dict[str, Errors]
+    held: dict[str, Errors]
+    floor: tuple[float | None, float | None]
+    inner: dict[str, float]
+
+
+class Tracks(ObservationModel):
+    """Whole tracks, or segments of them that join up: starts are free numbers of the fit."""
+
+    kind = "bodies"
+    tail = "chi-squared of the innovations of a window over their spread, all windows counted"
+
+    def __init__(
+        self, recordings: Sequence[Recording], hold_out: Sequence[Recording] = (), *, minutes: float | None = None,
+        seed: int = 0, progress: Progress = _silent,
+    ) -> None:  # fmt: skip
+        """``minutes``: the budget; when it runs short, pairs, nulls and proposals are cut down and the notes say so.
+
+        Raises InputError for recordings that cannot be used.
+        """
+        began = time.monotonic()
+
+        def late(share: float) -> bool:
+            return minutes is not None and time.monotonic() - began > 60 * minutes * share
+
+        self.progress = progress
+        self.study = study_of(recordings, hold_out, np.random.default_rng(seed), progress, late)
+        self.notes = self.study.notes
+        self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
+        self.dropped: dict[str, str] = {}
+        self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
+        self.best_form: Trial | None = None
+        self.windows: WindowMap | None = None
+        self.right = np.zeros(0)
+        # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
+        self.followed: dict[str, float] = {}
+        self.floor: tuple[float | None, float | None] = (None, None)
+        self._completeness: dict[int, tuple[Fit, Completeness]] = {}
+
+    @property
+    def plain(self) -> Claim:
+        return Claim((), self.tried.recalibrated)
+
+    def recalibrate(self) -> None:
+        self.naive_fit, self.recalibrated_fit = calibrated(self.study)
+
+    def try_candidates(self) -> None:
+        self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
+        tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
+        self.study, self.tried = with_memory(self.study, tried)
+
+    def nulls(self) -> Null | None:
+        self.null, self.chosen = beyond_nulls(self.study, self.tried)
+        return self.null
+
+    def search(self, null: Null | None) -> Claim:
+        claim = self._search()
+        follows = self._without_laws(claim)
+        if follows is not None:
+            # all that was compared was compared with a scene that lost its way: again, with one that follows
+            self.study, self.tried = with_memory(self.study, tried_alone(self.study, self.tried.naive, follows))
+            self.nulls()
+            claim = self._search()
+        return claim
+
+    def null_after(self, null: Null | None) -> Null | None:
+        return self.null
+
+    def _without_laws(self, claim: Claim) -> Fit | None:
+        """The scene without a law from where that with laws ended, None where it follows no better than it did.
+
+        Through impacts a search may be caught far from where it should be, and every law then seems to help. Better is
+        what a law would have to earn.
+        """
+        study, plain, revised = self.study, self.tried.recalibrated, claim.fit
+        if not claim.laws or study.late(current().budget.candidates):
+            return None
+        n = len(plain.values)
+        like = all(len(revised.segments[name]) == len(segments) for name, segments in study.fitter.segments.items())
+        try:
+            starts = revised.starts if like else study.fitter.continued(revised)
+        except Failed:
+            return None
+        again = study.fitter.fit(plain.hypothesis, revised.values[:n], starts)
+        earned = price(len(self.tried.terms), 1) * self.spread
+        return again if again.chi2 < plain.chi2 - earned else None
+
+    def _search(self) -> Claim:
+        study, tried = self.study, self.tried
+        found, revised, self.dropped, self.near = explained_by(study, tried, self.chosen)
+        self.fitter, self.tightened = study.fitter, 0.0
+        if found and self.fitter.segmented:
+            loose = revised.chi2
+            self.fitter, revised = joined(self.fitter, revised)
+            self.tightened = max(revised.chi2 - loose, 0.0)
+            found = [replace(t, fit=revised) for t in found]
+        self.spread = spread_of(revised, study.training) if found else tried.spread
+        if found:
+            self.tried, self.fitter, found, revised = finely(study, tried, self.fitter, found, revised, self.spread)
+        return Claim(tuple(found), revised)
+
+    def weigh(self, claim: Claim) -> Weighed:
+        """Scores of unseen blocks: recalibrated, named, and the nameless forces that gain most."""
+        study, tried, rng = self.study, self.tried, self.study.rng
+        study.progress("what explains", 0.72)
+        self.blocks = make_blocks(study.cases)
+        noise = completeness(series_of(tried.best, study.training)).noise
+
+        def scores(fit: Fit) -> Scores:
+            return score(fit, self.blocks, study.predictor, noise, rng)
+
+        before = scores(tried.recalibrated)
+        self.scores: dict[str, Scores] = {}
+        named = None
+        if claim.laws:
+            self.scores[claim.label] = scores(claim.fit)
+            named = explained(self.scores[claim.label], before, rng)
+        most = max((t.gain for t in tried.forms), default=0.0)
+        forms = []
+        for trial in tried.forms:
+            if trial.fit is not None and trial.gain > current().left.forms * most and trial.gain > 0:
+                form = Claim((trial,), trial.fit)
+                self.scores[form.label] = scores(trial.fit)
+                share = explained(self.scores[form.label], before, rng)
+                later = not claim.laws or not math.isfinite(claim.laws[0].inner) or trial.inner <= claim.laws[0].inner
+                forms.append(Form(form, share, worth(trial, tried.spread), later))
+        best = best_form(forms)
+        self.best_form = None if best is None else best.claim.laws[0]
+        # forms were fitted to segments as they were: what closer joints of the names cost is no gain of theirs
+        gain = (tried.recalibrated.chi2 - claim.fit.chi2 + self.tightened) / self.spread
+        gain -= 2 * sum(t.used for t in claim.laws)
+        ahead = gain - max((worth(f.claim.laws[0], self.spread) for f in forms), default=-np.inf)
+        return Weighed(named, tuple(forms), ahead=ahead)
+
+    def completeness(self, fit: Fit) -> Completeness:
+        """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
+        if id(fit) not in self._completeness:
+            found = completeness(series_of(fit, self.study.training))
+            if not found.passes and _below_tolerance(fit, self.study.training):
+                found = Completeness(found.noise, found.chance, True)
+            self._completeness[id(fit)] = fit, found
+        return self._completeness[id(fit)][1]
+
+    def mismatch(self, claim: Claim) -> Mismatch:
+        study, tried = self.study, self.tried
+        left = self.completeness(tried.recalibrated)
+        found = Mismatch.of(claim.laws, left.chance, bool(study.adjustables) and self._moved())
+        if left.passes and _below_tolerance(tried.recalibrated, study.training):
+            found = replace(found, real=False)
+        laws = list(claim.laws)
+        if found.real and laws:
+            _, alike = within_belief(laws, claim.fit, tried.recalibrated, self._fitter_of(claim.fit), self.spread)
+            if len(alike) == len(laws):
+                self.notes.append(f"{claim.label}: {AS_BELIEVED}")
+                found = replace(found, real=False)
+        return found
+
+    def _moved(self) -> bool:
+        """Whether the adjustables explain more than they would by chance."""
+        naive, best = self.tried.naive, self.tried.recalibrated
+        improved = naive.chi2 - best.chi2
+        if self.study.believed:  # what radii and masses explain is not theirs
+            own = [k for k, f in enumerate(best.hypothesis.free) if not f.prior]
+            off = best.values[own] - [best.hypothesis.free[k].first for k in own]
+            improved = float(off @ np.linalg.pinv(best.covariance[np.ix_(own, own)]) @ off)
+        return improved / self.spread > current().verdict.moved + 2 * len(best.values)
+
+    def settle(self, judged: Judgement) -> Judgement:
+        """With profiles of chi2 where numbers are known only together, or unevenly.
+
+        Without those of several laws that masses and radii imitate, as far off as was said.
+        """
+        if judged.verdict not in ("missing_physics", "measurement"):
+            return judged
+        count = len(self.tried.recalibrated.values)
+        late = partial(self.study.late, current().budget.settling)
+        fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, late)
+        laws = judged.claim.laws
+        fit, alike = within_belief(laws, fit, self.tried.recalibrated, self.fitter, self.spread)
+        if alike and len(alike) < len(laws):
+            named = Claim(tuple(alike), fit).label
+            self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
+            laws = tuple(t for t in laws if not any(t is a for a in alike))
+        plain = self.tried.recalibrated
+        idle = [] if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, self.fitter)
+        if idle:
+            named = Claim(tuple(idle), fit).label
+            self.notes.append(f"{named}, in the revised scene, is not named: {BENDS_AS_WELL}")
+            laws = tuple(t for t in laws if not any(t is a for a in idle))
+        if fit.limits:
+            names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
+            self.notes.append(
+                f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
+            )
+        return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
+
+    def hold_out(self, judged: Judgement) -> HeldOut:
+        study, revised = self.study, judged.claim.fit
+        study.progress("held-out data", 0.8)
+        fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
+        self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
+        cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
+        spreads = {c.name: carried_on(revised, c, study.predictor, study.rng) for c in cut}
+        self.followed = {name: spread for name, spread in spreads.items() if spread < 1.0}
+        self.held = {name: self._held_out(fit) for name, fit in fits.items()}
+        study.progress("noise floor", 0.86)
+        how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
+        self.floor = noise_floor(*how)
+        rms, floor = self.held["revised"].rms, self.floor[1]
+        # beyond the floor there may be the errors of the numbers that were found, too
+        beyond = rms is not None and floor and rms > current().left.asked * floor
+        if beyond and len(revised.values) and not study.late(current().budget.experiment):
+            self.right = right_law_errors(*how, followed=self.followed)
+        outcome = None
+        if judged.claim.laws:
+            outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
+            if outcome == "fails" and self._by_its_start():
+                outcome = "undecided"
+        train, held = (
+            {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
+            for part, floor in zip((self.train, self.held), self.floor, strict=True)
+        )
+        return HeldOut(
+            train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
+            self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+        )  # fmt: skip
+
+    def _by_its_start(self) -> bool:
+        """Whether runs that go on through impacts are worse by no more than the start of one such run is unsure.
+
+        All frames of it are off together: there is one number of evidence, however many blocks of them are compared.
+        """
+        before, after = (self.held[name].scored or {} for name in ("recalibrated", "revised"))
+        worse = {n: float(np.nansum(after[n] ** 2 - before[n] ** 2)) for n in after if n in before}
+        count = {n: int(np.isfinite(after[n]).sum()) for n in worse}
+        within = current().left.within
+        return all(worse[n] <= within * self.followed.get(n, 0.0) * count[n] for n in worse)
+
+    def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
+        study, memory = self.study, math.inf
+        # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
+        if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
+            memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
+        return held_out_errors(
+            fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory,
+            followed=self.followed,
+        )  # fmt: skip
+
+    def _gain(self, errors: Errors) -> float | None:
+        """Half the fall of chi2 on held-out data, recalibrated less this."""
+        before = self.held["recalibrated"]
+        return None if before.rms is None or errors.rms is None else (before.chi2 - errors.chi2) / 2
+
+    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
+        """By innovations of short windows."""
+        self.study.progress("locating", 0.88)
+        found = list(judged.claim.laws)
+        followed = judged.claim.fit if found else self.tried.best
+        self.windows, places = _located(
+            self.study, judged.verdict, self.tried.naive, self.tried.recalibrated, followed, found
+        )
+        return [place.as_dict() for place in places], [place.case for place in places]
+
+    def left(self, judged: Judgement) -> Left:
+        # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
+        complete = self.completeness(judged.claim.fit).passes
+        complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
+        off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
+        if off:
+            told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
+            self.notes.append(f"the scene as believed leaves more than noise: masses and radii are off, {told}")
+        complete = complete and not off and not self._more_to_see(judged.claim.fit)
+        if complete and judged.claim.laws and self._more_held_out():
+            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1]))
+        if complete or judged.verdict in ("no_mismatch", "recalibrate"):
+            return Left(complete, None)
+        return Left(False, self._remains(judged.claim))
+
+    def _more_held_out(self) -> bool:
+        """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
+        rms = self.held["revised"].rms
+        return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
+
+    def _fitter_of(self, fit: Fit) -> Fitter:
+        """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
+        counts = {name: len(segments) for name, segments in fit.segments.items()}
+        same = all(len(self.fitter.segments[name]) == count for name, count in counts.items())
+        return self.fitter if same else self.study.fitter
+
+    def _more_to_see(self, fit: Fit) -> bool:
+        """Whether what is left, and matters, holds more along the signature of a candidate than noise would."""
+        study, tried = self.study, self.tried
+        if study.late(current().budget.remains) or _below_tolerance(fit, study.training):
+            return False
+        # not of the forms without a name: theirs were shaped by these very residuals, and gain more than in noise
+        return chance_of_more(self._fitter_of(fit), fit, tried.terms, study.rng) < current().noise.alarm
+
+    def _remains(self, claim: Claim) -> Remains | None:
+        """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
+        study, tried, fit = self.study, self.tried, claim.fit
+        scores = self.scores.get(claim.label)
+        if scores is None:
+            scores = score(fit, self.blocks, study.predictor, self.completeness(fit).noise, study.rng)
+        taken = {t.mechanism for t in fit.hypothesis.terms}
+        # nor what a named law stands for in such an apparatus: it is the same
+        taken |= {other for t in fit.hypothesis.terms if t.law in all_laws() for other in all_laws()[t.law].stands_for}
+        few = current().left
+        leaders = sorted(tried.alive, key=lambda t: -t.gain)[: few.beside]
+        beside = [
+            t.term for t in (*leaders, *tried.forms) if t.mechanism not in taken and len(t.term.free) <= few.numbers
+        ]
+        signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
+        best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
+        looks = "nothing that was tried"
+        if best is not None and best.gain > few.looks:
+            looks = plainly(best.term.mechanism)
+        return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+
+    def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
+        found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive
+        near = self.near
+        taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
+        if len(found) > 1:
+            beside = [*near, *((t, False) for t in alive if t.mechanism not in taken)][: max(3, len(near))]
+        else:
+            beside = [*near, *(r for r in rivals_of(found, alive, self.spread) if r[0].mechanism not in taken)]
+        gains: dict[str, float | None] = {}
+        for t in (*(t for t, _ in judged.closest), *(t for t, _ in beside)):
+            if t.fit is not None and t.mechanism not in gains:
+                gains[t.mechanism] = self._gain(self._held_out(t.fit, whole=False))
+        closest = [(Rival(t, gains.get(t.mechanism), False), share) for t, share in judged.closest]
+        return [Rival(t, gains.get(t.mechanism), same) for t, same in beside], closest
+
+    def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
+        study, found = self.study, judged.claim.laws
+        loser = next((r.law for r in rivals if r.law.fit is not None), None)
+        if len(found) != 1 or loser is None or found[0].fit is None or study.late(current().budget.experiment):
+            return None
+        study.progress("the next experiment", 0.95)
+        names = (found[0].mechanism, loser.mechanism)
+        return propose(found[0].fit, loser.fit, names, study.cases, study.predictor, study.stop)
+
+    # ---- what is handed over
+
+    @property
+    def unit(self) -> str:
+        return next(c.unit for c in self.study.cases)
+
+    def mechanisms(self, course: Course) -> list[dict[str, Any]]:
+        judged, gain = course.judged, course.held.gain
+        told = Told(judged.claim.fit, self.spread, self.study.cases)
+        if judged.verdict == "unmodelled":
+            return [entry | {"name": UNKNOWN} for t in judged.claim.laws[:1] for entry in told.entries(t, gain)[:1]]
+        return [entry for t in judged.claim.laws for entry in told.entries(t, gain)]
+
+    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
+        fit = course.judged.claim.fit
+        free = self.tried.recalibrated.hypothesis.free
+        return {f.name: fit.interval(k, self.spread) for k, f in enumerate(free) if not f.prior}
+
+    def believed(self) -> dict[str, tuple[float, float, float]]:
+        free = self.tried.recalibrated.hypothesis.free
+        return {f.name: (f.first, f.low, f.high) for f in free if not f.prior}
+
+    def closing_notes(self, course: Course) -> list[str]:
+        notes = []
+        failures = self.study.predictor.failures
+        if len(failures) > current().left.failed * self.runs:
+            notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
+        notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
+        laws = course.judged.claim.laws
+        if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
+            if not any(meets_when_scored(c) for c in self.study.cases):
+                notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
+        revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
+        if revised and floor and revised > current().left.told * floor:
+            times = revised / floor
+            text = f"a held-out misfit of {revised:.3g} {self.unit} remains, {times:.1f} times the noise floor"
+            if self.right_law is not None:
+                least, most = self.right_law
+                text += "; where the law is right, numbers found from as noisy frames leave "
+                text += f"{least:.2g} to {most:.2g} {self.unit}"
+            notes.append(text)
+        return notes
+
+    def revised(self, course: Course) -> dict[str, Scene]:
+        fit, dt = course.judged.claim.fit, self.study.predictor.dt
+        own = self.standing(course, self.held)["revised"].values or {}
+        return {c.name: revised_scene(fit, own.get(c.name, fit.values), c, dt[c.name]) for c in self.study.cases}
+
+    def used(self) -> tuple[Used, ...]:
+        return tuple(used(case, self.study.predictor.dt.get(case.name)) for case in self.study.cases)
+
+    @staticmethod
+    def standing(course: Course, errors: Mapping[str, Errors]) -> dict[str, Errors]:
+        """Errors of each model, those of the recalibrated scene where no claim stands."""
+        return dict(errors) if course.judged.claim.laws else {**errors, "revised": errors["recalibrated"]}
+
+    def evidence(self, course: Course) -> TrackFinding:
+        tried, judged, study = self.tried, course.judged, self.study
+        fits = (tried.naive, tried.recalibrated, judged.claim.fit)
+        naive, recalibrated, revised = (whiteness(fit, study.training, fit.numbers) for fit in fits)
+        return TrackFinding(
+            study.cases, *fits, judged.verdict, list(judged.claim.laws), [(r.law, r.same) for r in course.rivals],
+            tried.alive + tried.untried, self.best_form or min(tried.forms, key=lambda t: t.inner, default=None),
+            course.null, naive, recalibrated, revised, self.windows, self.spread, self.standing(course, self.train),
+            self.standing(course, self.held), self.floor, tried.inner,
+        )  # fmt: skip
+
+    @property
+    def right_law(self) -> tuple[float, float] | None:
+        return (float(self.right.min()), float(self.right.max())) if len(self.right) else None
+
+    @property
+    def widened(self) -> float:
+        return math.sqrt(self.spread)
+
+    @property
+    def runs(self) -> int:
+        return self.study.predictor.runs
+
+
+def diagnose_tracks(
+    training: Sequence[Recording], held: Sequence[Recording] = (), *, minutes: float | None = None, seed: int = 0,
+    progress: Progress = _silent,
+) -> Diagnosis:  # fmt: skip
+    """Explain recordings of free, pinned, sprung and colliding bodies by what their scene lacks.
+
+    ``minutes``: the budget;  ``seed``: of the nulls.  Raises InputError for recordings that cannot be used.
+    """
+    return diagnose_by(Tracks(training, held, minutes=minutes, seed=seed, progress=progress), seed)
+
+
+def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:
+    """Whether what exceeds the noise is smaller, rms, than what matters to the experimenter."""
+    for case in training:
+        innovations = fit.innovations[case.name]
+        for k, channel in enumerate(case.channels):
+            recording = case.recording
+            matters = recording.angle_tolerance if channel.kind == "angle" else recording.tolerance
+            used = innovations[np.isfinite(innovations[:, k]), k]
+            excess = max(float(np.mean(used**2)) - 1.0, 0.0) if len(used) else 0.0
+            if matters is None or float(np.sqrt(excess)) * case.sigma[k] > matters:
+                return False
+    return True
+
+
+def _located(
+    study: Study, verdict: str, naive: Fit, recalibrated: Fit, revised: Fit, found: list[Trial]
+) -> tuple[WindowMap | None, tuple[Place, ...]]:
+    """Where innovations of short windows under the recalibrated scene stand out, and their map."""
+    if verdict == "no_mismatch":
+        return None, ()
+    training = study.training
+    variance = _variance_by_case(revised, training)
+
+    def seen(fit: Fit, **how: int) -> tuple[WindowMap, tuple[Place, ...]]:
+        windows = window_map(study.fitter, fit, variance, **how)
+        return windows, locate(windows, training)
+
+    windows, places = seen(recalibrated)
+    if not places and verdict != "recalibrate":
+        windows, places = seen(recalibrated, pieces=2)
+    if not places and found:
+        places = _whole(found, recalibrated, revised, training)
+    if verdict == "recalibrate" and not places:
+        windows, places = seen(naive, pieces=2)
+    return windows, places
+
+
+def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
+    """Variance of the innovations of each recording under the revised scene, at least that of the noise."""
+    result = {}
+    for case in cases:
+        used = fit.used(case.name)
+        dof = max(len(used) - len(fit.starts[case.name]), 1)
+        result[case.name] = max(float(used @ used) / dof, 1.0)
+    return result
+
+
+def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[Case]) -> tuple[Place, ...]:
+    """Where no window stands out: the bodies the law acts on, over the whole time."""
+    bodies = tuple(dict.fromkeys(b for t in found for b in (t.term.bodies or ())))
+    seen = tuple(dict.fromkeys(b for c in cases for b in c.bodies))
+    bodies = bodies or seen
+    gain = recalibrated.chi2 - revised.chi2
+    numbers = sum(t.numbers for t in found)
+    z, p = after_looks(float(stats.chi2.sf(gain, numbers)), 1)
+    t = [float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))]
+    return (Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, p, cases[0].name),)

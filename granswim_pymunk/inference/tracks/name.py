@@ -1,0 +1,464 @@
+"""Naming: every candidate refitted by simulation, compared on data inside the training part, alone and in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count, pairwise
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from ...laws import has_role
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Predictor, Term
+from ..mechanisms import APPARATUS
+from ..simpler import special_cases
+from .fit import Fitter, side_by_side
+from .fitted import Fit
+from .innovations import inflation
+from .segments import find_impacts
+from .signatures import Bank, Signature
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after refitting.
+
+    gain : fall in chi2 on the training part;  inner : how badly the part of the training data is predicted that
+    its fit did not see (``InnerSplit.score``);  reason : why there is no fit, if so
+    """
+
+    signature: Signature
+    fit: Fit | None
+    gain: float
+    inner: float
+    reason: str = ""
+
+    @property
+    def term(self) -> Term:
+        return self.signature.term
+
+    @property
+    def mechanism(self) -> str:
+        return self.signature.term.mechanism
+
+    @property
+    def label(self) -> str:
+        return self.signature.term.label
+
+    @property
+    def numbers(self) -> int:
+        return len(self.signature.term.free)
+
+    @property
+    def used(self) -> int:
+        """How many numbers were used: a strength that ended at its bound, where its law is absent, was not."""
+        if self.fit is None:
+            return self.numbers
+        values = self.fit.values[len(self.fit.values) - self.numbers :]
+        idle = sum(
+            f.neutral in (f.low, f.high) and abs(v - f.neutral) < 1e-6 * f.scale and not f.inner
+            for v, f in zip(values, self.term.free, strict=True)
+        )
+        return max(self.numbers - idle, 1)
+
+    def holds(self, other: Trial, within: float) -> bool:
+        """Whether what the other law explains, but for ``within`` in chi2, could be this one's doing: as where the
+        other is a special case."""
+        mine, its = self.signature.directions, other.signature.directions
+        if not its.shape[1]:
+            return True
+        rest = its - mine @ (mine.T @ its)
+        return float(np.sum(rest**2)) / its.shape[1] * other.signature.gain < within
+
+
+@dataclass(frozen=True)
+class InnerSplit:
+    """Fits on the first part of each training recording and scores on the rest of it."""
+
+    fitter: Fitter
+    cases: tuple[Case, ...]
+    rest: Mapping[str, np.ndarray]
+
+    @classmethod
+    def make(
+        cls, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], closeness: float = 1.0
+    ) -> InnerSplit:
+        first, rest = {}, {}
+        for case in cases:
+            if not case.training.any():
+                continue
+            at = np.flatnonzero(case.training)
+            cut = max(_cut_among_impacts(case, at) or int(len(at) * current().split.inner), min(6, len(at)))
+            first[case.name] = np.zeros(len(case.t), dtype=bool)
+            rest[case.name] = np.zeros(len(case.t), dtype=bool)
+            first[case.name][at[:cut]] = True
+            rest[case.name][at[cut:]] = True
+        used = [c for c in cases if c.name in first]
+        return cls(Fitter(used, predictor, first, stop).tightened(closeness), tuple(used), rest)
+
+    @property
+    def slack(self) -> float:
+        """By how much a score may be above another and still be no evidence against: 2 in -2 ln p of all that follows.
+
+        Source: Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773: below 2, not worth more than a bare mention.
+        """
+        count = sum(int(np.isfinite(c.values[self.rest[c.name]]).sum()) for c in self.cases)
+        return 2.0 / max(count, 1)
+
+    def score(self, whole: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
+        """How badly a law predicts the rest, -2 ln p(rest | first part) per number, and the chi2 there by recording.
+
+        ln p is the difference of two Laplace approximations, of all and of the first part:
+        -2 ln p = chi2 - chi2_1 + ln det J'J - ln det J_1'J_1, J the derivatives by values and starts. About 1 for a
+        right law, however little the first part says of its numbers; what they leave open is paid for by the
+        determinants. ``whole``: the fit to both parts; the search on the first begins there.
+        Source: MacKay 1992, Neural Computation 4, 415; Dawid 1984, J. R. Stat. Soc. A 147, 278.
+        """
+        first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=evaluations)
+        by_case, total, count = {}, 0.0, 0
+        for case in self.cases:
+            both = whole.white[case.name]
+            before = both[self.fitter.frames[case.name]]
+            n = int(np.isfinite(both[self.rest[case.name]]).sum())
+            left = float(np.nansum(both**2)) + whole.step_loss(case.name)
+            # of the first part: no worse than the fit to all is there
+            ties = len(first.steps[case.name]) - len(whole.hypothesis.priors(case, whole.values))
+            least = float(np.nansum(before**2)) + whole.step_loss(case.name, ties)
+            alone = float(np.nansum(first.white[case.name] ** 2)) + first.step_loss(case.name)
+            left -= min(alone, least)
+            if n:
+                by_case[case.name] = left / n
+            total, count = total + left, count + n
+        if not count:
+            return float("inf"), by_case
+        value = (total + _open(whole, first)) / count
+        return (value if np.isfinite(value) else float("inf")), by_case
+
+
+def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
+    """How many of the frames ``rows`` come before as large a share of the impacts as of the frames has passed.
+
+    What acts in impacts alone is not tested by a rest without any. None where the usual cut leaves enough of them, or
+    where there are fewer than two.
+    """
+    met = np.unique([i.row for i in find_impacts(case) if rows[0] < i.row < rows[-1]])
+    early = min(int(np.ceil(current().split.inner * len(met))), len(met) - 1)
+    if early < 1 or (met > rows[int(len(rows) * current().split.inner)]).sum() >= len(met) - early:
+        return None
+    return int(np.searchsorted(rows, (met[early - 1] + met[early] + 1) // 2))
+
+
+def _open(whole: Fit, first: Fit) -> float:
+    """ln det J'J of all data less that of the first part; what all do not tell either counts in neither.
+
+    A start that lies after the first part is known there as well as it is tied to what comes before.
+    """
+    told = []
+    for fit in (whole, first):
+        values, starts = zip(*(_padded(fit, whole, name) for name in first.starts), strict=True)
+        told.append(np.hstack([np.concatenate(values), block_diag(*starts)]))
+    size = np.linalg.norm(told[0], axis=0)
+    scale = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 0.0)
+    # what the first part leaves open is bounded by a thousand times what all would tell
+    least = 1e-6 * np.eye(len(size))
+    more, less = (np.linalg.slogdet(scale * (j.T @ j) * scale[:, None] + least)[1] for j in told)
+    return float(more - less)
+
+
+def _padded(fit: Fit, whole: Fit, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of a recording, with rows for the starts that ``whole`` has and this fit does not."""
+    by_value, by_start = fit.jacobian[name]
+    ties = np.concatenate([s.tie for s in whole.segments[name]])
+    missing = len(whole.starts[name]) - by_start.shape[1]
+    if missing <= 0:
+        return by_value, by_start
+    rows = np.zeros((missing, by_value.shape[1]))
+    return np.vstack([by_value, rows]), block_diag(by_start, np.diag(1.0 / ties[len(ties) - missing :]))
+
+
+def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[float]) -> Fit:
+    """Fit base and candidate together, from the first-order amount or from other sizes, whichever begins best."""
+    hypothesis = base.hypothesis.with_term(signature.term)
+    first_will_do, evaluations, beginnings = _beginnings(base, signature.term)
+    if fitter.segmented and not is_limit(signature.term):
+        # over a segment the prediction is nearly linear: its first-order amount is where to begin
+        evaluations, beginnings = current().refits.segment_evaluations, beginnings[:1]
+    few = current().refits
+    best: Fit | None = None
+    for share, begin in beginnings:
+        values = np.concatenate([base.values, begin])
+        found = fitter.fit(
+            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,), evaluations=evaluations,
+            near=base,
+        )  # fmt: skip
+        if best is None or found.chi2 < best.chi2:
+            best = found
+        if fitter.of_many_numbers and base.chi2 - found.chi2 > few.foreseen * signature.gain:
+            break  # as first order foresaw: gradually, from parts, nothing else is found, and many starts each time
+        if first_will_do and (found.chi2 < few.first_share * base.chi2 or base.chi2 < few.noise * base.count):
+            break
+    assert best is not None
+    return best
+
+
+def is_limit(term: Term) -> bool:
+    """Whether a term is a single limit, which changes nothing until it is reached."""
+    only = term.free[0]
+    return len(term.free) == 1 and only.neutral in (only.low, only.high) and bool(np.isfinite(only.high - only.low))
+
+
+def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.ndarray]]]:
+    """Where the search for the numbers of a term begins: (share of the first-order amount, numbers) in turn.
+
+    Also whether a good first one is enough, and how many evaluations each has.
+    """
+    first = np.array([f.first for f in term.free])
+    neutral = np.array([f.neutral for f in term.free])
+    if is_limit(term):
+        # it is looked for over its range
+        only = term.free[0]
+        far = only.low + only.high - only.neutral
+        return False, 20, [(1.0, neutral + part * (far - neutral)) for part in current().refits.limits]
+    # beyond the linear range the first-order amount may be far off: begin from a part of it too
+    usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
+    beside = any(has_role(f.name.partition(".")[0], "drag") for f in base.hypothesis.free)
+    if has_role(term.mechanism, "medium") and beside and len(first) > 1 and first[0] > 0:
+        # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
+        part = np.array([4.0, *[0.25] * (len(first) - 1)])
+        return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]
+    shaped = np.array([f.inner for f in term.free])
+    if shaped.any() and base.chi2 > current().signatures.far ** 2 * base.count:
+        # strength and shape lie along a bent valley, and what first order says of the strength is far off
+        return False, 20, [*usual, *((1.0, np.where(shaped, first, factor * first)) for factor in (20.0, 400.0))]
+    return True, 8 if len(first) > 12 else 20, usual
+
+
+@dataclass(frozen=True)
+class Heats:
+    """Candidates fitted to the first part of long recordings that the scene without them is far from.
+
+    fits : of those that come near the best there, by their place among the signatures
+    over : those that do not, and are not tried further
+    """
+
+    fits: Mapping[int, Fit]
+    over: frozenset[int]
+
+
+def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Callable[[], bool]) -> Heats | None:
+    """Fits to the first part of the recordings, None where they are short, or the scene without a candidate is near.
+
+    Where one law takes most of a misfit far beyond the noise away, those that leave most of it need no further look,
+    and the others begin on the whole from where they ended.
+    """
+    frames = {c.name: np.flatnonzero(fitter.frames[c.name]) for c in fitter.cases}
+    refits, far = current().refits, current().signatures.far ** 2
+    if fitter.segmented or max(map(len, frames.values())) < refits.heat_frames or base.chi2 < far * base.count:
+        return None
+    parts = {c.name: np.zeros(len(c.t), dtype=bool) for c in fitter.cases}
+    for name, rows in frames.items():
+        parts[name][rows[: max(int(current().refits.heat * len(rows)), 1)]] = True
+    first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop, rough=True)
+    short = first.fit(base.hypothesis, base.values, base.starts, stages=(0.3, 1.0))
+    if short.chi2 < far * short.count:
+        return None
+    least = current().signatures.surviving
+    open_ = [k for k, s in enumerate(signatures) if s.surviving > least and not is_limit(s.term)]
+
+    def fitted(k: int, own: Fitter) -> Fit | None:
+        return None if late() else refit(own, short, signatures[k], (0.3, 1.0))
+
+    found = side_by_side(first, [partial(fitted, k) for k in open_])
+    fits = {k: fit for k, fit in zip(open_, found, strict=True) if fit is not None}
+    best = min((f.chi2 for f in fits.values()), default=short.chi2)
+    if short.chi2 - best < current().refits.heat_won * short.chi2:
+        return Heats(fits, frozenset())
+    lost = {k for k, f in fits.items() if short.chi2 - f.chi2 < current().refits.heat_won * (short.chi2 - best)}
+    return Heats({k: f for k, f in fits.items() if k not in lost}, frozenset(lost))
+
+
+def try_candidates(
+    fitter: Fitter,
+    base: Fit,
+    bank: Bank,
+    stages: Sequence[float],
+    progress: Callable[[str, int, int], None],
+    late: Callable[[], bool] = lambda: False,
+    ahead: float = 0.0,
+) -> list[Trial]:
+    """Refit the candidates that are not imitated by starts and recalibration, best first.
+
+    ahead : the gain of the best of others that were tried before: those far behind it are not searched to their end
+    """
+    order = sorted(bank.signatures, key=lambda s: -s.gain)
+    run = heats(fitter, base, order, late)
+    forms: dict[tuple[str, int], int] = {}
+    reasons: list[str] = []
+    begun = count()
+    for signature in order:
+        form = (signature.term.mechanism, len(signature.term.free))
+        forms[form] = forms.get(form, 0) + 1
+        reasons.append(_hopeless(fitter, signature, order[0].gain, forms[form], run, len(reasons)))
+
+    def tried(k: int, own: Fitter) -> Trial:
+        signature, reason = order[k], reasons[k]
+        progress(signature.term.label, next(begun), len(order))
+        if not reason and k > 0 and (run is None or k not in run.fits) and late():
+            # candidates come in the order of their first-order gain
+            reason = "not refitted: the time was up"
+        if reason:
+            return Trial(signature, None, 0.0, float("inf"), reason)
+        if run is not None and k in run.fits:
+            begin = run.fits[k]
+            evaluations = _beginnings(base, signature.term)[1]
+            found = own.fit(begin.hypothesis, begin.values, begin.starts, evaluations=evaluations)
+        else:
+            found = refit(own, base, signature, stages)
+        return Trial(signature, found, base.chi2 - found.chi2, float("inf"))
+
+    trials = side_by_side(fitter, [partial(tried, k) for k in range(len(order))])
+    if not late():
+        alone = tuple(trials)
+        trials = [_from_special_case(fitter, base, t, alone) for t in trials]
+        trials = _from_the_tracks(fitter, base, trials, stages)
+        best = max([ahead, *(t.gain for t in trials)])
+        jobs = [partial(_down_its_valley, base=base, trial=t, least=current().refits.valley * best) for t in trials]
+        trials = side_by_side(fitter, jobs)
+    return sorted(trials, key=lambda t: -t.gain)
+
+
+def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages: Sequence[float]) -> list[Trial]:
+    """The leading laws again with starts from the first frames, where those of the fit without them are far off.
+
+    A scene that cannot follow has had its many starts bent to do what the law does (a swimmer is thrown so that it
+    first drifts as it later swims), and no step leads back from there.
+    """
+    trials = list(trials)
+    if not fitter.of_many_numbers or fitter.segmented or base.chi2 < current().signatures.far ** 2 * base.count:
+        return trials
+    order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][: current().refits.leaders]
+
+    def again(k: int, own: Fitter) -> Trial:
+        trial = trials[k]
+        assert trial.fit is not None
+        found = own.fit(trial.fit.hypothesis, trial.fit.values, None, stages=stages)
+        return trial if found.chi2 > trial.fit.chi2 else replace(trial, fit=found, gain=base.chi2 - found.chi2)
+
+    for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
+        trials[k] = trial
+    return trials
+
+
+def _hopeless(fitter: Fitter, signature: Signature, most: float, variant: int, run: Heats | None, k: int) -> str:
+    """Why a candidate needs no refit, empty where it does. ``variant``: which one of its form it is;  k : its place."""
+    if fitter.segmented and (signature.gain < current().refits.near * most or variant > current().refits.variants):
+        return "others explain far more to first order"
+    unseen_limit = is_limit(signature.term) and not signature.directions.shape[1]
+    if signature.surviving <= current().signatures.surviving and not unseen_limit:
+        return "recalibration or the starts imitate it"
+    if run is not None and k in run.over:
+        return "others explain far more of the first part"
+    return ""
+
+
+def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, list[Trial]]:
+    """The fit without a law, again from where those with one ended, and the trials with the gains over it.
+
+    A fit may be caught in a minimum that every further number helps it out of: that is no gain of the law.
+    """
+    n = len(base.values)
+    best = base
+    for t in sorted(trials, key=lambda t: -t.gain)[:3]:
+        if t.fit is not None and t.gain > current().verdict.noticed:
+            found = fitter.fit(base.hypothesis, t.fit.values[:n], t.fit.starts)
+            best = found if found.chi2 < best.chi2 - 1.0 else best
+    if best is base:
+        return base, list(trials)
+    moved = [t if t.fit is None else replace(t, gain=best.chi2 - t.fit.chi2) for t in trials]
+    return best, sorted(moved, key=lambda t: -t.gain)
+
+
+def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence[Trial]) -> Trial:
+    """A law that holds another as a special case cannot fit worse: where it does, the search begins from that one.
+
+    Drag in still air is a flow of no speed.
+    """
+    names = special_cases(trial.mechanism)
+    if not names or trial.fit is None:
+        return trial
+    special = [t for t in trials if t.mechanism in names and t.numbers == 1 and t.fit is not None]
+    best = max(special, key=lambda t: t.gain, default=None)
+    if best is None or best.fit is None or best.gain <= trial.gain:
+        return trial
+    n = len(base.values)
+    rest = [0.0] * (trial.numbers - 1)
+    hypothesis = base.hypothesis.with_term(trial.term)
+    found = fitter.fit(hypothesis, [*best.fit.values[:n], best.fit.values[n], *rest], best.fit.starts, evaluations=20)
+    if found.chi2 >= trial.fit.chi2:
+        return trial
+    return Trial(trial.signature, found, base.chi2 - found.chi2, float("inf"))
+
+
+def _down_its_valley(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
+    """Strength and shape of a law lie along a bent valley, which a short search does not walk to its end.
+
+    Laws that gain no more than ``least`` stay as they are.
+    """
+    fit = trial.fit
+    if fit is None or trial.gain <= least or not any(f.inner for f in trial.term.free):
+        return trial
+    if fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count):
+        return trial
+    found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=150)
+    return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
+
+
+def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
+    """First-order gains of all pairs of candidates, best first: (gain beyond the better one, i, j)."""
+    left = bank.innovations - bank.nuisance @ (bank.nuisance.T @ bank.innovations)
+    result = []
+    for i, a in enumerate(bank.signatures):
+        if a.directions.shape[1] == 0:
+            continue
+        rest = left - a.directions @ (a.directions.T @ left)
+        for j in range(i + 1, len(bank.signatures)):
+            b = bank.signatures[j]
+            if b.directions.shape[1] == 0 or a.term.mechanism == b.term.mechanism:
+                continue
+            extra = b.directions - a.directions @ (a.directions.T @ b.directions)
+            u, s, _ = np.linalg.svd(extra, full_matrices=False)
+            u = u[:, s > 1e-3]
+            both = a.gain + float(np.sum((u.T @ rest) ** 2))
+            result.append((both - max(a.gain, b.gain), i, j))
+    return sorted(result, reverse=True)
+
+
+def rows_of(found: Sequence[Trial], first: int) -> list[slice]:
+    """Where the numbers of each of several laws lie among those of their fit; ``first``: of the adjustables."""
+    ends = first + np.cumsum([0, *(t.numbers for t in found)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def label_of(*trials: Trial) -> str:
+    """Of laws that are tried together, as their score is kept."""
+    return " + ".join(t.term.label for t in trials)
+
+
+def is_part(term: Term, others: Iterable[Term]) -> bool:
+    """Whether one of the others is the same law on these bodies and more."""
+    mine = set(term.bodies or ())
+    return any(o.mechanism == term.mechanism and mine < set(o.bodies or ()) for o in others)
+
+
+def is_apparatus(trial: Trial) -> bool:
+    return trial.mechanism in APPARATUS
+
+
+def spread_of(fit: Fit, cases: Sequence[Case]) -> float:
+    """Inflation of variances by what a fit leaves over."""
+    used = [c for c in cases if c.name in fit.innovations]
+    return inflation(fit, used, fit.numbers)

@@ -1,0 +1,258 @@
+"""What was found, told in the names of the apparatus, and with those entries alone that earn their place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from ...laws import all_laws
+from ..candidates import for_bodies, owners, with_numbers
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Term
+from ..linear import project
+from ..simpler import all_absent, by_chance, special_cases
+from .believed import stated_terms
+from .fit import Fitter
+from .fitted import Fit
+from .intervals import with_believed_errors
+from .name import Trial, is_apparatus, rows_of, spread_of
+from .signatures import columns_of, make_bank
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """A law ``named`` in place of one that ``gave_way``, and by how much of chi2 over the spread it is ``ahead``."""
+
+    named: Trial
+    gave_way: Trial
+    ahead: float
+
+
+def in_names_of_apparatus(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
+    training: Sequence[Case],
+) -> tuple[list[Trial], Fit, list[StandIn]]:  # fmt: skip
+    """Each law exchanged for the one that by its declaration stands for it in such an apparatus and does as well.
+
+    Of one law, two or three. They may be the same law in other numbers, so each begins at the amount that moves the
+    bodies alike. Also which laws gave way: these data cannot tell them from those that are named.
+    """
+    found, told = list(found), list[StandIn]()
+    for k in range(len(found)):
+        best: StandIn | None = None
+        for term in _standing_for(found[k].term, terms):
+            if term.mechanism in {t.mechanism for t in found}:
+                continue
+            trial = _in_place(found, k, term, revised, recalibrated, fitter)
+            if trial is None or trial.fit is None:
+                continue
+            ahead = (revised.chi2 - trial.fit.chi2) / spread_of(trial.fit, training)
+            if ahead > -current().verdict.same and (best is None or ahead > best.ahead):
+                best = StandIn(trial, found[k], float(ahead))
+        if best is None or best.named.fit is None:
+            continue
+        told.append(best)
+        found[k], revised = best.named, best.named.fit
+        found = [replace(t, fit=revised, gain=best.named.gain) for t in found]
+    return found, revised, told
+
+
+def _standing_for(term: Term, terms: Sequence[Term]) -> list[Term]:
+    """Terms of laws that stand for this one in the apparatus of the recordings, with numbers for the same bodies."""
+    laws, bodies = all_laws(), owners(term)
+    result = []
+    for other in terms:
+        if not other.suited or term.mechanism not in laws[other.law].stands_for:
+            continue
+        part = for_bodies(other, bodies) if bodies else None
+        mine = part[0] if part is not None else other
+        if owners(mine) == bodies and len(mine.free) == len(term.free):
+            result.append(mine)
+    return result
+
+
+def _in_place(
+    found: Sequence[Trial], k: int, term: Term, revised: Fit, recalibrated: Fit, fitter: Fitter
+) -> Trial | None:
+    """A law refitted in place of the ``k``-th of those found, from the amount that moves the bodies as that one does.
+
+    To first order, by least squares, the starts projected out of both; None where it does not move them.
+    """
+    columns = columns_of(fitter, revised, term)[0]
+    rows = rows_of(found, len(recalibrated.values))[k]
+    amount = revised.values[rows] - np.array([f.neutral for f in found[k].term.free])
+    left, moved, at = [], [], 0
+    for case in fitter.cases:
+        by_value, by_start = revised.jacobian[case.name]
+        both = np.column_stack([columns[at : at + len(by_value)], by_value[:, rows] @ amount])
+        at += len(by_value)
+        both = both - project(by_start, both)
+        left.append(both[:, :-1])
+        moved.append(both[:, -1])
+    size = np.linalg.norm(np.concatenate(left), axis=0)
+    if not size.all():
+        return None
+    numbers = np.linalg.lstsq(np.concatenate(left) / size, np.concatenate(moved), rcond=1e-6)[0] / size
+    low, high = np.array([(f.low, f.high) for f in term.free]).T
+    begin = revised.values.copy()
+    begin[rows] = np.clip(numbers + [f.neutral for f in term.free], low, high)
+    hypothesis = recalibrated.hypothesis.with_term(*(term if t is found[k] else t.term for t in found))
+    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+    (signature,) = make_bank(fitter, recalibrated, [term]).signatures
+    return Trial(replace(signature, term=term), fit, recalibrated.chi2 - fit.chi2, found[k].inner)
+
+
+def that_earn_their_place(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, training: Sequence[Case]
+) -> tuple[list[Trial], Fit, dict[str, str]]:
+    """The laws without the entries (of a body or joint, or one of several laws) whose numbers may as well be absent.
+
+    One after the other, that which is nearest to absent first, and all refitted: an entry goes where the intervals of
+    all its strengths hold their neutral values, and chi2 without it rises no further than chance. One entry stays.
+    Also why each went, by the body or the law.
+    """
+    found, dropped = list(found), dict[str, str]()
+    first = len(recalibrated.values)
+    while sum(max(len(owners(t.term)), 1) for t in found) > 1:
+        weakest = _weakest(found, fitter.sharpened(revised), first, spread_of(revised, training))
+        if weakest is None:
+            break
+        k, owner, numbers = weakest
+        kept = [n for n in range(found[k].numbers) if n not in numbers]
+        fewer = list(found)
+        if kept:
+            bodies = tuple(b for b in owners(found[k].term) if b != owner)
+            term = replace(with_numbers(found[k].term, kept), bodies=bodies)
+            fewer[k] = replace(found[k], signature=replace(found[k].signature, term=term))
+        else:
+            del fewer[k]
+        rows = rows_of(found, first)[k]
+        begin = np.delete(revised.values, [rows.start + n for n in numbers])
+        hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in fewer))
+        fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+        rise = (fit.chi2 - revised.chi2) / spread_of(revised, training)
+        if not by_chance(rise, len(numbers)):
+            break
+        dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
+        gain = recalibrated.chi2 - fit.chi2
+        found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
+    return found, revised, dropped
+
+
+def without_idle_numbers(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
+    training: Sequence[Case],
+) -> tuple[list[Trial], Fit]:  # fmt: skip
+    """Each law as the one that it is where its further numbers add nothing: a stream at rest is a drag.
+
+    Where chi2 without them rises no further than chance; of several laws as of one (``choose``).
+    """
+    found = list(found)
+    for k, trial in enumerate(found):
+        names = special_cases(trial.mechanism)
+        if not names or any(t.mechanism in names for t in found):
+            continue
+        rows = rows_of(found, len(recalibrated.values))[k]
+        plain = [t for t in terms if t.mechanism in names and len(t.free) == 1 < trial.numbers]
+        best: tuple[Fit, Term] | None = None
+        for term in plain:
+            begin = np.concatenate([revised.values[: rows.start + 1], revised.values[rows.stop :]])
+            hypothesis = recalibrated.hypothesis.with_term(*(term if t is trial else t.term for t in found))
+            fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+            best = (fit, term) if best is None or fit.chi2 < best[0].chi2 else best
+        if best is None:
+            continue
+        rise = (best[0].chi2 - revised.chi2) / spread_of(revised, training)
+        if by_chance(rise, trial.numbers - 1):
+            revised = best[0]
+            (signature,) = make_bank(fitter, recalibrated, [best[1]]).signatures
+            found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
+            found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
+    return found, revised
+
+
+def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> list[Trial]:
+    """Faults of the apparatus beside laws that explain as much as a name has to without them.
+
+    A scale, a tilt or a lens maps the picture smoothly, and so takes a part of any smooth remainder of a few tracks:
+    where it leaves more than noise it is a term of a series, not a fault that was found. None where it leads itself.
+    """
+    faults = [t for t in found if is_apparatus(t)]
+    laws = [t for t in found if not is_apparatus(t)]
+    if not faults or not laws:
+        return []
+    first = len(recalibrated.values)
+    rows = rows_of(found, first)
+    kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not is_apparatus(t)]
+    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in laws))
+    begin = np.concatenate([revised.values[:first], *kept])
+    alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+    share = (recalibrated.chi2 - alone.chi2) / max(recalibrated.chi2 - revised.chi2, 1e-300)
+    return faults if share >= current().verdict.share else []
+
+
+def within_belief(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, spread: float
+) -> tuple[Fit, list[Trial]]:
+    """The fit with what errors of the believed masses and radii add to its intervals, and laws that they imitate.
+
+    Those whose strengths all have intervals that then hold their neutral values, and do so together (Wald's test with
+    the whole covariance: of a stream beside an adjustable drag only products are known, and the intervals of both
+    factors hold nought): masses and radii as far off as the experimenter says they may be do the same. None where
+    nothing was said of such errors.
+    """
+    fit = with_believed_errors(fitter, revised, spread)
+    alike = []
+    if fit.believed is not None:
+        for trial, rows in zip(found, rows_of(found, len(recalibrated.values)), strict=True):
+            strengths = [(k, f) for k, f in enumerate(trial.term.free, rows.start) if not f.inner]
+            ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in strengths]
+            mine = [k for k, _ in strengths]
+            away = fit.values[mine] - [f.neutral for _, f in strengths]
+            covariance = (fit.covariance * spread + fit.believed)[np.ix_(mine, mine)]
+            together = float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
+            near = by_chance(together, len(mine)) and all_absent(ends)
+            if near and by_chance(_imitated(found, trial, revised, recalibrated, fitter) / spread, len(mine)):
+                alike.append(trial)
+    return fit, alike
+
+
+def _imitated(found: Sequence[Trial], trial: Trial, revised: Fit, recalibrated: Fit, fitter: Fitter) -> float:
+    """By how much chi2 rises where errors of masses and radii, within their priors, take the place of a law.
+
+    What the curvature at the end of a fit says of numbers that are known only as a product reaches nought in any case.
+    """
+    others = [t for t in found if t is not trial]
+    fitted = {f.name for f in revised.hypothesis.free if f.prior}
+    stand_in = stated_terms(fitter.cases, fitted)
+    kept = [revised.values[: len(recalibrated.values)]]
+    rows = rows_of(found, len(recalibrated.values))
+    kept += [revised.values[r] for t, r in zip(found, rows, strict=True) if t is not trial]
+    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), *stand_in)
+    begin = np.concatenate([*kept, np.zeros(len(stand_in))])
+    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+    return float(fit.chi2 - revised.chi2)
+
+
+def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:
+    """The entry that is nearest to absent: its law's place, its body ("" where it is for all) and its numbers.
+
+    None where the interval of at least one strength of every entry leaves out where the law is absent.
+    """
+    nearest: tuple[float, int, str, list[int]] | None = None
+    for k, (trial, rows) in enumerate(zip(found, rows_of(found, first), strict=True)):
+        for owner in owners(trial.term) or [""]:
+            mine = [n for n, f in enumerate(trial.term.free) if not owner or f.name.endswith(f"[{owner}]")]
+            away = 0.0
+            for n in mine:
+                free = trial.term.free[n]
+                if not free.inner:
+                    error = float(np.sqrt(max(fit.covariance[rows.start + n, rows.start + n] * spread, 1e-300)))
+                    away = max(away, abs(float(fit.values[rows.start + n]) - free.neutral) / error)
+            if away < stats.norm.isf(current().verdict.absent / 2) and (nearest is None or away < nearest[0]):
+                nearest = away, k, owner, mine
+    return None if nearest is None else nearest[1:]

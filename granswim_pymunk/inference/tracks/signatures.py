@@ -1,0 +1,216 @@
+"""Signatures: how the predictions change for a little of each candidate, and what recalibration leaves of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from ...laws import has_role
+from ..candidates import rescaled, with_numbers
+from ..criteria import current
+from ..hypothesis import Term
+from ..linear import basis
+from .fit import Fitter
+from .fitted import Fit
+
+
+@dataclass(frozen=True)
+class Signature:
+    """A candidate's signature around a fit, all recordings stacked.
+
+    directions : (n, k) orthonormal, what is left when starts and free numbers are projected out
+    surviving : share (0..1) of the signature's length that recalibration cannot imitate (starts, which
+        every hypothesis refits, are projected out of both)
+    gain : how much chi2 falls, to first order
+    """
+
+    term: Term
+    directions: np.ndarray
+    surviving: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class Bank:
+    """All signatures around one fit, with the innovations they are held against."""
+
+    fit: Fit
+    innovations: np.ndarray
+    nuisance: np.ndarray
+    signatures: tuple[Signature, ...]
+
+    def gains(self, innovations: np.ndarray) -> np.ndarray:
+        """Fall in chi2 of every candidate (m,) for other innovations (n,), or (m, k) for k of them (n, k)."""
+        left = innovations - self.nuisance @ (self.nuisance.T @ innovations)
+        return np.array([np.sum((s.directions.T @ left) ** 2, axis=0) for s in self.signatures])
+
+
+def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal bases of the starts alone and of starts and free numbers together."""
+    starts = block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases))
+    free = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
+    left = free - starts @ (starts.T @ free)
+    return starts, np.hstack([starts, basis(left)])
+
+
+def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
+    """d(predicted/sigma)/d(number) of a term's numbers (n, k), and scales that change the prediction by a sigma."""
+    hypothesis = fit.hypothesis.with_term(term)
+    columns = []
+    scales = []
+    for k, free in enumerate(term.free):
+        if free.inner:
+            continue
+        step = free.scale * 1e-3
+        column = np.zeros(sum(len(fit.used(c.name)) for c in fitter.cases))
+        for _ in range(12):
+            # inside the bounds, on the side with more room
+            above, below = free.high - free.first, free.first - free.low
+            step = min(abs(step), above) if above >= below else -min(abs(step), below)
+            at = 0
+            worst = 0.0
+            for c in fitter.cases:
+                base, roots = fit.used(c.name), fit.roots(c.name)
+                size = len(base)
+                if free.cases is None or c.name in free.cases:
+                    values = np.concatenate([fit.values, [f.first for f in term.free]])
+                    values[len(fit.values) + k] += step
+                    difference = base - roots * fitter.vector(c, hypothesis, values, fit.starts[c.name])
+                    column[at : at + size] = difference / step
+                    worst = max(worst, float(np.abs(difference).max(initial=0.0)))
+                at += size
+            # far enough to be above rounding, near enough to be linear
+            if worst > 10.0:
+                step *= max(1.0 / worst, 1e-4)
+            elif worst < 1e-3:
+                if abs(step) >= min(max(above, below), 1e6):
+                    break
+                step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
+            else:
+                break
+        if worst > 0.5 * current().fits.hopeless:
+            column[:] = 0.0  # however little of it: no run that could be compared
+        columns.append(column)
+        rms = float(np.sqrt(np.mean(column**2)))
+        scales.append(1.0 / rms if rms > 0 else abs(step))
+    return _beyond_rounding(term, np.column_stack(columns)), np.array(scales)
+
+
+def _beyond_rounding(term: Term, columns: np.ndarray) -> np.ndarray:
+    """Derivatives (n, k) by the numbers of a term that are not inner, none where they are what rounding left.
+
+    A force across a rail moves nothing; held against numbers of the same unit beside it, that shows.
+    """
+    units = np.array([f.unit for f in term.free if not f.inner])
+    sizes = np.linalg.norm(columns, axis=0)
+    most = np.array([sizes[units == unit].max() for unit in units])
+    return np.where(sizes > current().signatures.rounding * most, columns, 0.0)
+
+
+def _held_against(
+    columns: np.ndarray, scales: np.ndarray, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
+) -> tuple[np.ndarray, float, float, np.ndarray]:
+    """Directions that starts and free numbers leave, surviving fraction, first-order gain and amounts."""
+    after_starts = columns - starts @ (starts.T @ columns)
+    after_all = columns - nuisance @ (nuisance.T @ columns)
+    size = float(np.linalg.norm(columns * scales))
+    before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
+    surviving = after / before if before > 1e-5 * size else 0.0
+    directions = basis(after_all * scales) if surviving > current().signatures.directions else np.zeros((len(left), 0))
+    gain = float(np.sum((directions.T @ left) ** 2))
+    amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales
+    return directions, surviving, gain, amount
+
+
+def _independent(columns: np.ndarray) -> np.ndarray:
+    """(k,) whether a column of (n, k) changes something that longer ones do not."""
+    sizes = np.linalg.norm(columns, axis=0)
+    kept = np.zeros(columns.shape[1], dtype=bool)
+    for k in np.argsort(-sizes, kind="stable"):
+        if sizes[k] > 0:
+            q = basis(columns[:, kept])
+            rest = columns[:, k] - q @ (q.T @ columns[:, k])
+            kept[k] = np.linalg.norm(rest) > current().signatures.same_column * sizes[k]
+    return kept
+
+
+def _flow_signature(
+    fitter: Fitter, fit: Fit, term: Term, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
+) -> Signature:
+    """The signature of -c (v - u), which is linear in c and c u and in nothing else: all three at once."""
+    spans = [
+        np.nanmax(np.abs(np.diff(case.values[:, k]))) / float(np.median(np.diff(case.t)))
+        for case in fitter.cases
+        for k, channel in enumerate(case.channels)
+        if channel.kind != "angle"
+    ]
+    top = float(max(spans, default=0.0)) or 1e-2
+    probes = []
+    for along, across in ((0.0, 0.0), (top, 0.0), (0.0, top)):
+        probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
+        probes.append(columns_of(fitter, fit, probe)[0][:, 0])
+    columns = np.column_stack([probes[0], (probes[1] - probes[0]) / top, (probes[2] - probes[0]) / top])
+    rms = np.sqrt(np.mean(columns**2, axis=0))
+    scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
+    if not columns.any():
+        return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
+    answered = _independent(columns)
+    if answered[0] and not answered.all():
+        term = with_numbers(term, [int(k) for k in np.flatnonzero(answered)])
+        columns, scales = columns[:, answered], scales[answered]
+    directions, surviving, gain, (c, *push) = _held_against(columns, scales, starts, nuisance, left)
+    force = float(np.linalg.norm(push))
+    # where nothing tells the drag (another one is adjustable), a flow as fast as the bodies
+    if c * top < current().signatures.still * force:
+        c = force / top
+    u = np.array(push) / c if c > 0 else np.zeros(len(push))
+    sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, 1e-3 * top) for x in scales[1:])]
+    return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
+
+
+def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
+    """Signatures of all candidates around a fit; their numbers get scales and first-order first values.
+
+    When the time is up the others have none, and are not fitted.
+    """
+    starts, nuisance = _stack_nuisance(fitter, fit)
+    r = np.concatenate([fit.used(c.name) for c in fitter.cases])
+    left = r - nuisance @ (nuisance.T @ r)
+    misfit = float(np.sqrt(np.mean(left**2)))
+    signatures = []
+    for term in terms:
+        if fitter.stop():
+            signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
+            continue
+        if has_role(term.mechanism, "medium") and len(term.free) == 3:
+            signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
+            continue
+        columns, scales = columns_of(fitter, fit, term)
+        answered = _independent(columns)
+        if not answered.any():
+            signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
+            continue
+        linear = [k for k, f in enumerate(term.free) if not f.inner]
+        if not answered.all():
+            # a number that changes nothing these recordings show, or only what others do (a force on a rail has one
+            # component), stays where the law is absent
+            keep = {linear[k] for k in np.flatnonzero(answered)} | {k for k, f in enumerate(term.free) if f.inner}
+            term = with_numbers(term, sorted(keep))
+            linear = [k for k, f in enumerate(term.free) if not f.inner]
+            columns, scales = columns[:, answered], scales[answered]
+        directions, surviving, gain, amount = _held_against(columns, scales, starts, nuisance, left)
+        firsts = [f.first for f in term.free]
+        sizes = [f.scale for f in term.free]
+        one_way = len(linear) == 1 and term.free[linear[0]].low == firsts[linear[0]] and amount[0] < 0
+        if misfit > current().signatures.far and one_way:
+            # so far away first order means little: a force that can only go one way is tried as large as the misfit
+            amount = np.array([misfit * scales[0]])
+        for k, number in enumerate(linear):
+            firsts[number] += float(amount[k])
+            # what hardly shows to first order (a limit that is just reached) has a scale beyond its bounds
+            sizes[number] = min(float(scales[k]), 0.05 * (term.free[number].high - term.free[number].low))
+        signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain))
+    return Bank(fit, r, nuisance, tuple(signatures))

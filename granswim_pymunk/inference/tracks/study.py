@@ -1,0 +1,336 @@
+"""The search for what whole tracks lack, step by step: recalibration, candidates alone, memory, nulls, several laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...recording import Recording
+from ..candidates import flexible_terms, named_terms, scaled_like
+from ..criteria import current
+from ..data import Case, prepare_all
+from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
+from ..noise import Noise
+from ..result import Progress
+from ..significance import Null, price
+from .believed import believed_terms
+from .choose import choose, left_over, prune, score_inner
+from .closer import joined_closely
+from .fit import Fitter
+from .fitted import Fit
+from .innovations import memory_of
+from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
+from .nulls import noise_of, search_nulls
+from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
+from .settle import (
+    in_names_of_apparatus,
+    that_earn_their_place,
+    without_idle_numbers,
+)
+from .signatures import Bank, make_bank
+from .steps import shifts, time_steps
+from .whom import whom
+
+
+@dataclass
+class Study:
+    """What every step needs: the recordings, how they are simulated and fitted, and how much time there is."""
+
+    cases: list[Case]
+    training: list[Case]
+    predictor: Predictor
+    fitter: Fitter
+    inner: InnerSplit
+    stages: tuple[float, ...]  # shares of the frames that long fits take in one after the other
+    adjustables: tuple[Term, ...]
+    believed: tuple[Term, ...]  # radii and masses that are known, but not exactly
+    rng: np.random.Generator
+    progress: Progress
+    late: Callable[[float], bool]  # whether that share of the budget is spent
+    notes: list[str] = field(default_factory=list)
+
+    def stop(self) -> bool:
+        """Whether the time is up: fits then end where they stand."""
+        return self.late(current().budget.fits)
+
+
+@dataclass
+class Tried:
+    """All that was fitted alone: the scene as believed, recalibrated, and with each candidate in turn.
+
+    alive : candidates that were refitted, ``untried`` those that were not;  forms : laws without a name
+    spread : inflation of variances by what the ``best`` of all these fits leaves
+    inner : score of each on later data inside the training part, by its label
+    """
+
+    naive: Fit
+    recalibrated: Fit
+    terms: list[Term]
+    bank: Bank
+    alive: list[Trial]
+    untried: list[Trial]
+    forms: list[Trial]
+    best: Fit
+    spread: float
+    inner: dict[str, float]
+
+
+def study_of(
+    recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
+    late: Callable[[float], bool],
+) -> Study:  # fmt: skip
+    cases = prepare_all(recordings, hold_out)
+    training = [c for c in cases if not c.held_out]
+    predictor = Predictor(time_steps(cases))
+    stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
+    fitter = Fitter(cases, predictor, stop=lambda: late(current().budget.fits))
+    inner = InnerSplit.make(training, predictor, lambda: late(current().budget.fits))
+    terms = adjustable_terms(cases), believed_terms(cases)
+    study = Study(cases, training, predictor, fitter, inner, stages, *terms, rng, progress, late)
+    study.notes += dict.fromkeys(note for case in cases for note in case.notes)
+    if len({c.unit for c in cases}) > 1:
+        study.notes.append("some recordings are angles only: errors are pooled in the unit of the first")
+    return study
+
+
+def calibrated(study: Study) -> tuple[Fit, Fit]:
+    """The scene as it is believed to be, and with its adjustables fitted: recalibration comes first."""
+    study.progress("fitting the starts of the naive scene", 0.02)
+    naive = study.fitter.fit_widely(Hypothesis(), None, stages=study.stages)
+    study.progress("recalibrating", 0.06)
+    terms = study.adjustables + study.believed
+    return naive, study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages) if terms else naive
+
+
+def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
+    """The study with segments that join as closely as the recordings allow, and the recalibrated fit to these."""
+    study.progress("joining segments", 0.08)
+    fitter, fit = joined_closely(study.fitter, recalibrated, named_terms(study.cases))
+    if fitter is study.fitter:
+        return study, recalibrated
+    inner = InnerSplit.make(study.training, study.predictor, study.stop, fitter.closeness)
+    return replace(study, fitter=fitter, inner=inner), fit
+
+
+def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
+    """Each candidate alone, and the laws without a name beside them."""
+    fitter, late, progress = study.fitter, study.late, study.progress
+    progress("signatures of the candidates", 0.1)
+    terms = named_terms(study.cases)
+    bank = make_bank(fitter, recalibrated, terms)
+    # whatever their units, later fits step by what changes the prediction as much as the noise does
+    terms = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
+    trials = try_candidates(
+        fitter,
+        recalibrated,
+        bank,
+        study.stages,
+        lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
+        lambda: late(current().budget.candidates),
+    )
+    recalibrated, trials = unstuck(fitter, recalibrated, trials)
+    again = fitter.fit(naive.hypothesis, naive.values, recalibrated.starts)
+    naive = again if again.chi2 < naive.chi2 else naive
+    progress("forces without a name", 0.52)
+    if late(current().budget.forms):
+        study.notes.append("forces without a name was not tried: the time was up")
+    forms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
+    ahead = max((t.gain for t in trials), default=0.0)
+    flexible_trials = try_candidates(fitter, recalibrated, forms, (1.0,), lambda *a: None, ahead=ahead)
+    if any(t.reason.startswith("not refitted") for t in trials):
+        study.notes.append("some candidates were only compared to first order: the time was up")
+    alive = [t for t in trials if t.fit is not None]
+    forms_alive = [t for t in flexible_trials if t.fit is not None]
+
+    fits = [t.fit for t in alive + forms_alive if t.fit is not None]
+    best = min([*fits, recalibrated], key=lambda fit: fit.chi2)
+    spread = spread_of(best, study.training)
+
+    progress("testing inside the training part", 0.56)
+    scores = {"recalibrated": study.inner.score(recalibrated)[0]}
+    ahead = max((t.gain for t in alive), default=0.0)
+    alive, forms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, forms_alive, spread, ahead)
+    scores |= {t.term.label: t.inner for t in alive + forms_alive}
+    untried = [t for t in trials if t.fit is None]
+    return Tried(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
+
+
+def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
+    """The study with the slow part of the noise in its likelihood, and all fits that matter again from where they were.
+
+    Where what the best fit leaves has no memory, both as they were. A slow part is counted as far as it passes for
+    noise; what is slower or larger stays with the laws, and widens intervals as before.
+    """
+    # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
+    most = 2 * (1 + current().noise.slow_most ** 2)
+    if study.late(current().budget.memory) or tried.best.chi2 > most * tried.best.count:
+        return study, tried
+    noise = _slow_noise(study, tried)
+    if not noise.size:
+        return study, tried
+    study.progress("the memory of the noise", 0.58)
+    slow = {c.name: replace(c, noise=noise) for c in study.cases}
+    cases, training = list(slow.values()), [slow[c.name] for c in study.training]
+    closeness = study.fitter.closeness
+    fitter = Fitter(cases, study.predictor, stop=study.stop).tightened(closeness)
+    inner = InnerSplit.make(training, study.predictor, study.stop, closeness)
+    study = replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
+    study.notes.append(
+        f"the noise has a slow part: {noise.size:.2g} times its white part, correlated over {noise.memory:.0f} frames"
+    )
+
+    def again(fit: Fit) -> Fit:
+        return fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=10)
+
+    naive = again(tried.naive)
+    recalibrated = naive if tried.recalibrated is tried.naive else again(tried.recalibrated)
+    bank = make_bank(fitter, recalibrated, tried.terms)
+    forms_bank = make_bank(fitter, recalibrated, [t.term for t in tried.forms])
+    alive, untried = list[Trial](), list(tried.untried)
+    for kind, signatures in ((tried.alive, bank.signatures), (tried.forms, forms_bank.signatures)):
+        by_form = {_form(s.term): s for s in signatures}
+        most = max((t.gain for t in kind), default=0.0)
+        for t in kind:
+            if t.fit is None or t.gain < current().refits.memory * most:
+                untried.append(replace(t, fit=None, reason="others explain far more"))
+                continue
+            fit = again(t.fit)
+            signature = replace(by_form.get(_form(t.term), t.signature), term=t.term)
+            alive.append(Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf")))
+    best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
+    spread = spread_of(best, training)
+    flexible = {t.term.label for t in tried.forms}
+    alive = score_inner(inner, sorted(alive, key=lambda t: -t.gain), spread)
+    inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in alive}
+    forms = [t for t in alive if t.term.label in flexible]
+    named = [t for t in alive if t.term.label not in flexible]
+    untried = [t for t in untried if t.term.label not in flexible]
+    return study, Tried(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
+
+
+def _slow_noise(study: Study, tried: Tried) -> Noise:
+    """The slow part of the noise; what one more law beside the best explains is slow too, and is not taken for it."""
+    best, fitter = tried.best, study.fitter
+    noise = memory_of(best, fitter.cases)
+    if not noise.size:
+        return noise
+    taken = {t.mechanism for t in best.hypothesis.terms}
+    rest = make_bank(fitter, best, [t for t in tried.terms if t.mechanism not in taken]).signatures
+    for signature in rest:
+        if is_limit(signature.term):  # to first order it changes nothing
+            found = refit(fitter, tried.best, signature, (1.0,))
+            if best.chi2 - found.chi2 > price(len(rest), 1):
+                best = found
+    more = max(rest, key=lambda s: s.gain - 2 * s.directions.shape[1], default=None)
+    if best is not tried.best or more is None or more.gain < price(len(rest), more.directions.shape[1]):
+        return memory_of(best, fitter.cases)
+    return memory_of(best, fitter.cases, more.directions)
+
+
+def _form(term: Term) -> tuple[str, tuple[float, ...]]:
+    """What tells terms of one law apart: its choices, and from which ranges and exponents it is looked for."""
+    return term.label, tuple(f.neutral for f in term.free if f.inner)
+
+
+def beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]:
+    """The same search on data without a mismatch, and the candidate to be named where it gains more than that."""
+    study.progress("nulls", 0.64)
+    sets, late = current().sets, study.late(current().budget.exchanges)
+    replicates = sets.replicates_late if late else sets.replicates
+    chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"] + study.inner.slack)
+    signatures = tried.bank.signatures
+    if not signatures:
+        return None, None
+    open_ = np.array([s.surviving > current().signatures.surviving for s in signatures])
+    gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
+    noise = noise_of(tried.best, study.fitter.cases, tried.spread)
+    null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
+    return null, chosen if null.p <= current().verdict.alarm else None
+
+
+def explained_by(
+    study: Study, tried: Tried, chosen: Trial | None
+) -> tuple[list[Trial], Fit, dict[str, str], list[tuple[Trial, bool]]]:
+    """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
+
+    Also, for each body that the law was not kept for, why, and what could stand in place of what was found: True where
+    these data cannot tell.
+    """
+    fitter, inner, predictor, recalibrated = study.fitter, study.inner, study.predictor, tried.recalibrated
+    found: list[Trial] = []
+    revised = recalibrated
+    dropped: dict[str, str] = {}
+    if chosen is not None and chosen.fit is not None:
+        found, revised = [chosen], chosen.fit
+    scores, training = tried.inner, study.training
+    in_time = not study.late(current().budget.pairs)
+    if in_time:
+        study.progress("pairs", 0.7)
+        found, revised = second_law(
+            found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
+        )
+    if len(found) == 1:
+        # of two, whom each acts on is asked when both have their last form
+        kept, dropped = prune(found[0], recalibrated, fitter, inner, study.notes)
+        found = [] if kept is None else [kept]
+        revised = recalibrated if kept is None or kept.fit is None else kept.fit
+    if not in_time:
+        study.notes.append("pairs were not tried: the time was up")
+        return found, revised, dropped, []
+    # a poor first law, or none although the innovations are not noise: perhaps two are needed together
+    now = scores.get(label_of(*found), found[0].inner) if found else np.inf
+    now = min(now, scores["recalibrated"])
+    left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
+    if spread_of(revised, training) > 1.0 and left > current().sets.poor:
+        pair = pair_of(
+            recalibrated, fitter, tried.terms, tried.alive, inner, scores, now, predictor, study.rng, training,
+            study.stop,
+        )  # fmt: skip
+        if pair and pair[0].fit is not None:
+            found, revised = pair, pair[0].fit
+    if not study.late(current().budget.exchanges):
+        found, revised = drag_and_push(found, revised, recalibrated, fitter, tried.terms, inner, scores, training)
+    others: list[Exchange] = []
+    if len(found) == 2 and not study.late(current().budget.exchanges):
+        found, revised, others = settled(found, revised, recalibrated, fitter, tried.terms, inner, scores, training)
+    if not study.late(current().budget.exchanges):
+        found, revised = third_law(
+            found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
+        )
+    if len(found) > 1 and not study.late(current().budget.settling):
+        found, revised, dropped = whom(found, revised, recalibrated, fitter, tried.terms, inner, training, study.notes)
+    near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
+    if found and not study.late(current().budget.settling):
+        if len(found) > 1:
+            found, revised = without_idle_numbers(found, revised, recalibrated, fitter, tried.terms, training)
+        found, revised, equal = in_names_of_apparatus(found, revised, recalibrated, fitter, tried.terms, training)
+        gave_way = [(e.gave_way, True) for e in equal]
+        named = {t.mechanism for t in (*found, *(t for t, _ in gave_way))}
+        near = [*gave_way, *(r for r in near if r[0].mechanism not in named)]
+        found, revised, gone = that_earn_their_place(found, revised, recalibrated, fitter, training)
+        dropped |= gone
+    return found, revised, dropped, near
+
+
+def finely(
+    study: Study, tried: Tried, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
+) -> tuple[Tried, Fitter, list[Trial], Fit]:
+    """What was found, with steps so short that no number hangs on them: halved and fitted again where one does."""
+    for _ in range(current().fits.halvings):
+        moved = shifts(fitter, revised, spread)
+        if moved.max(initial=0.0) < current().fits.shift or study.late(current().budget.settling):
+            break
+        worst = revised.hypothesis.free[int(np.argmax(moved))].name
+        study.predictor.dt = {name: dt / 2 for name, dt in study.predictor.dt.items()}
+        study.notes.append(f"{worst} would move by {moved.max():.1f} standard errors with half the time step: halved")
+        revised = fitter.fit(revised.hypothesis, revised.values, revised.starts, evaluations=8)
+        naive = study.fitter.fit(tried.naive.hypothesis, tried.naive.values, tried.naive.starts, evaluations=8)
+        recalibrated = naive
+        if tried.recalibrated is not tried.naive:
+            then = tried.recalibrated
+            recalibrated = study.fitter.fit(then.hypothesis, then.values, then.starts, evaluations=8)
+        tried = replace(tried, naive=naive, recalibrated=recalibrated)
+        found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
+    return tried, fitter, found, revised

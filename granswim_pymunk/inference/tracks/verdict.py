@@ -1,0 +1,119 @@
+"""What is written of whole tracks: entries of the laws that were found, revised scenes, how recordings were used."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...laws import all_laws
+from ...scene import Scene, Time
+from ..candidates import distinct_bodies, joints_by_body, owners
+from ..data import Case
+from ..hypothesis import NO_CAMERA, Term, equation_with
+from ..result import HELD_OUT, PARTLY, TRAINING, Used, mechanism_entry, with_camera
+from ..start import describe_starts, first_numbers, states
+from ..swimmer_terms import is_components, reported_parameters
+from .fitted import Fit
+from .name import Trial
+
+Written = tuple[Any, Any, Any, str]  # value, low, high, unit
+
+
+def _offset(fit: Fit, trial: Trial) -> int:
+    """Where the numbers of a trial's term begin among those of the fit."""
+    at = 0
+    for term in fit.hypothesis.terms:
+        if term.label == trial.term.label and term.mechanism == trial.mechanism:
+            return at
+        at += len(term.free)
+    raise KeyError(trial.term.label)
+
+
+@dataclass(frozen=True)
+class Told:
+    """The revised fit, told as entries of ``mechanisms``; spread: inflation of its variances."""
+
+    fit: Fit
+    spread: float
+    cases: Sequence[Case]
+
+    def entries(self, trial: Trial, gain: float | None) -> list[dict[str, Any]]:
+        """The entries of one law: one, or one for each body that has a strength of its own."""
+        offset, term = _offset(self.fit, trial), trial.term
+        bodies = owners(term)
+        # a joint is named by the bodies that it joins
+        known = all_laws().get(term.law)
+        of_joint = known is not None and known.kind == "joint"
+        joints = {b: list(names) for b, names in joints_by_body(self.cases).items()} if of_joint else {}
+        entries = []
+        for owner in list[str | None](bodies) or [None]:
+            parameters: dict[str, Written] = {}
+            if is_components(term):
+                both = slice(offset, offset + len(term.free))
+                covariance = self.fit.covariance[both, both] * self.spread
+                parameters |= reported_parameters(term, self.fit.values[both], covariance)
+            for name, rows in () if is_components(term) else term.groups:
+                mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
+                if any(r >= 0 for r in mine):
+                    parameters[name] = self._parameter(offset, term, mine)
+            for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
+                parameters[name] = (value, None, None, unit)
+            acting = list(term.bodies if term.bodies is not None else distinct_bodies(self.cases))
+            expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
+            entries.append(
+                mechanism_entry(
+                    trial.mechanism, expression, acting if owner is None else joints.get(owner, [owner]), parameters,
+                    trial.signature.surviving, gain,
+                )
+            )  # fmt: skip
+        return entries
+
+    def _parameter(self, offset: int, term: Term, rows: Sequence[int]) -> Written:
+        found: list[tuple[float, float | None, float | None]] = []
+        for r in rows:
+            if r < 0:  # a component that these recordings do not show
+                found.append((0.0, None, None))
+            else:
+                value, *ends = self.fit.interval(offset + r, self.spread)
+                low, high = (end if math.isfinite(end) else None for end in ends)
+                found.append((value, low, high))
+        unit = next(term.free[r].unit for r in rows if r >= 0)
+        if len(found) == 1:
+            return (*found[0], unit)
+        values, lows, highs = (list(column) for column in zip(*found, strict=True))
+        return values, lows, highs, unit
+
+
+def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
+    """The scene of a recording with what was found added; it runs as it is.
+
+    values : (p,) of the fit, with those that belong to this recording alone;  dt [s]
+    """
+    scene, camera = fit.hypothesis.scene(case, values)
+    t0 = float(case.t[0]) + float(camera["time_offset"])
+    if case.name in fit.starts:
+        scene = scene.with_initial(states(*fit.start_of(case.name), scene, t0))
+    else:
+        described = describe_starts(case, case.start, scene)
+        scene = scene.with_initial(states(described, first_numbers(described), scene, t0))
+    duration = float(case.t[-1] - case.t[0])
+    spacing = duration / max(len(case.t) - 1, 1)
+    scene = with_camera(scene, {k: v for k, v in camera.items() if v != NO_CAMERA[k]})
+    return replace(
+        scene, time=Time(dt=dt, start=t0, duration=duration, output=spacing, scheme=scene.time.scheme),
+        title=f"{case.recording.title or case.name}, revised",
+    )  # fmt: skip
+
+
+def used(case: Case, dt: float | None) -> Used:
+    """How a recording was used; dt [s] of its runs."""
+    part = HELD_OUT if case.held_out else PARTLY if case.scored.any() else TRAINING
+    sizes = zip(case.sigma, case.channels, strict=True)
+    return replace(
+        Used.of(case.recording, part, dt), frames=len(case.t), length=float(case.t[-1] - case.t[0]),
+        noise=tuple((float(s), "rad" if c.kind == "angle" else "m") for s, c in sizes), estimated=not case.sigma_known,
+    )  # fmt: skip

@@ -1,0 +1,218 @@
+"""Where innovations are beyond what replicates show: disks, grains near and far, parts of the cycle, times, speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ..criteria import current
+from ..significance import after_looks
+from .likelihood import Prediction, WindowLikelihood, Windows
+from .sums import MOMENTS, near_or_far, size_of
+from .windows import BedCase
+
+GRAINS = ("grains within two diameters of the swimmer", "grains farther from the swimmer")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Somewhere that the mismatch is: ``z`` of it alone, ``p`` after looking at all places (Bonferroni).
+
+    bodies : ids;  region : in words;  phase : share of the cycle;  t [s];  speed [m/s] of the swimmer's disks
+    """
+
+    bodies: tuple[str, ...]
+    region: str | None
+    phase: tuple[float, float] | None
+    t: tuple[float, float] | None
+    speed: tuple[float, float] | None
+    z: float
+    p: float
+
+
+@dataclass(frozen=True)
+class Map:
+    """Sizes of the innovations of one recording against those of replicates; 1 is what noise gives.
+
+    disks : (W, s) mean square of each disk in each window;  sums : (W, 2) of grains near and far
+    cells : (W, s) of the near grains about each disk
+    replicate_disks : (N, W, s), replicate_sums : (N, W, 2), replicate_cells : (N, W, s) the same of replicates, each
+    against the spread of all
+    speed : (W,) of the swimmer's disks [m/s], root mean square
+    """
+
+    bed: BedCase
+    disks: np.ndarray
+    sums: np.ndarray
+    cells: np.ndarray
+    replicate_disks: np.ndarray
+    replicate_sums: np.ndarray
+    replicate_cells: np.ndarray
+    speed: np.ndarray
+
+
+def maps(likelihood: WindowLikelihood, predicted: Prediction) -> list[Map]:
+    """One map for each recording, of all its windows."""
+    criteria = current().windows.places
+    found = []
+    innovations = likelihood.innovations(predicted)
+    for bed, noise, rows, seen in zip(likelihood.beds, likelihood.noises, innovations, likelihood.seen, strict=True):
+        spread = np.sqrt(np.maximum(np.mean(np.square(np.nan_to_num(noise.residuals)), axis=(0, 1)), 1e-18))
+        own, replicates = np.nan_to_num(rows / spread) ** 2, np.nan_to_num(noise.residuals / spread) ** 2
+        s, looks = len(bed.rows), len(bed.looks)
+
+        def disks(values: np.ndarray, bed=bed, looks=looks, s=s) -> np.ndarray:
+            cut = values[..., : bed.swimmer_size].reshape(*values.shape[:-1], looks, s, 2)
+            return cut.mean(axis=(-3, -1))
+
+        def grains(values: np.ndarray, bed=bed, looks=looks, s=s) -> tuple[np.ndarray, np.ndarray]:
+            shape = values.shape[:-1]
+            if bed.size == bed.swimmer_size:
+                return np.zeros((*shape, 2)), np.zeros((*shape, s))
+            cut = np.minimum(values[..., bed.swimmer_size :], criteria.farthest**2)
+            cut = cut.reshape(*shape, looks - 1, size_of(s))
+            moments, cells = np.split(cut, [2 * len(MOMENTS)], axis=-1)
+            groups = moments.reshape(*shape, looks - 1, 2, len(MOMENTS)).mean(axis=(-3, -1))
+            return groups, cells.reshape(*shape, looks - 1, 2, s, 2)[..., 0, :, :].mean(axis=(-3, -1))
+
+        path = seen[:, : bed.swimmer_size].reshape(len(bed.starts), looks, s, 2)
+        moved = np.hypot(*np.moveaxis(path[:, -1] - path[:, 0], -1, 0)) / bed.span
+        speed = np.sqrt(np.nanmean(np.where(np.isfinite(moved), moved, 0.0) ** 2, axis=1))
+        found.append(Map(bed, disks(own), *grains(own), disks(replicates), *grains(replicates), speed))
+    return found
+
+
+def locate(likelihood: WindowLikelihood, predicted: Prediction, windows: Sequence[np.ndarray]) -> list[Place]:
+    """Places where the innovations are beyond the replicates', the clearest first, each after all looks."""
+    candidates: list[tuple[Place, float]] = []
+    for found, chosen in zip(maps(likelihood, predicted), windows, strict=True):
+        candidates += _of_one(found, np.asarray(chosen))
+    looked = max(len(candidates), 1)
+    places = []
+    for place, p_one in candidates:
+        z, p = after_looks(p_one, looked)
+        if p < current().windows.places.level:
+            places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, p))
+    return sorted(places, key=lambda q: -q.z)
+
+
+def locate_law(
+    beds: Sequence[BedCase], used: Windows, change: np.ndarray, left: np.ndarray, acting: Collection[str]
+) -> list[Place]:
+    """Places where a law shows: those whose own numbers ask for it, the clearest first, then parts of the cycle.
+
+    change : (n,) what the law does to the numbers of the used windows, whitened;  left : (n,) what is seen beyond
+    the scene without it;  acting : ids of the bodies that the law acts on. z = change . left/|change| of the numbers
+    of a place alone, p after all looks. A force on all bodies that is weak everywhere makes no place stand out in
+    size, but it does in this.
+    """
+    size = max(float(np.mean((left - change) ** 2)), 1.0)
+    candidates: list[tuple[Place, float]] = []
+    at = 0
+    for bed, chosen in zip(beds, used, strict=True):
+        n = len(chosen) * bed.size
+        rows = [a[at : at + n].reshape(len(chosen), bed.size) for a in (change, left)]
+        at += n
+        products, squares = rows[0] * rows[1], rows[0] ** 2
+        for where, of_place in _numbers_of(bed, chosen, acting):
+            total = float(squares[of_place].sum())
+            if total > 0:
+                candidates.append((where, float(products[of_place].sum()) / math.sqrt(total * size)))
+    looked = max(len(candidates), 1)
+    scored = [(where, *after_looks(float(stats.norm.sf(z)), looked)) for where, z in candidates]
+    found = [replace(where, z=z, p=p) for where, z, p in scored]
+    return sorted((q for q in found if q.p < current().windows.places.level), key=lambda q: (q.phase is not None, -q.z))
+
+
+def _role(disk: int, disks: int) -> str:
+    return "head" if disk == 0 else "tail" if disk == disks - 1 else "swimmer"
+
+
+def _by_phase(bed: BedCase, chosen: np.ndarray) -> list[tuple[np.ndarray, tuple[float, float]]]:
+    """Of each part of the cycle, which of the chosen windows (w,) are in it; nothing where nothing is driven."""
+    criteria = current().windows.places
+    phases = bed.phases()
+    if phases is None:
+        return []
+    part = np.floor(criteria.bins * phases[chosen]).astype(int) % criteria.bins
+    return [(part == k, (k / criteria.bins, (k + 1) / criteria.bins)) for k in np.unique(part)]
+
+
+def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> list[tuple[Place, tuple[Any, ...]]]:
+    """Places, and which of the numbers (w, D) of the chosen windows are theirs."""
+    s, looks = len(bed.rows), len(bed.looks)
+    ids = tuple(bed.scene.bodies[r].id for r in bed.rows)
+    swims = tuple(i for i in ids if i in acting)
+    of_disk = np.tile(np.repeat(np.arange(s), 2), looks)
+    every = slice(None)
+    result: list[tuple[Place, tuple[Any, ...]]] = []
+
+    def add(numbers: tuple[Any, ...], bodies: tuple[str, ...] = (), region: str | None = None, phase=None) -> None:
+        result.append((Place(bodies, region, phase, None, None, 0.0, 1.0), numbers))
+
+    for k, name in enumerate(ids):
+        add((every, np.flatnonzero(of_disk == k)), (name,), _role(k, s))
+    if len(bed.grains):
+        of_grains = np.tile(near_or_far(s), looks - 1)
+        for k, region in enumerate(GRAINS):
+            add((every, bed.swimmer_size + np.flatnonzero(of_grains == k)), (), region)
+    for mine, phase in _by_phase(bed, chosen):
+        add((mine,), swims, "swimmer" if swims else "grains", phase)
+    return result
+
+
+def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
+    if not len(chosen):
+        return []
+    bed = found.bed
+    disks, replicates = found.disks[chosen], found.replicate_disks[:, chosen]
+    ids = [bed.scene.bodies[r].id for r in bed.rows]
+    result: list[tuple[Place, float]] = []
+
+    def freedom_of(squares: np.ndarray) -> float:
+        """Of one window (N, W, k): numbers that vary together, or of which a few are large, count as fewer."""
+        mean = squares.mean(axis=(0, 1))
+        scatter = squares.mean(axis=1).var(axis=0, ddof=1)
+        return max(2.0 * float(np.mean(mean**2) / max(float(np.mean(scatter)), 1e-12)) / len(chosen), 0.3)
+
+    per_window = freedom_of(replicates)
+
+    def judge(mine: np.ndarray, others: np.ndarray, freedom: float) -> float:
+        ratio = float(mine.mean() / max(others.mean(), 1e-12))
+        return float(stats.f.sf(ratio, max(freedom, 1.0), max(freedom * len(replicates), 1.0)))
+
+    def add(p: float, bodies=(), region=None, phase=None, t=None, speed=None) -> None:
+        result.append((Place(tuple(bodies), region, phase, t, speed, 0.0, 1.0), p))
+
+    n = len(chosen)
+    for k, name in enumerate(ids):
+        add(judge(disks[:, k], replicates[:, :, k], per_window * n), [name], _role(k, len(ids)))
+    if len(bed.grains):
+        sums, cells = found.replicate_sums[:, chosen], found.replicate_cells[:, chosen]
+        of_sums, of_cells = n * freedom_of(sums), n * freedom_of(cells)
+        for k, region in enumerate(GRAINS):
+            add(judge(found.sums[chosen, k], sums[:, :, k], of_sums), (), region)
+        for k, name in enumerate(ids):
+            about = judge(found.cells[chosen, k], cells[:, :, k], of_cells)
+            add(about, (), f"grains within two diameters of disk {name}")
+    whole = disks.mean(axis=1)
+    whole_replicates = replicates.mean(axis=2)
+    for mine, phase in _by_phase(bed, chosen):
+        p = judge(whole[mine], whole_replicates[:, mine], per_window * mine.sum())
+        add(p, ids, "swimmer", phase=phase)
+    edges = np.quantile(found.speed[chosen], [0.0, 1 / 3, 2 / 3, 1.0])
+    for low, high in pairwise(edges):
+        mine = (found.speed[chosen] >= low) & (found.speed[chosen] <= high)
+        if mine.any() and high > low:
+            p = judge(whole[mine], whole_replicates[:, mine], per_window * mine.sum())
+            add(p, ids, "swimmer", speed=(float(low), float(high)))
+    for k, w in enumerate(chosen):
+        t = float(bed.times[w])
+        add(judge(whole[k : k + 1], whole_replicates[:, k : k + 1], per_window), ids, "swimmer", t=(t, t + bed.span))
+    return result
