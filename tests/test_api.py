@@ -22,7 +22,8 @@ import granswim_pymunk.result
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.entry import METHODS
-from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, mismatch_entry
+from granswim_pymunk.inference.places import Place
+from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry
 from granswim_pymunk.report.page import SECTIONS
 from granswim_pymunk.report.style import Drawing
 
@@ -250,7 +251,7 @@ def verdict():
     flow = ([0.1, 0.2], [0.0, 0.1], [0.2, 0.3], "m/s")
     numbers = {"c": (1.02e-3, 0.96e-3, 1.08e-3, "kg/s"), "p": (0, None, None, "1"), "u": flow}
     found["mechanisms"] = [mechanism_entry("ambient_flow", "F = -c (v - <u>)", ["a", "b"], numbers, 0.9, 12.5)]
-    found["mismatch"] = [mismatch_entry(["a"], 9.0, 1e-9, region="tail", phase=(0.1, 0.3))]
+    found["mismatch"] = [Place(["a"], 9.0, 1e-9, region="tail", phase=(0.1, 0.3)).as_dict()]
     found["rivals"] = [
         {"name": "linear_drag", "gain_heldout": 3.0, "indistinguishable": True},
         {"name": "gravity", "gain_heldout": 0.0, "indistinguishable": False},

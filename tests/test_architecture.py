@@ -40,7 +40,7 @@ LONG = {
     "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
-    "inference.result.mismatch_entry": 12, "inference.tracks.pairs.pair_of": 11, "inference.tracks.solve.descend": 9,
+    "inference.tracks.pairs.pair_of": 11, "inference.tracks.solve.descend": 9,
     "inference.tracks.pairs.second_law": 9, "inference.tracks.pairs.third_law": 9, "inference.windows.starts._relax": 9,
     "inference.windows.polish.polish": 9, "inference.windows.driver.begin": 9, "inference.windows.driver.refined": 9,
     "inference.windows.model.__init__": 9, "inference.hypothesis.run": 9,

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.entry import grouped, kind_of
+from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import (
     TRAINING,
     Diagnosis,
@@ -19,7 +20,6 @@ from granswim_pymunk.inference.result import (
     check_verdict,
     empty_verdict,
     mechanism_entry,
-    mismatch_entry,
     with_camera,
 )
 from granswim_pymunk.inference.together import combined, diagnose_together, weighed_together
@@ -40,7 +40,7 @@ def found(monkeypatch) -> Diagnosis:
     verdict["mechanisms"] = [
         mechanism_entry("contact_friction", "F_t = -mu F_n sign(v_t)", ["0", "1"], parameters, 0.9, np.float64(12.5))
     ]
-    verdict["mismatch"] = [mismatch_entry(["6"], np.float64(9.0), 1e-9, region="<tail>", phase=(0.1, 0.3))]
+    verdict["mismatch"] = [Place(["6"], np.float64(9.0), 1e-9, region="<tail>", phase=(0.1, 0.3)).as_dict()]
     verdict["fit"]["train"]["naive"] = 1e-4
     verdict["fit"]["heldout"]["revised"] = float("nan")
     verdict["rivals"] = [{"name": "linear_drag", "gain_heldout": 3.0, "indistinguishable": False}]
@@ -121,7 +121,7 @@ def test_verdicts_that_say_too_little_are_refused(found):
         {"verdict": "perhaps"},
         {"mechanisms": []},
         {"fit": {"train": {}, "heldout": {}, "unit": "m rms"}},
-        {"mismatch": [mismatch_entry([], 3.0, 0.1)]},
+        {"mismatch": [Place([], 3.0, 0.1).as_dict()]},
     ):
         with pytest.raises(ValueError):
             check_verdict({**found.verdict, **change})
@@ -190,7 +190,7 @@ def method_of(truth: dict[str, float], value: float = 1e-4, half: float = 1e-5, 
         for k in missing:
             found = {"c": (value, value - half, value + half, "kg/s")}
             verdict["mechanisms"].append(mechanism_entry(k, "F = -c v", ["a"], found, 0.9, 10.0))
-            verdict["mismatch"].append(mismatch_entry(["a"], 100.0 * truth.get(k, 0.05), 1e-9))
+            verdict["mismatch"].append(Place(["a"], 100.0 * truth.get(k, 0.05), 1e-9).as_dict())
         verdict["null"] = {"p_false_alarm": 0.004, "replicates": 249}
         revised = scene.with_laws(*(use(k, c=c) for k, c in missing.items()))
         return Diagnosis("bodies", verdict, {r.name: revised for r in training})

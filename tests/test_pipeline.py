@@ -9,7 +9,8 @@ from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
 from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel, Rival
 from granswim_pymunk.inference.pipeline import diagnose_by
-from granswim_pymunk.inference.result import MODELS, check_verdict, mechanism_entry, mismatch_entry
+from granswim_pymunk.inference.places import Place
+from granswim_pymunk.inference.result import MODELS, check_verdict, mechanism_entry
 from granswim_pymunk.inference.significance import Null, price, rank
 
 
@@ -148,7 +149,7 @@ class Toy(ObservationModel):
         return self.stray
 
     def locate(self, judged):
-        return ([mismatch_entry(["a"], 9.0, 1e-5)] if judged.verdict != "no_mismatch" else []), ()
+        return [Place(["a"], 9.0, 1e-5)] if judged.verdict != "no_mismatch" else []
 
     def left(self, judged):
         self.order.append("left")

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from ..scene import Scene
 from .explained import Explained
 from .judge import Claim, Judgement, Mismatch, Remains, Weighed
+from .places import Place
 from .result import Progress, Table, Used
 from .significance import Null
 
@@ -87,15 +88,14 @@ class Left:
 class Course:
     """All that the steps of one diagnosis came to.
 
-    places : entries of ``mismatch``, with the recording that each is in, empty where that is not said
+    places : where the recalibrated scene is off, the clearest first
     closest_gain, withdrawn_gain : on held-out data, of what came closest or was withdrawn
     """
 
     null: Null | None
     judged: Judgement
     held: HeldOut
-    places: Sequence[Mapping[str, Any]] = ()
-    places_in: Sequence[str] = ()
+    places: Sequence[Place] = ()
     left: Left = Left(True, None)
     rivals: Sequence[Rival] = ()
     closest: Sequence[tuple[Rival, float]] = ()
@@ -164,8 +164,8 @@ class ObservationModel(ABC):
         return False
 
     @abstractmethod
-    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
-        """Entries of ``mismatch``: where the recalibrated scene is off; and in which recording each is."""
+    def locate(self, judged: Judgement) -> Sequence[Place]:
+        """Where the recalibrated scene is off."""
 
     @abstractmethod
     def left(self, judged: Judgement) -> Left:

@@ -27,11 +27,11 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     judged = model.settle(judged)
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged = after_held_out(model, judged, held)
-    places, places_in = model.locate(judged)
+    places = model.locate(judged)
     left = model.left(judged)
     rivals, closest = model.rivals(judged)
     proposal = model.propose(judged, rivals)
-    course = Course(null, judged, held, places, places_in, left, rivals, closest, proposal)
+    course = Course(null, judged, held, places, left, rivals, closest, proposal)
     found = result_of(model, course, time.monotonic() - began, seed)
     model.done()
     model.progress("done", 1.0)
@@ -58,8 +58,8 @@ def result_of(model: ObservationModel, course: Course, seconds: float = 0.0, see
     return Diagnosis(
         kind=model.kind, verdict=verdict_of(model, course), revised=model.revised(course),
         evidence=model.evidence(course), tables=model.tables(course), used=model.used(), believed=model.believed(),
-        places_in=tuple(course.places_in), right_law=model.right_law, widened=model.widened, seconds=seconds,
-        runs=model.runs, seed=seed,
+        places_in=tuple(place.recording for place in course.places), right_law=model.right_law, widened=model.widened,
+        seconds=seconds, runs=model.runs, seed=seed,
     )  # fmt: skip
 
 
@@ -69,7 +69,8 @@ def verdict_of(model: ObservationModel, course: Course) -> dict[str, Any]:
     held = course.held if judged.claim.laws else course.held.without()
     verdict = empty_verdict(judged.verdict, model.unit)
     verdict |= {
-        "mismatch": list(course.places), "mechanisms": model.mechanisms(course), "rivals": _rivals(course),
+        "mismatch": [place.as_dict() for place in course.places], "mechanisms": model.mechanisms(course),
+        "rivals": _rivals(course),
         "heldout": held.outcome, "explained": explained_dict(judged), "complete": left.complete,
         "remains": None if left.remains is None else left.remains.as_dict(), "null": _null(model, course),
     }  # fmt: skip
@@ -96,7 +97,7 @@ def _null(model: ObservationModel, course: Course) -> dict[str, Any] | None:
         return None
     replicates = len(course.null.gains)
     told: dict[str, Any] = {"p_false_alarm": model.false_alarm(course), "replicates": replicates}
-    if model.tail and any(place["p"] < 1 / (replicates + 1) for place in course.places):
+    if model.tail and any(place.p < 1 / (replicates + 1) for place in course.places):
         told["tail"] = model.tail
     return told
 

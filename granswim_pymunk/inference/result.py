@@ -145,33 +145,6 @@ def mechanism_entry(
     }  # fmt: skip
 
 
-def mismatch_entry(
-    bodies: Sequence[str],
-    z: float,
-    p: float,
-    *,
-    region: str | None = None,
-    x: Sequence[float] | None = None,
-    y: Sequence[float] | None = None,
-    gap: Sequence[float] | None = None,
-    t: Sequence[float] | None = None,
-    phase: Sequence[float] | None = None,
-    before_contact: bool | None = None,
-    speed: Sequence[float] | None = None,
-    frequency: Sequence[float] | None = None,
-) -> dict[str, Any]:
-    """One entry of ``mismatch``; spans are [low, high], None where the field does not apply."""
-
-    def span(pair: Sequence[float] | None) -> list[float] | None:
-        return None if pair is None else [float(pair[0]), float(pair[1])]
-
-    return {
-        "bodies": list(bodies), "where": {"region": region, "x": span(x), "y": span(y), "gap": span(gap)},
-        "when": {"t": span(t), "phase": span(phase), "before_contact": before_contact},
-        "speed": span(speed), "frequency": span(frequency), "z": float(z), "p": float(p),
-    }  # fmt: skip
-
-
 def rival_entries(
     withdrawn: Sequence[tuple[str, float | None]],
     near: Sequence[tuple[str, float | None, float]],

@@ -12,8 +12,9 @@ from scipy import stats
 from ...laws import has_role
 from ..criteria import current
 from ..model import Proposal
-from ..significance import normal_score
-from .conclude import Finding, Spot, extra_of
+from ..places import Place, Span
+from ..significance import SMALLEST, normal_score
+from .conclude import Finding, extra_of
 from .local import near, scatter_of, wilder_there
 from .response import Fit, Means, Point, add, fit, spread_of
 from .runs import Job
@@ -156,40 +157,59 @@ def _tails(s: Search, base: Fit, left: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array(out)
 
 
-def locate(f: Finding, verdict: str) -> list[Spot]:
-    """Joints at which the bend differs, by the innovations before the missing law was added, best first."""
+def locate(f: Finding, verdict: str) -> dict[int | None, Place]:
+    """Joints at which the bend differs, by the innovations before the missing law was added, best first.
+
+    None: the swimmer as a whole (its drift, or the mean speed).
+    """
     s = f.search
     base = s.naive if verdict == "recalibrate" else s.base
     here = _tails(s, base, {name: r[:, None] for name, (r, _) in base.left.items()})[:, 0]
     drawn = _null_numbers(s)
     most = np.sort(_tails(s, base, drawn).min(axis=0)) if drawn else np.zeros(0)
     joints = len(here) - 1
-    spots = []
-    for j, tail in enumerate(here):
+    found: dict[int | None, float] = {}  # joint to p
+    for j, tail in sorted(enumerate(here), key=lambda item: item[1]):
         p = float((1 + np.searchsorted(most, tail, side="right")) / (len(most) + 1)) if len(most) else 1.0
         if len(most) and tail < most[0]:
             # beyond all nulls: the tail of F, all places counted
             p = min(p, float(np.exp(max(tail + math.log(len(here)), -690.0))))
         if p < current().verdict.alarm:
-            which = j if j < joints else None
-            spots.append((tail, Spot(which, normal_score(p), p, None if which is None else _phase(f, base, j))))
-    spots.sort(key=lambda item: item[0])
-    result = [spot for _, spot in spots]
-    if not result:
+            found[j if j < joints else None] = p
+    if not found:
         # nothing stands out by itself: the swimmer as a whole
-        p = max(s.p_recalibration if verdict == "recalibrate" else s.p_search, 1e-300)
-        result = [Spot(None, normal_score(p), p, None)]
-    return result
+        found[None] = max(s.p_recalibration if verdict == "recalibrate" else s.p_search, SMALLEST)
+    return {joint: _place(f, base, joint, p) for joint, p in found.items()}
 
 
-def rest_of(f: Finding) -> Spot:
-    """Where what the last fit leaves is largest, by tails of F."""
+def _place(f: Finding, base: Fit, joint: int | None, p: float) -> Place:
+    ids = ids_of(f)
+    frequencies = [c.frequency for c in f.search.training]
+    views = [c.view for c in f.search.training if c.view is not None]
+    t = float(min(v.t[v.keep][0] for v in views)), float(max(v.t[v.keep][-1] for v in views))
+    return Place(
+        ids if joint is None else [ids[joint]], normal_score(p), p, _region(joint, len(ids) - 1), t=t,
+        phase=None if joint is None else _phase(f, base, joint), frequency=(min(frequencies), max(frequencies)),
+    )  # fmt: skip
+
+
+def ids_of(f: Finding) -> list[str]:
+    """Of the swimmer's disks, from head to tail."""
+    scene = f.search.conditions[0].scene
+    return [scene.bodies[k].id for k in scene.chains[0]]
+
+
+def _region(joint: int | None, joints: int) -> str:
+    if joint is None:
+        return "swimmer"
+    return "head" if joint == 0 else "tail" if joint >= joints - 2 else "middle"
+
+
+def rest_of(f: Finding) -> tuple[int | None, Span]:
+    """The joint at which what the last fit leaves is largest, by tails of F, and the part of the cycle."""
     tails = _tails(f.search, f.revised, {name: r[:, None] for name, (r, _) in f.revised.left.items()})[:, 0]
     j = int(np.argmin(tails))
-    p = float(np.exp(max(tails[j] + math.log(len(tails)), -690.0)))
-    which = j if j < len(tails) - 1 else None
-    phase = None if which is None else _phase(f, f.revised, which)
-    return Spot(which, normal_score(min(p, 1.0)), min(p, 1.0), phase)
+    return (j, _phase(f, f.revised, j)) if j < len(tails) - 1 else (None, None)
 
 
 def _null_numbers(s: Search) -> dict[str, np.ndarray]:

@@ -33,20 +33,6 @@ from .search import (
 
 
 @dataclass(frozen=True)
-class Spot:
-    """A place along the body where prediction and recording differ.
-
-    p : probability that the largest of all places looked at is as large where nothing is missing;  z : its normal
-    score, one-sided;  phase : the part of the drive's cycle, 0..1
-    """
-
-    joint: int | None  # None: the swimmer as a whole (its drift, or the mean speed)
-    z: float
-    p: float
-    phase: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
 class Curve:
     """The form without a name: the mean shift of all numbers, as the other recordings show it."""
 

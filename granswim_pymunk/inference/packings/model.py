@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,16 +14,29 @@ from ..criteria import current
 from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
+from ..places import Place
 from ..result import Diagnosis, Progress, Table, Used, mechanism_entry
 from ..significance import Null
 from ..swimmer_terms import equation
 from .candidates import candidates_of
-from .checks import confirm, errors_of, gain_of, locate, outcome_of, predicted_by, prediction, propose, rest_of, shifted
-from .conclude import Curve, Finding, Spot, explained, named_laws
+from .checks import (
+    confirm,
+    errors_of,
+    gain_of,
+    ids_of,
+    locate,
+    outcome_of,
+    predicted_by,
+    prediction,
+    propose,
+    rest_of,
+    shifted,
+)
+from .conclude import Curve, Finding, explained, named_laws
 from .runs import Runner, workers
 from .search import NAIVE, Sizes, Trial, base_point, begin, goodness, more_runs, recalibrate, screen, try_all
 from .summaries import Condition, conditions_of
-from .verdict import curve_text, ids_of, parameters_of, place_of, revised_scene, tables_of, used_of
+from .verdict import curve_text, parameters_of, revised_scene, tables_of, used_of
 
 MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
 CORES = 2
@@ -138,10 +151,10 @@ class Packings(ObservationModel):
     def _only_curves(self) -> bool:
         return all(c.any_view.curve for c in self.state.conditions)
 
-    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
+    def locate(self, judged: Judgement) -> Sequence[Place]:
         self.progress("where it shows", 0.96)
-        self.spots: list[Spot] = [] if judged.verdict == "no_mismatch" else locate(judged.claim.fit, judged.verdict)
-        return [place_of(judged.claim.fit, spot) for spot in self.spots], ()
+        self.places = {} if judged.verdict == "no_mismatch" else locate(judged.claim.fit, judged.verdict)
+        return list(self.places.values())
 
     def left(self, judged: Judgement) -> Left:
         finding: Finding = judged.claim.fit
@@ -152,14 +165,13 @@ class Packings(ObservationModel):
             return Left(complete, None)
         errors = errors_of(finding, self.state.means, self.state.training)
         rms, floor = errors.get("revised"), errors.get("noise_floor")
-        spot, ids = rest_of(finding), ids_of(finding)
-        joint = spot.joint
+        (joint, phase), ids = rest_of(finding), ids_of(finding)
         looks = "the drift, or all joints alike"
         if joint is not None:
             looks = f"a bend at joint {joint} that the drive's phase sets"
         times = rms / floor if rms is not None and floor else None
         bodies = tuple(ids) if joint is None else (ids[joint],)
-        return Left(False, Remains(rms, times, bodies, None, None, looks, spot.phase))
+        return Left(False, Remains(rms, times, bodies, None, None, looks, phase))
 
     def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
         s, finding = self.state, judged.claim.fit
@@ -211,7 +223,7 @@ class Packings(ObservationModel):
         untested = not self.weighable and not judged.withdrawn and (self.free_gain is None or self.free_gain > 0)
         if not judged.claim.laws and not untested:
             return []
-        joint = next((spot.joint for spot in self.spots if spot.joint is not None), None)
+        joint = next((joint for joint in self.places if joint is not None), None)
         bodies = ids if joint is None else [ids[joint]]
         return [mechanism_entry("unknown", curve_text(finding, joint), bodies, {}, None, self.free_gain)]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...laws import has_role
 from ...scene import Scene, Time
-from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, mismatch_entry, with_camera
+from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, with_camera
 from ..swimmer_terms import reported_parameters
-from .conclude import Finding, Spot
+from .conclude import Finding
 from .search import Search, Trial, change_of
 from .summaries import Condition
 
@@ -25,31 +25,6 @@ def used_of(s: Search) -> tuple[Used, ...]:
         split = any(c.test is not None for c in mine)
         used[recording.name] = Used.of(recording, PARTLY if learnt and split else TRAINING if learnt else HELD_OUT)
     return tuple(used.values())
-
-
-def ids_of(f: Finding) -> list[str]:
-    """Of the swimmer's disks, from head to tail."""
-    scene = f.search.conditions[0].scene
-    return [scene.bodies[k].id for k in scene.chains[0]]
-
-
-def _region(joint: int | None, joints: int) -> str:
-    if joint is None:
-        return "swimmer"
-    return "head" if joint == 0 else "tail" if joint >= joints - 2 else "middle"
-
-
-def place_of(f: Finding, spot: Spot) -> dict[str, Any]:
-    """The entry of ``mismatch``."""
-    s = f.search
-    ids = ids_of(f)
-    frequencies = [c.frequency for c in s.training]
-    views = [c.view for c in s.training if c.view is not None]
-    t = [float(min(v.t[v.keep][0] for v in views)), float(max(v.t[v.keep][-1] for v in views))]
-    return mismatch_entry(
-        ids if spot.joint is None else [ids[spot.joint]], spot.z, spot.p, region=_region(spot.joint, len(ids) - 1), t=t,
-        phase=spot.phase, frequency=[min(frequencies), max(frequencies)],
-    )  # fmt: skip
 
 
 def parameters_of(f: Finding, trial: Trial) -> dict[str, tuple[Any, Any, Any, str]]:

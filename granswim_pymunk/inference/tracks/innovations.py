@@ -15,6 +15,7 @@ from ...walls import gap_to_wall
 from ..criteria import current
 from ..data import Case
 from ..noise import Noise, Seen, slow_part
+from ..places import Place
 from ..significance import after_looks, normal_score
 from .fit import Fitter
 from .fitted import Fit
@@ -109,28 +110,6 @@ def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
     if size < 1 + current().noise.inflated * math.sqrt(2 / dof) and memory < current().noise.remembers:
         return 1.0
     return max(1.0, size) * max(1.0, memory)
-
-
-@dataclass(frozen=True)
-class Place:
-    """A part of the data with its mismatch: ``p`` after all looks, ``z`` its normal score."""
-
-    bodies: tuple[str, ...]
-    where: Mapping[str, Any]
-    when: Mapping[str, Any]
-    speed: tuple[float, float] | None
-    z: float
-    p: float
-    case: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """As it stands in verdict.json."""
-        where = {"region": None, "x": None, "y": None, "gap": None, **self.where}
-        when = {"t": None, "phase": None, "before_contact": None, **self.when}
-        return {
-            "bodies": list(self.bodies), "where": where, "when": when,
-            "speed": None if self.speed is None else list(self.speed), "frequency": None, "z": self.z, "p": self.p,
-        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -259,12 +238,9 @@ def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
         contact = [r["before_contact"] for r in bad]
         before = None if None in contact else all(contact)
         places.append(
-            Place((body,), {k: _listed(span[k]) for k in ("x", "y", "gap")},
-                  {"t": _listed(span["t"]), "before_contact": before}, span["speed"],
-                  z, p, case)
+            Place(
+                (body,), z, p, x=span["x"], y=span["y"], gap=span["gap"], t=span["t"], before_contact=before,
+                speed=span["speed"], recording=case,
+            )
         )  # fmt: skip
     return tuple(sorted(places, key=lambda place: -place.z))
-
-
-def _listed(pair):
-    return None if pair is None else list(pair)

@@ -36,6 +36,7 @@ from ..judge import (
 from ..mechanisms import UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
+from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
 from .believed import off_belief
@@ -56,7 +57,7 @@ from .held_out import (
     right_law_errors,
     training_errors,
 )
-from .innovations import Place, Whiteness, WindowMap, locate, series_of, whiteness, window_map
+from .innovations import Whiteness, WindowMap, locate, series_of, whiteness, window_map
 from .intervals import with_limits
 from .name import Trial, spread_of
 from .score_test import chance_of_more
@@ -358,7 +359,7 @@ class Tracks(ObservationModel):
         before = self.held["recalibrated"]
         return None if before.rms is None or errors.rms is None else (before.chi2 - errors.chi2) / 2
 
-    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
+    def locate(self, judged: Judgement) -> Sequence[Place]:
         """By innovations of short windows."""
         self.study.progress("locating", 0.88)
         found = list(judged.claim.laws)
@@ -366,7 +367,7 @@ class Tracks(ObservationModel):
         self.windows, places = _located(
             self.study, judged.verdict, self.tried.naive, self.tried.recalibrated, followed, found
         )
-        return [place.as_dict() for place in places], [place.case for place in places]
+        return places
 
     def left(self, judged: Judgement) -> Left:
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
@@ -593,5 +594,5 @@ def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[
     gain = recalibrated.chi2 - revised.chi2
     numbers = sum(t.numbers for t in found)
     z, p = after_looks(float(stats.chi2.sf(gain, numbers)), 1)
-    t = [float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))]
-    return (Place(tuple(b for b in bodies if b in seen) or bodies, {}, {"t": t}, None, z, p, cases[0].name),)
+    t = float(min(c.t[0] for c in cases)), float(max(c.t[-1] for c in cases))
+    return (Place(tuple(b for b in bodies if b in seen) or bodies, z, p, t=t, recording=cases[0].name),)

@@ -16,6 +16,7 @@ from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
 from ..judge import Remains
 from ..kept import Store
+from ..places import Place
 from ..simpler import special_cases
 from ..swimmer_terms import INTERVAL
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
@@ -23,7 +24,7 @@ from .chance import Chance, as_in_replicates, chance, share_of_most
 from .cut import REACH
 from .judge import Discrepancy, held_gain
 from .likelihood import Prediction, WindowLikelihood, Windows, both_sides, check_runs
-from .places import Place, locate, locate_law
+from .places import locate, locate_law
 from .plan import LEADERS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
@@ -499,7 +500,7 @@ def left_of(
     looks = looks_like(search, answer, rows, trials, level) if discrepancy is None else NOTHING
     remains = remains_in(search.likelihood, judge, rows, search.used, looks)
     if remains is not None and discrepancy is not None and discrepancy.place.bodies:
-        remains = replace(remains, bodies=discrepancy.place.bodies)
+        remains = replace(remains, bodies=tuple(discrepancy.place.bodies))
     return False, remains
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from scipy import stats
 
 from ..criteria import current
+from ..places import Place
+from ..significance import after_looks
 from .likelihood import Prediction, WindowLikelihood, Windows
-from .places import Place
 from .search import Search
 from .trial import BedTrial
 from .windows import BedCase
@@ -55,14 +56,14 @@ def predictive_check(likelihood: WindowLikelihood, predicted: Prediction | None 
         swimmer = tuple(bed.scene.bodies[int(r)].id for r in bed.rows)
         movers = (("swimmer", swimmer, "the swimmer moves"), ("grains farther from the swimmer", (), "the grains move"))
         for k, (region, ids, what) in enumerate(movers):
-            away, p = _beside_replicates(pace[k], paces[:, k])
+            _, p = _beside_replicates(pace[k], paces[:, k])
             low, high = 1e3 * float(paces[:, k].min()), 1e3 * float(paces[:, k].max())
             text = (
                 f"{bed.name}: over the whole film {what} at {1e3 * pace[k]:.3g} mm/s rms, "
                 f"in films simulated from the same start at {low:.3g} to {high:.3g} mm/s; short windows, which begin "
                 "with what was seen, do not show why"
             )
-            found.append(Discrepancy(Place(ids, region, None, None, None, abs(away), min(p * looks, 1.0)), text))
+            found.append(Discrepancy(Place(ids, *after_looks(p, looks), region), text))
         if rows is None:
             continue
         error, *others = (_rms([disks_of(r, bed)]) or 0.0 for r in (rows, *likelihood.noises[b].residuals))
@@ -74,7 +75,7 @@ def predictive_check(likelihood: WindowLikelihood, predicted: Prediction | None 
             "tried says why"
         )
         if away > 0:
-            place = Place(swimmer, "swimmer", None, None, None, away, min(p * looks, 1.0))
+            place = Place(swimmer, *after_looks(p, looks), "swimmer")
             found.append(Discrepancy(place, text, "how far the swimmer ends from where it is predicted"))
     worst = min(found, key=lambda s: s.place.p, default=None)
     return worst if worst is not None and worst.place.p <= 0.1 * current().verdict.alarm else None

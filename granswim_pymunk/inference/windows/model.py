@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,8 @@ from ..hypothesis import Term
 from ..judge import Claim, Form, Judgement, Mismatch, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
-from ..result import HELD_OUT, PARTLY, TRAINING, Diagnosis, Progress, Table, Used, mismatch_entry
+from ..places import Place
+from ..result import HELD_OUT, PARTLY, TRAINING, Diagnosis, Progress, Table, Used
 from ..significance import Null, after_looks
 from ..swimmer_terms import INTERVAL
 from .driver import (
@@ -181,26 +182,20 @@ class Windows(ObservationModel):
             self.notes.append(self.discrepancy.text)
         return self.discrepancy is not None
 
-    def locate(self, judged: Judgement) -> tuple[Sequence[Mapping[str, Any]], Sequence[str]]:
+    def locate(self, judged: Judgement) -> Sequence[Place]:
         search, scene = self.state, self.state.likelihood.beds[0].scene
         if not judged.claim.laws and "recalibrated" in self.predicted:
             self.predicted["revised"] = self.predicted["recalibrated"]
         frequency = self.frequencies()
-        entries = []
+        places: list[Place] = []
         if judged.verdict == "missing_physics":
             for trial in judged.claim.laws:
                 z, p = after_looks(chance_of_law(trial, search.likelihood), len(self.trials))
-                entries += place_of(trial, scene, z, p, frequency)
+                places += place_of(trial, scene, z, p)
         found = places_of(search, judged.claim.fit, self.predicted, judged.verdict)
         if self.discrepancy is not None and judged.verdict != "no_mismatch":
             found.insert(0, self.discrepancy.place)
-        entries += [
-            mismatch_entry(
-                q.bodies, q.z, q.p, region=q.region, phase=q.phase, t=q.t, speed=q.speed, frequency=frequency
-            )
-            for q in found
-        ]
-        return entries, ()
+        return [replace(place, frequency=frequency) for place in (*places, *found)]
 
     def frequencies(self) -> tuple[float, float] | None:
         """The lowest and the highest of the drive [Hz]."""

@@ -12,28 +12,13 @@ import numpy as np
 from scipy import stats
 
 from ..criteria import current
+from ..places import Place
 from ..significance import after_looks
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
 
 GRAINS = ("grains within two diameters of the swimmer", "grains farther from the swimmer")
-
-
-@dataclass(frozen=True)
-class Place:
-    """Somewhere that the mismatch is: ``z`` of it alone, ``p`` after looking at all places (Bonferroni).
-
-    bodies : ids;  region : in words;  phase : share of the cycle;  t [s];  speed [m/s] of the swimmer's disks
-    """
-
-    bodies: tuple[str, ...]
-    region: str | None
-    phase: tuple[float, float] | None
-    t: tuple[float, float] | None
-    speed: tuple[float, float] | None
-    z: float
-    p: float
 
 
 @dataclass(frozen=True)
@@ -98,7 +83,7 @@ def locate(likelihood: WindowLikelihood, predicted: Prediction, windows: Sequenc
     for place, p_one in candidates:
         z, p = after_looks(p_one, looked)
         if p < current().windows.places.level:
-            places.append(Place(place.bodies, place.region, place.phase, place.t, place.speed, z, p))
+            places.append(replace(place, z=z, p=p))
     return sorted(places, key=lambda q: -q.z)
 
 
@@ -154,7 +139,7 @@ def _numbers_of(bed: BedCase, chosen: np.ndarray, acting: Collection[str]) -> li
     result: list[tuple[Place, tuple[Any, ...]]] = []
 
     def add(numbers: tuple[Any, ...], bodies: tuple[str, ...] = (), region: str | None = None, phase=None) -> None:
-        result.append((Place(bodies, region, phase, None, None, 0.0, 1.0), numbers))
+        result.append((Place(bodies, 0.0, 1.0, region, phase=phase), numbers))
 
     for k, name in enumerate(ids):
         add((every, np.flatnonzero(of_disk == k)), (name,), _role(k, s))
@@ -188,7 +173,7 @@ def _of_one(found: Map, chosen: np.ndarray) -> list[tuple[Place, float]]:
         return float(stats.f.sf(ratio, max(freedom, 1.0), max(freedom * len(replicates), 1.0)))
 
     def add(p: float, bodies=(), region=None, phase=None, t=None, speed=None) -> None:
-        result.append((Place(tuple(bodies), region, phase, t, speed, 0.0, 1.0), p))
+        result.append((Place(tuple(bodies), 0.0, 1.0, region, phase=phase, t=t, speed=speed), p))
 
     n = len(chosen)
     for k, name in enumerate(ids):

@@ -15,7 +15,8 @@ from ...scene import Scene, Time
 from ..criteria import current
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
-from ..result import mechanism_entry, mismatch_entry, with_camera
+from ..places import Place
+from ..result import mechanism_entry, with_camera
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
 from .candidates import LawAdder
 from .hidden import NAME
@@ -67,16 +68,13 @@ def chance_of_law(trial: BedTrial, likelihood: WindowLikelihood) -> float:
     return float(stats.f.sf(gain / (trial.spread * numbers), numbers, max(known, 3)))
 
 
-def place_of(
-    trial: BedTrial, scene: Scene, z: float, p: float, frequency: tuple[float, float] | None
-) -> list[dict[str, Any]]:
+def place_of(trial: BedTrial, scene: Scene, z: float, p: float) -> list[Place]:
     """Where a law does its work: one joint, the head, contacts; empty where it acts on all."""
     acting = _acting(trial.term, scene)
     declared = all_laws().get(trial.mechanism)
     if trial.mechanism == RESTITUTION or (declared is not None and declared.kind == "pair"):
         bounded = declared is None or declared.reach is None  # nothing acts before bodies touch
-        return [mismatch_entry([], z, p, region="contacts", before_contact=False if bounded else None,
-                               frequency=frequency)]  # fmt: skip
+        return [Place((), z, p, "contacts", before_contact=False if bounded else None)]
     if not set(acting) <= set(scene.swimmer_ids):
         return []
     region = "swimmer"
@@ -86,7 +84,7 @@ def place_of(
             region = f"joint {joint}"
         elif acting[0] == scene.bodies[scene.swimmer[0]].id:
             region = "head"
-    return [mismatch_entry(acting, z, p, region=region, frequency=frequency)]
+    return [Place(acting, z, p, region)]
 
 
 def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws: Sequence[BedTrial]) -> Scene:
