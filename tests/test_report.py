@@ -25,6 +25,7 @@ from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import pictures, write_report
 from granswim_pymunk.report.films import places
+from granswim_pymunk.report.glossary import linked
 from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.sentences import answers, headline, remainder
 from granswim_pymunk.report.style import prefixed
@@ -452,3 +453,26 @@ def test_a_curve_is_drawn_of_a_number_at_its_bound():
     # dF/dc = -v^n, dF/dn = -c v^n ln v
     expected = 1.96 * np.hypot(0.9**6 * 1e-2, 0.5 * 0.9**6 * np.log(0.9) * 0.1)
     assert half[0] == pytest.approx([expected, 0.0], rel=0.02)
+
+
+def test_words_are_linked_once_to_what_they_mean(cases, written):
+    most = 0
+    for verdict in cases:
+        page = written[verdict].read_text(encoding="utf-8")
+        links = re.findall(r'<a class="word" href="#([\w-]+)">', page)
+        meanings = re.findall(r'<dt id="([\w-]+)">', page)
+        assert len(links) == len(set(links)) and set(links) == set(meanings)
+        most = max(most, len(links))
+        # a number that a law calls p is no probability, and what plays is no text
+        assert "word-p" not in "".join(re.findall(r'<p class="equation">(.*?)</p>', page))
+        assert 'class="word"' not in "".join(re.findall(r"<script.*?</script>", page, re.DOTALL))
+    assert most >= 8
+
+
+def test_linking_keeps_tags_and_links_as_they_are():
+    parts = ['<p title="rms">the rms of <a href="#x">the noise floor</a> and the noise floor, rms</p>', "<b>none</b>"]
+    (first, second), section = linked(parts)
+    assert first.startswith('<p title="rms">the <a class="word" href="#word-rms">rms</a> of <a href="#x">the noise')
+    assert first.endswith('and the <a class="word" href="#word-noise-floor">noise floor</a>, rms</p>')
+    assert second == "<b>none</b>" and section.count("<dt") == 2
+    assert linked(["<p>nothing</p>"]) == (["<p>nothing</p>"], "")

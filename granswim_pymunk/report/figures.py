@@ -324,8 +324,9 @@ def whiteness_text(white: Whiteness, known: bool) -> str:
     """How far innovations are from noise (HTML); ``known``: the size of the noise was given."""
     size = f"χ² {number(white.z, 2)} s.d. from that of noise, " if known else ""
     p = "p &lt; 10<sup>−16</sup>" if white.p < 1e-16 else f"p = {number(white.p, 2)}"
-    memory = "none" if white.memory < 1.05 else f"{white.memory:.{1 if white.memory < 10 else 0}f} frames"
-    return f"{size}memory {memory}, {p}"
+    if white.memory < 1.05:
+        return f"{size}each frame on its own, {p}"
+    return f"{size}alike over {white.memory:.{1 if white.memory < 10 else 0}f} frames, {p}"
 
 
 def pictures(found: TrackFinding) -> dict[str, Drawing]:

@@ -28,6 +28,7 @@ from ..inference.criteria import Criteria, using
 from ..inference.mechanisms import meaning
 from ..inference.result import MODELS, PARTLY, Diagnosis, Table, write_verdict
 from ..laws import all_laws
+from .glossary import linked
 from .player import player
 from .sentences import BEYOND, answers, headline, is_apparatus, mobile, unit_of, unit_shown
 from .sheet import STYLE_SHEET
@@ -85,8 +86,13 @@ def table(
 ) -> str:
     def cell(tag: str, k: int, text: str) -> str:
         right = ' class="n"' if k in numeric else ""
-        return f"<{tag}{right}>{text}</{tag}>"
+        # on a narrow screen each row is a card, with the name of its column before each cell
+        named = f' data-name="{head[k]}"' if cards and tag == "td" else ""
+        text = f"<span>{text}</span>" if named else text
+        return f"<{tag}{right}{named}>{text}</{tag}>"
 
+    cards = len(head) > 3
+    kind = " ".join(filter(None, (kind, "cards" if cards else "")))
     lines = [f'<div class="scroll"><table class="{kind}"><thead><tr>']
     lines += [cell("th", k, text) for k, text in enumerate(head)]
     lines.append("</tr></thead><tbody>")
@@ -149,7 +155,7 @@ def _law_box(d: Diagnosis, entries: Sequence[Mapping[str, Any]], drawn: Mapping[
     else:
         for name, p in first["parameters"].items():
             if len(entries) == 1 or p.get("low") is None:
-                values.append(f"{equation(name)} = {_value(p)}")
+                values.append(f"{equation(name)}\u00a0=\u00a0{_value(p)}")
             elif len(entries) <= SEVERAL:
                 values += [
                     f"{equation(name)} ({listed(bodies(e['bodies']), 2)}) = {_value(e['parameters'][name])}"
@@ -241,7 +247,8 @@ def _places(d: Diagnosis) -> str:
             escaped(d.places_in[k]) if len(d.used) > 1 and k < len(d.places_in) else "",
             f"over {BEYOND:.0f}" if place["z"] > BEYOND else f"{place['z']:.1f}",
             number(place["p"], 2) if place["p"] > 1e-299 else "below 10<sup>−299</sup>",
-            span(when.get("t"), "s"), span(when.get("phase"), "", 2), ", ".join(at), span(place.get("speed"), "m/s", 2),
+            span(when.get("t"), "s"), span(when.get("phase"), "", 2), "<br>".join(at),
+            span(place.get("speed"), "m/s", 2),
             span(frequency, "Hz") if frequency and frequency[1] > frequency[0] else "",
         ])  # fmt: skip
     if not rows:
@@ -283,7 +290,7 @@ def _parameters(d: Diagnosis) -> str:
     if d.widened > 1.0:
         parts.append(
             f'<p class="note">Intervals are widened {times(d.widened)} times, because what the fit leaves over is '
-            "larger than the noise, or remembers.</p>"
+            "larger than the noise, or depends on what it was a frame before.</p>"
         )
     parts.append(_adjustables(d))
     if not any(parts):
@@ -303,9 +310,16 @@ def _adjustables(d: Diagnosis) -> str:
             before, allowed = number(value), f"{number(low)} to {number(high)}"
             edge = 1e-6 * max(abs(p["value"]), abs(high - low))
             between += " (at its bound)" if p["value"] - low <= edge or high - p["value"] <= edge else ""
-        rows.append([escaped(name), before, shown, between, allowed])
-    head = ("adjustable", "believed", "recalibrated", "central 95 %", "allowed")
-    return _filled(head, rows, head[1:], "") if rows else ""
+        rows.append([escaped(name), before, shown, between, allowed, _unit_of_adjustable(name)])
+    head = ("adjustable", "believed", "recalibrated", "central 95 %", "allowed", "unit")
+    return _filled(head, rows, head[1:-1], "") if rows else ""
+
+
+def _unit_of_adjustable(name: str) -> str:
+    """Of ``pin.length`` what the law declares; nothing where the name is no law's."""
+    law, _, parameter = name.partition(".")
+    declared = all_laws().get(law)
+    return next((unit_shown(p.unit) for p in (declared.parameters if declared else ()) if p.name == parameter), "")
 
 
 def _own_table(given: Table) -> str:
@@ -383,7 +397,8 @@ def page(d: Diagnosis, drawn: Mapping[str, tuple[Drawing, bytes]]) -> str:
     body += [_rivals(d), _parameters(d), *(_own_table(t) for t in d.tables)]
     if d.verdict["notes"]:
         body += ["<h2>Notes</h2><ul>", *(f"<li>{escaped(note)}</li>" for note in d.verdict["notes"]), "</ul>"]
-    body += [_references(d), _made(d)]
+    body, words = linked([part for part in body if part])
+    body += [_references(d), words, _made(d)]
     more = " …" if len(d.training) > 3 else ""
     title = f"{d.verdict['verdict'].replace('_', ' ')}: {', '.join(d.training[:3])}{more}"
     return (

@@ -155,7 +155,7 @@ figure.hidden = false;
 const style = () => getComputedStyle(document.documentElement);
 const unit = film.size < 0.02 ? [1e3, "mm"] : film.size < 2 ? [1e2, "cm"] : [1, "m"];
 function lay() {
-  const full = figure.clientWidth, n = panels.length, across = full / n < 100 || width > 2.2 * height ? 1 : n;
+  const full = figure.clientWidth, n = panels.length, across = full / n < 150 || width > 2.2 * height ? 1 : n;
   const rows = Math.ceil(n / across), gap = 10, w = (full - gap * (across - 1)) / across;
   const h = Math.min(w * height / width, 420), scale = Math.min(w / width, h / height);
   const dpr = window.devicePixelRatio || 1;

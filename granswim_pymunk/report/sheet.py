@@ -22,6 +22,9 @@ h2 { font-size: 1.25rem; margin: 2.8rem 0 .6rem; letter-spacing: -.005em; }
 h3 { font-size: 1rem; margin: 1.6rem 0 .3rem; }
 p { margin: .6rem 0; }
 a { color: var(--link); }
+a.word { color: inherit; text-decoration: underline dotted var(--soft); text-underline-offset: .18em; }
+dt { font-weight: 600; font-size: .92rem; margin-top: .7rem; } dt:target { background: var(--tint); }
+dd { margin: .1rem 0 0; font-size: .92rem; }
 .law { background: var(--tint); border-left: 3px solid var(--revised); padding: .8rem 1.1rem; margin:
   1.1rem 0; border-radius: 0 6px 6px 0; }
 .law p { margin: .15rem 0; }
@@ -54,6 +57,13 @@ figcaption { margin-top: .5rem; }
   border: 1px solid var(--line); border-radius: 5px; }
 .film input { flex: 1 1 10rem; accent-color: var(--revised); border-radius: 4px; }
 .film output { flex: 1 0 100%; font-size: .88rem; color: var(--soft); font-variant-numeric: tabular-nums; }
+@media screen and (max-width: 36rem) {
+  .cards thead { display: none; } .cards tr { display: block; border-bottom: 1px solid var(--line); padding: .4rem 0; }
+  .cards td, .tight td { display: grid; grid-template-columns: 8.5rem 1fr; border: 0; padding: .1rem 0;
+    text-align: left; white-space: normal; }
+  .cards td::before { content: attr(data-name); color: var(--soft); font-size: .82rem; }
+  figure .scroll::before { content: "\\2190  swipe the picture  \\2192"; position: sticky; left: 0; color: var(--soft);
+    font-size: .8rem; } }
 @media print { .film { display: none; } }
 sub, sup { line-height: 0; }
 ul { padding-left: 1.1rem; margin: .5rem 0; }
