@@ -99,19 +99,22 @@ class Means:
         Estimates from few runs are too narrow for other packings: by how much is told by leaving every fifth run out.
         """
         groups: dict[tuple, list[str]] = {}
+        bends: dict[tuple, np.ndarray] = {}
         for c in self.conditions:
             if c.name in self.residuals:
-                groups.setdefault(self.view(c).numbers(), []).append(c.name)
-        for names in groups.values():
+                view = self.view(c)
+                groups.setdefault(view.numbers(), []).append(c.name)
+                bends[view.numbers()] = view.bends()
+        for numbers, names in groups.items():
             rows = {name: self.residuals[name] for name in names}
-            found = covariances(rows, self.dof)
+            found = covariances(rows, self.dof, bends[numbers])
             inside = _mean_square(rows, found)
             outside = 0.0
             for fold in range(current().packings.folds):
                 kept = {name: np.delete(r, np.s_[fold :: current().packings.folds], axis=0) for name, r in rows.items()}
                 left = {name: r[fold :: current().packings.folds] for name, r in rows.items()}
                 fewer = {name: max(round(self.dof[name] * (1 - 1 / current().packings.folds)), 1) for name in names}
-                outside += _mean_square(left, covariances(kept, fewer)) / current().packings.folds
+                outside += _mean_square(left, covariances(kept, fewer, bends[numbers])) / current().packings.folds
             for name in names:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside
@@ -140,8 +143,15 @@ def _apart(y: np.ndarray) -> np.ndarray:
     return found
 
 
-def covariances(rows: Mapping[str, np.ndarray], dof: Mapping[str, int]) -> dict[str, np.ndarray]:
-    """(p, p) of each recording from its residuals (k, p): own standard deviations, correlations of all together."""
+def covariances(
+    rows: Mapping[str, np.ndarray], dof: Mapping[str, int], turn: np.ndarray
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """(p, p) of each recording from its residuals (k, p): own standard deviations, correlations of all together.
+
+    turn : (p, p) into numbers that are hardly correlated, see ``View.bends``. There correlations are shrunk: what is
+        lost of them costs least
+    """
+    rows = {name: r @ turn.T for name, r in rows.items()}
     deviations = {name: np.sqrt((r**2).sum(axis=0) / max(len(r), 1)) for name, r in rows.items()}
     typical = np.sqrt(np.mean([d**2 for d in deviations.values()], axis=0))
     scaled = []
@@ -161,7 +171,8 @@ def covariances(rows: Mapping[str, np.ndarray], dof: Mapping[str, int]) -> dict[
     noise = float(((1 - r[off] ** 2) ** 2).sum()) / max(sum(dof[name] for name in rows), 1)
     share = min(max(noise / max(float((r[off] ** 2).sum()), 1e-300), 0.05), 1.0) if p > 1 else 0.0
     r = np.where(off, (1 - share) * r, 1.0)
-    return {name: r * np.outer(d, d) for name, d in deviations.items()}
+    back = np.linalg.inv(turn)
+    return {name: back @ (r * np.outer(d, d)) @ back.T for name, d in deviations.items()}
 
 
 def _mean_square(rows: Mapping[str, np.ndarray], covariance: Mapping[str, np.ndarray]) -> float:

@@ -89,6 +89,19 @@ class View:
         found += [Number("drift", 0, 0, "m/s"), Number("drift", 1, 0, "m/s"), Number("length", 0, 0, "m")]
         return tuple(found)
 
+    def bends(self) -> np.ndarray:
+        """(p, p) that turns the numbers into those of bends: of every segment but the first its angle to the one before.
+
+        A packing that turns a joint turns all segments behind it: bends at joints are hardly correlated, angles are.
+        """
+        names = self.numbers()
+        at = {(n.kind, n.place, n.harmonic): k for k, n in enumerate(names)}
+        found = np.eye(len(names))
+        for k, n in enumerate(names):
+            if n.kind in ("mean", "cos", "sin") and n.place:
+                found[k, at[n.kind, n.place - 1, n.harmonic]] = -1.0
+        return found
+
     def _design(self, t: np.ndarray, orders: tuple[int, ...], trend: bool) -> np.ndarray:
         turn = 2 * math.pi * self.frequency * t + self.phase
         columns = [np.ones_like(t)]
