@@ -24,7 +24,7 @@ from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicte
 from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
-from granswim_pymunk.inference.packings.response import Means, Model, fit
+from granswim_pymunk.inference.packings.response import Means, Model, covariances, fit
 from granswim_pymunk.inference.packings.runs import SOFTER, Job, Runner, softness, time_step
 from granswim_pymunk.inference.packings.search import (
     LEAST_SHOWN,
@@ -180,6 +180,28 @@ def test_an_amount_is_found_from_differences_with_its_error():
     assert found.chi2 < 2.5 * found.count
     naive = fit(Model("n", (), np.zeros(0), model.anchor, (), ()), means, [condition])
     assert naive.objective > found.objective
+
+
+def test_a_law_at_one_joint_is_told_best_by_bends():
+    """Bends of 30 packings are drawn independently; a law that bends joint 3 turns all segments behind it."""
+    v, rng = view(), np.random.default_rng(4)
+    turn = v.bends()
+    back = np.linalg.inv(turn)
+    names = v.numbers()
+    mine = [k for k, n in enumerate(names) if n.kind == "mean"]
+    assert back[mine][:, mine] == pytest.approx(np.tril(np.ones((6, 6))))
+    signature = back[:, mine[3]]
+    errors = []
+    for way in (turn, np.eye(len(names))):
+        told = []
+        for _ in range(20):
+            runs = rng.normal(size=(30, len(names))) @ back.T
+            weights = np.linalg.solve(covariances({"film": runs}, {"film": 30}, way)["film"], signature)
+            told.append(weights @ signature / np.linalg.norm(back.T @ weights))
+        errors.append(np.mean(told))
+    # of one standard error that the bend's own spread allows
+    assert 0.93 < errors[0] <= 1.0
+    assert errors[1] < 0.8
 
 
 def test_camera_scale_is_told_from_the_distance_of_disks():

@@ -90,7 +90,7 @@ class View:
         return tuple(found)
 
     def bends(self) -> np.ndarray:
-        """(p, p) that turns the numbers into those of bends: of every segment but the first its angle to the one before.
+        """(p, p) that turns the numbers into those of bends: of each segment but the first its angle to the one before.
 
         A packing that turns a joint turns all segments behind it: bends at joints are hardly correlated, angles are.
         """
