@@ -601,6 +601,47 @@ class TestSaid:
         assert done.look.jumps == 1 and "t = 1.5 s" in done.look.jump_at
         assert any("no body is seen for 0.41 s" in w for w in done.look.warnings)
 
+    @pytest.mark.parametrize(
+        "scale, rate, said",
+        [
+            (1.0, 60.0, ""),
+            (2.0, 60.0, "--unit, times 0.5"),
+            (1.0, 7.5, "--fps, times 8"),  # filmed in slow motion, believed to be what is played
+        ],
+    )
+    def test_a_fall_at_another_rate_than_gravity_is_doubted(self, tmp_path, scale, rate, said):
+        rng, t = np.random.default_rng(4), np.arange(60) / 60
+        x, y = 1.5 * t + rng.normal(0, 5e-4, 60), 3.5 * t - 4.905 * t**2 + rng.normal(0, 5e-4, 60)
+        rows = [f"{k},{a},{b}" for k, (a, b) in enumerate(zip((scale * x).tolist(), (scale * y).tolist(), strict=True))]
+        (tmp_path / "throw.csv").write_text("\n".join(["frame,x,y", *rows]))
+        (done,) = import_all(tmp_path / "throw.csv", tmp_path / "out", bodies=["a:2cm:50g"], fps=rate, scene="drop")
+        doubt = [w for w in done.look.warnings if "gravity" in w]
+        assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    @pytest.mark.parametrize("length, said", [(0.5, ""), (1.0, "times 0.5 would do")])
+    def test_a_swing_of_another_period_than_its_rod_has_is_doubted(self, tmp_path, length, said):
+        from scipy.integrate import solve_ivp
+
+        t = np.arange(300) / 30
+        angle = solve_ivp(lambda _, s: [s[1], -9.81 / 0.5 * np.sin(s[0])], (0, 10), [1.2, 0], t_eval=t, rtol=1e-8).y[0]
+        rows = [f"{a},{b}" for a, b in zip(t.tolist(), angle.tolist(), strict=True)]
+        (tmp_path / "swing.csv").write_text("\n".join(["t,angle", *rows]))
+        (done,) = import_all(
+            tmp_path / "swing.csv", tmp_path / "out", bodies=["b:5cm:1kg"], scene="pendulum",
+            laws=[f"pin:b,length={length}"],
+        )  # fmt: skip
+        doubt = [w for w in done.look.warnings if "swings" in w]
+        assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    def test_places_read_off_a_scale_are_no_jumps(self, tmp_path):
+        t = np.arange(60) / 25
+        x = np.round(0.187 + 0.2425 * t, 3)
+        x[40:] = x[39] + np.round(0.02 * (t[40:] - t[39]), 3)
+        rows = [f"{a},{b}" for a, b in zip(t.tolist(), x.tolist(), strict=True)]
+        (tmp_path / "read.csv").write_text("\n".join(["t,x_metros", *rows]))
+        (done,) = import_all(tmp_path / "read.csv", tmp_path / "out", bodies=["g:2cm:0.4kg"], scene="cart")
+        assert done.look.jumps == 0
+
     def test_each_key_that_is_written_has_a_remark(self, tmp_path):
         file, _, _ = wide_table(tmp_path)
         import_all(tmp_path / file, tmp_path / "out", bodies=["*:5mm:10g"], laws=["linear_drag,c=1e-3"], gravity=9.81)

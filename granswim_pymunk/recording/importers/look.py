@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..recording import Recording
+from .plausible import doubts
 
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
@@ -85,7 +86,10 @@ def look(recording: Recording) -> Look:
         speeds.append(np.hypot(*velocity.T))
         noises += [noise_of(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
         change = np.hypot(*np.diff(velocity, axis=0).T) * dt[1:]
+        # of places that were read off a scale, no change is smaller than its least step
         usual = float(np.median(change)) + 1e-3 * float(np.median(np.hypot(*steps.T)))
+        moved = np.abs(steps[steps != 0])
+        usual = max(usual, float(moved.min())) if len(moved) else usual
         # a wrong point changes the velocity there and back, in three steps; an impact between two frames does not
         turns = np.pad(np.diff(velocity, axis=0) * dt[1:, None], ((0, 1), (0, 0)))
         wild = change > JUMP * usual
@@ -105,14 +109,15 @@ def look(recording: Recording) -> Look:
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
     )  # fmt: skip
-    found.warnings.extend(_absurd(found, recording))
+    found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise)])
     return found
 
 
 def _nearest(recording: Recording) -> float:
-    """The smallest distance of two bodies in a frame [m], of at most 50 frames."""
+    """The smallest distance of two bodies in a frame [m], of at most 20,000 places: all frames of a few bodies."""
     nearest = math.inf
-    for frame in np.unique(np.linspace(0, len(recording.t) - 1, 50).astype(int)):
+    frames = min(len(recording.t), max(50, 20_000 // max(len(recording.ids), 1)))
+    for frame in np.unique(np.linspace(0, len(recording.t) - 1, frames).astype(int)):
         xy = recording.xy[frame]
         xy = xy[np.isfinite(xy[:, 0])]
         if len(xy) > 1:

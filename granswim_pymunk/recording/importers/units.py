@@ -15,6 +15,9 @@ LENGTHS = {
     "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "micron": 1e-6, "microns": 1e-6,
     "centimeter": 1e-2, "centimetre": 1e-2, "millimeter": 1e-3, "millimetre": 1e-3,
     "centimeters": 1e-2, "centimetres": 1e-2, "millimeters": 1e-3, "millimetres": 1e-3, "zentimeter": 1e-2,
+    "metro": 1.0, "metros": 1.0, "metri": 1.0, "mètre": 1.0, "mètres": 1.0, "centimetros": 1e-2, "centímetros": 1e-2,
+    "centimetri": 1e-2, "centimètres": 1e-2, "milimetros": 1e-3, "milímetros": 1e-3, "millimetri": 1e-3,
+    "millimètres": 1e-3,
 }  # fmt: skip
 TIMES = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
@@ -29,7 +32,7 @@ ANGLES = {
     "degrés": math.pi / 180,
 }  # fmt: skip
 MASSES = {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "ug": 1e-9, "µg": 1e-9, "t": 1e3, "oz": 0.028349523125, "lb": 0.45359237}
-PIXELS = ("px", "pixel", "pixels", "pix")
+PIXELS = ("px", "pixel", "pixels", "pix", "píxeles", "pixeles")
 SHOWN = {"unit": "m, cm, mm, um, in, ft", "time unit": "s, ms, us, min", "angle unit": "rad, deg, rev"}
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?:/\d+\.?\d*)?"
