@@ -618,7 +618,7 @@ class TestSaid:
         doubt = [w for w in done.look.warnings if "gravity" in w]
         assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
 
-    @pytest.mark.parametrize("length, said", [(0.5, ""), (1.0, "times 0.5 would do")])
+    @pytest.mark.parametrize("length, said", [(0.5, ""), (1.0, "a point on a rod of 1 m")])
     def test_a_swing_of_another_period_than_its_rod_has_is_doubted(self, tmp_path, length, said):
         from scipy.integrate import solve_ivp
 

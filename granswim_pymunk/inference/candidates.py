@@ -42,6 +42,16 @@ def _driven(scene: Scene) -> set[str]:
     return {name for item in scene.laws_as("command") for name in item.bodies or ()}
 
 
+def _weighed(cases: Sequence[Case]) -> bool:
+    """Whether gravity moves a body that no joint, rail or spring holds."""
+    return any(
+        any(case.recording.scene.gravity) and not any(
+            case.recording.scene.laws_as(role) for role in ("pendulum", "pivot", "guide", "bar", "tether", "command")
+        )
+        for case in cases
+    )  # fmt: skip
+
+
 def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:
     return float(choice.get("p", 0.0))
 
@@ -71,6 +81,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
+    # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
+    lightest = -current().candidates.believed * current().candidates.unstated if _weighed(cases) else -math.inf
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -87,6 +99,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = 0.1 * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
+                low = max(low, lightest) if p.within == "weight" else low
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary

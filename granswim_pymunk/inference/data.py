@@ -17,6 +17,7 @@ from ..recording import Recording
 from ..walls import gap_to_wall
 from .criteria import current
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
+from .release import first_free
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,10 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
     values = np.column_stack(columns)
-    notes, lost, tau = list[str](), 0, 0.0
+    notes, lost, tau, first = list[str](), 0, 0.0, 0
     if clean:
+        first = first_free(recording, t, values, sigmas)
+        values[:first] = np.nan
         smooth = _without_meetings(recording, channels, values)
         values, lost = _without_outliers(t, values, channels, sigmas, smooth)
         sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
@@ -199,20 +202,22 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         known = known and not refuted
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
+    if first:
+        notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
         notes.append(f"{recording.name}: {lost} single sightings are off by more than noise and are left out")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
-    begin, end = float(t[0]), float(t[-1])
-    before = t <= begin + current().split.training * (end - begin)
+    begin, end, free = float(t[first]), float(t[-1]), np.arange(len(t)) >= first
+    before = free & (t <= begin + current().split.training * (end - begin))
     nothing = np.zeros(len(t), dtype=bool)
     if held_out:
-        start = t <= begin + current().split.start * (end - begin)
-        training, scored = nothing, ~start
+        start = free & (t <= begin + current().split.start * (end - begin))
+        training, scored = nothing, free & ~start
     elif split:
-        training, start, scored = before, before, ~before
+        training, start, scored = before, before, free & ~before
     else:
-        training, start, scored = ~nothing, ~nothing, nothing
+        training, start, scored = free, free, nothing
     return Case(
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None,

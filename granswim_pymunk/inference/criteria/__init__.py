@@ -8,13 +8,14 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from .beds import RadiiCriteria
-from .general import BlockCriteria, NoiseCriteria, SplitCriteria, StampCriteria, VerdictCriteria
+from .general import BlockCriteria, NoiseCriteria, ReleaseCriteria, SplitCriteria, StampCriteria, VerdictCriteria
 from .packings import PackingCriteria
 from .tracks import (
     BudgetCriteria,
     CandidateCriteria,
     FitCriteria,
     IntervalCriteria,
+    KickCriteria,
     LeftCriteria,
     RefitCriteria,
     SegmentCriteria,
@@ -37,10 +38,12 @@ class Criteria:
 
     noise: NoiseCriteria = field(default_factory=NoiseCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
+    release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
     split: SplitCriteria = field(default_factory=SplitCriteria)
     blocks: BlockCriteria = field(default_factory=BlockCriteria)
     verdict: VerdictCriteria = field(default_factory=VerdictCriteria)
     candidates: CandidateCriteria = field(default_factory=CandidateCriteria)
+    kicks: KickCriteria = field(default_factory=KickCriteria)
     segments: SegmentCriteria = field(default_factory=SegmentCriteria)
     fits: FitCriteria = field(default_factory=FitCriteria)
     signatures: SignatureCriteria = field(default_factory=SignatureCriteria)

@@ -83,6 +83,27 @@ class StampCriteria:
 
 
 @dataclass(frozen=True)
+class ReleaseCriteria:
+    """When the first frames show bodies that are still held.
+
+    still : frames at rest, the least. Choice;  after : of the motion, the least. Theory: a parabola has three numbers
+    away : standard deviations from the place of rest, in three frames running;  clear : times as far, up to which
+        a parabola is tried in turn: the farther, the more it shows, and the less it follows. Choice
+    tried : frames, the most that are tried as that of the release. Choice
+    sure : of chi2, by which rest and then motion has to be ahead of one smooth motion. Theory: chance gives as much to
+        a number once in 3e7;  alarm : probability of what the better one leaves, below which neither describes it
+    """
+
+    still: int = 5
+    after: int = 6
+    away: float = 4.0
+    clear: tuple[float, ...] = (10.0, 30.0, 100.0)
+    tried: int = 200
+    sure: float = 30.0
+    alarm: float = 1e-4
+
+
+@dataclass(frozen=True)
 class SplitCriteria:
     """What is held out where the user says nothing (contract, "Held out").
 

@@ -27,6 +27,25 @@ class CandidateCriteria:
 
 
 @dataclass(frozen=True)
+class KickCriteria:
+    """When a velocity changes at once without anything to strike.
+
+    half : frames on either side in which it is looked for. Choice
+    sure : of chi2, by which a parabola with one step of its velocity has to be ahead of a cubic. Theory: chance gives
+        as much to the two numbers of a step once in 7e10;  times : what the cubic leaves over what is left with a step
+    most : of chi2 over its degrees of freedom, that the parabola with a step may leave. Choice: laboratories state
+        noise that is off by two;  gap : of the usual time of so many frames, that those with lost ones among them may
+        take
+    """
+
+    half: int = 6
+    sure: float = 50.0
+    times: float = 4.0
+    most: float = 4.0
+    gap: float = 1.5
+
+
+@dataclass(frozen=True)
 class SegmentCriteria:
     """Where tracks are cut, and how closely their segments join.
 

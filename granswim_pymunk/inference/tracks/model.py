@@ -59,6 +59,8 @@ from .held_out import (
 )
 from .innovations import Whiteness, WindowMap, locate, series_of, whiteness, window_map
 from .intervals import with_limits
+from .kicks import told as told_of
+from .kicks import unexplained
 from .name import Trial, spread_of
 from .score_test import chance_of_more
 from .settle import (
@@ -480,6 +482,8 @@ class Tracks(ObservationModel):
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
+        if not course.left.complete:
+            notes += [told_of(c, kicks) for c in self.study.cases if (kicks := unexplained(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > current().left.told * floor:
             times = revised / floor

@@ -192,7 +192,7 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
     scene = case.recording.scene
     if not scene.laws_as("contact") or len(case.t) < 2 * criteria.around + 2:
         return []
-    paths = _paths(case)
+    paths = paths_of(case)
     names = list(paths)
     met: list[tuple[int, int, tuple[str, str], float]] = []
     for k, a in enumerate(names):
@@ -224,7 +224,7 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
     return found
 
 
-def _paths(case: Case) -> dict[str, tuple[np.ndarray, float]]:
+def paths_of(case: Case) -> dict[str, tuple[np.ndarray, float]]:
     """Places (T, 2) and noise [m] of the bodies. A coordinate that is no channel stays as it is: across a rail."""
     columns: dict[str, dict[str, int]] = {c.body: {} for c in case.channels if c.kind in ("x", "y")}
     for k, channel in enumerate(case.channels):

@@ -1,4 +1,4 @@
-"""Whether what is believed of gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing."""
+"""Whether gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing."""
 
 from __future__ import annotations
 
@@ -85,6 +85,7 @@ def _swing(recording: Recording, k: int, name: str, gravity: float) -> str:
     if 1 / SWINGS_OFF < (period / believed) ** 2 < SWINGS_OFF:
         return ""
     return (
-        f"{name} swings with a period of {period:.3g} s, where a point on a rod of {length:.3g} m has {believed:.3g} s: "
-        f"is the frame rate (--fps), or the rod's length (times {(period / believed) ** 2:.2g} would do), wrong?"
+        f"{name} swings with a period of {period:.3g} s, where a point on a rod of {length:.3g} m has "
+        f"{believed:.3g} s: is the frame rate (--fps), or the rod's length "
+        f"(times {(period / believed) ** 2:.2g} would do), wrong?"
     )

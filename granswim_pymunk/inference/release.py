@@ -1,0 +1,67 @@
+"""When a motion begins by itself: frames in which everything is still held, as by a hand or a magnet, are no motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from ..recording import Recording
+from .criteria import current
+
+
+def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> int:
+    """The first frame in which nothing holds the bodies any more, 0 where nothing shows that they were held.
+
+    values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
+    Where forces do not depend on time, what is at rest stays at rest. Two descriptions of the first frames are
+    compared by chi2: at rest until a time, a parabola from there on, and one cubic throughout, which a motion from
+    rest at the first frame follows. Not where a command or an unseen body may begin the motion.
+    """
+    c = current().release
+    hidden = any(b.mobile and b.id not in recording.ids for b in recording.scene.bodies)
+    sigma = np.asarray(sigmas, float)
+    if recording.scene.inputs or hidden or len(t) < c.still + c.after or not (sigma > 0).all():
+        return 0
+    lead = values[: c.still]
+    if not np.isfinite(lead).all():
+        return 0
+    off = np.nan_to_num(np.abs(values - np.median(lead, axis=0)) / sigma).max(axis=1)
+    away = np.flatnonzero((off[:-2] > c.away) & (off[1:-1] > c.away) & (off[2:] > c.away))
+    if not len(away) or away[0] < c.still:
+        return 0
+    gone = int(away[0])
+    for clear in c.clear:
+        beyond = np.flatnonzero(off[gone:] > clear * c.away)
+        most = max(gone, 2 * c.after)
+        end = min(len(t), gone + max(c.after, min(most, int(beyond[0]) if len(beyond) else most)))
+        first = _held_until(t[:end], values[:end] / sigma, gone)
+        if first:
+            return first
+    return 0
+
+
+def _held_until(t: np.ndarray, z: np.ndarray, gone: int) -> int:
+    """The first frame after a rest until then, 0 where the numbers (T, c) in units of their noise do not show one.
+
+    gone : frame from which they are away from the place of rest
+    """
+    c = current().release
+    seen = np.isfinite(z).all(axis=1)
+    s, z = (t[seen] - t[0]) / (t[-1] - t[0]), z[seen]
+    tried = np.unique(np.linspace(c.still - 1, gone, min(gone, c.tried)).astype(int))
+    held = []
+    for k in tried:
+        since = np.maximum(s - (t[k] - t[0]) / (t[-1] - t[0]), 0.0)
+        held.append(_left(np.column_stack([np.ones(len(s)), since, since**2]), z))
+    best = int(np.argmin(held))
+    smooth = _left(np.power(s[:, None], np.arange(4)), z)
+    if smooth - held[best] < c.sure or held[best] > stats.chi2.isf(c.alarm, z.size - 3 * z.shape[1] - 1):
+        return 0
+    return int(tried[best]) + 1
+
+
+def _left(design: np.ndarray, z: np.ndarray) -> float:
+    """What a linear fit leaves of chi2."""
+    return float(np.sum((z - design @ np.linalg.lstsq(design, z, rcond=None)[0]) ** 2))

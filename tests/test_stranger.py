@@ -1,0 +1,99 @@
+"""What recordings of real apparatus have and simulations have not; motions by SciPy's integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from granswim_pymunk import api
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.tracks.kicks import told, unexplained
+
+GRAVITY = (0.0, -9.81)
+
+
+def moved(force, start, t):
+    """Places of one coordinate (T,): x'' = force(x, v)."""
+    return solve_ivp(lambda _, s: [s[1], force(*s)], (t[0], t[-1]), start, t_eval=t, rtol=1e-9, atol=1e-11).y[0]
+
+
+def dropped(held: int, noise: float = 1e-3, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """A ball held for some frames, then falling with k v^2, k = 0.12/m: t (T,) and places (T, 1, 2)."""
+    t = np.arange(60) / 60
+    y = np.full(60, 4.5)
+    y[held:] = moved(lambda _, v: -9.81 + 0.12 * v**2, [4.5, 0.0], t[held:] - t[held])
+    rng = np.random.default_rng(seed)
+    return t, np.stack([0 * t, y], axis=1)[:, None] + rng.normal(0, noise, (60, 1, 2))
+
+
+def recorded(t, xy, **more):
+    return api.make_recording(t, xy, radius=0.02, mass=0.05, **more)
+
+
+class TestRelease:
+    @pytest.mark.parametrize("held", [6, 10, 20])
+    def test_frames_in_which_a_ball_is_held_are_left_out(self, held):
+        t, xy = dropped(held)
+        case = prepare(recorded(t, xy, gravity=GRAVITY), held_out=False, split=True)
+        begin = float(case.t[case.training][0])
+        assert t[held] - 1e-9 <= begin <= t[held + 3]
+        assert any("at rest until" in note for note in case.notes)
+
+    def test_what_starts_from_rest_at_the_first_frame_is_kept(self):
+        # at 500 Hz a swing from rest moves less than the noise in many frames
+        t = np.arange(1000) / 500
+        for rate in (9.81 / 0.25, 9.81 / 5.0):
+            angle = moved(lambda q, v, rate=rate: -rate * np.sin(q), [0.4, 0.0], t)
+            xy = np.stack([0.25 * np.sin(angle), -0.25 * np.cos(angle)], axis=1)[:, None]
+            xy = xy + np.random.default_rng(3).normal(0, 1e-3, xy.shape)
+            case = prepare(recorded(t, xy, gravity=GRAVITY), held_out=False, split=True)
+            assert case.training[0], rate
+
+    def test_a_puck_that_waits_for_another_is_kept(self):
+        t = np.arange(120) / 60
+        struck = np.maximum(t - 1.0, 0.0)
+        xy = np.stack([np.stack([-0.5 + 0.4 * t - 0.4 * struck, 0 * t], 1), np.stack([0.4 * struck, 0 * t], 1)], 1)
+        xy = xy + np.random.default_rng(4).normal(0, 3e-4, xy.shape)
+        case = prepare(recorded(t, xy), held_out=False, split=True)
+        assert case.training[0]
+
+
+class TestKicks:
+    def test_a_stop_that_the_scene_has_not_is_told(self):
+        t = np.arange(240) / 60
+        x = np.where(t < 2.0, 0.6 * t, 1.2 - 0.36 * (t - 2.0))
+        xy = np.stack([x, 0 * t], 1)[:, None] + np.random.default_rng(1).normal(0, 5e-4, (240, 1, 2))
+        case = prepare(recorded(t, xy), held_out=False, split=True)
+        (kick,) = unexplained(case)
+        assert kick.t == pytest.approx(2.0, abs=0.02)
+        assert kick.change[0] == pytest.approx(-0.96, rel=0.1)
+        assert "t = 2 s" in told(case, [kick]) and "a stop" in told(case, [kick])
+
+    def test_motions_that_are_smooth_have_none(self):
+        t = np.arange(600) / 60
+        for motion in (
+            moved(lambda x, v: -40.0 * x - 800.0 * x**3 - 0.1 * v, [0.2, 0.0], t),  # a spring that hardens
+            moved(lambda x, v: -10.0 * x - 0.2 * np.tanh(v / 1e-3), [0.2, 0.0], t),  # dry friction
+        ):
+            xy = np.stack([motion, 0 * t], 1)[:, None] + np.random.default_rng(2).normal(0, 3e-4, (600, 1, 2))
+            assert not unexplained(prepare(recorded(t, xy), held_out=False, split=True))
+
+
+def test_inertia_is_no_smaller_where_gravity_pulls():
+    """A scale that is twice too large makes a throw fall with twice gravity: no body has half its inertia for that."""
+    t = np.arange(48) / 60
+    xy = 2 * np.stack([1.5 * t, 3.5 * t - 4.905 * t**2], axis=1)[:, None]
+    xy = xy + np.random.default_rng(7).normal(0, 2e-3, xy.shape)
+    verdict = api.diagnose(t, xy, radius=0.02, mass=0.05, gravity=GRAVITY).verdict
+    names = [m["name"] for m in verdict["mechanisms"]]
+    assert names == ["uniform_force"], names
+    assert verdict["mechanisms"][0]["parameters"]["a"]["value"][1] == pytest.approx(-9.81, rel=0.02)
+
+
+def test_a_drop_that_is_held_at_first_has_its_drag():
+    t, xy = dropped(10)
+    verdict = api.diagnose(t, xy, radius=0.1, mass=0.05, gravity=GRAVITY).verdict
+    names = [m["name"] for m in verdict["mechanisms"]]
+    same = [r["name"] for r in verdict["rivals"] if r["indistinguishable"]]
+    assert "quadratic_drag" in (names + same) and "lens_distortion" not in names, (names, same)
