@@ -7,7 +7,7 @@ import pytest
 
 from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
-from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel, Rival
+from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel
 from granswim_pymunk.inference.pipeline import diagnose_by
 from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import MODELS, check_verdict, mechanism_entry
@@ -155,8 +155,11 @@ class Toy(ObservationModel):
         self.order.append("left")
         return Left(True, None)
 
-    def rivals(self, judged):
-        return [Rival(Law("quadratic_drag"), 1.0, False)], [(Rival(law, None, False), s) for law, s in judged.closest]
+    def beside(self, judged):
+        return [(Law("quadratic_drag"), False)]
+
+    def gains(self, judged, fallen, beside):
+        return {law.label: 1.0 for law in beside}
 
     def propose(self, judged, rivals):
         return None

@@ -172,8 +172,23 @@ class ObservationModel(ABC):
         """Whether the revised scene leaves noise alone, and what else it leaves of unseen training data."""
 
     @abstractmethod
-    def rivals(self, judged: Judgement) -> tuple[Sequence[Rival], Sequence[tuple[Rival, float]]]:
-        """Laws that do nearly as well as what was claimed, and names that were not accepted, with their share."""
+    def beside(self, judged: Judgement) -> Sequence[tuple[Any, bool]]:
+        """Laws that do nearly as well as what was claimed or withdrawn; whether these data cannot tell them from it."""
+
+    def refitted(self) -> Sequence[Any]:
+        """Laws that were tried by simulation, of which the one worth most is told where none stands."""
+        return ()
+
+    def share(self, law: Any) -> Explained | None:
+        """What one of these laws explains on unseen blocks; None where it could not be run."""
+        return None
+
+    @abstractmethod
+    def gains(self, judged: Judgement, fallen: Sequence[Any], beside: Sequence[Any]) -> Mapping[str, float | None]:
+        """By label half the fall of chi2 on held-out data, recalibrated less a law.
+
+        fallen : names that were not accepted, of one set;  beside : others, each by itself
+        """
 
     @abstractmethod
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from .judge import Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
-from .model import Course, HeldOut, ObservationModel
+from .mechanisms import nameless
+from .model import Course, HeldOut, ObservationModel, Rival
 from .result import MODELS, Diagnosis, empty_verdict, rival_entries
 
 
@@ -29,7 +30,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
     left = model.left(judged)
-    rivals, closest = model.rivals(judged)
+    rivals, closest = rivals_of(model, judged)
     proposal = model.propose(judged, rivals)
     course = Course(null, judged, held, places, left, rivals, closest, proposal)
     found = result_of(model, course, time.monotonic() - began, seed)
@@ -51,6 +52,19 @@ def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) ->
     if not judged.claim.laws and model.fails_predictive_check(judged):
         judged = replace(judged, verdict="unmodelled")
     return judged
+
+
+def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
+    """Laws that do nearly as well as what was claimed, and names that were not accepted, with their share."""
+    beside, closest = model.beside(judged), judged.closest
+    if judged.verdict == "unmodelled" and not closest and not judged.withdrawn:
+        tried = [t for t in model.refitted() if t.worth > 0 and not nameless(t.mechanism)]
+        best = max(tried, key=lambda t: t.worth, default=None)
+        share = None if best is None else model.share(best)
+        closest = () if share is None else ((best, share.share),)
+    gains = model.gains(judged, [t for t, _ in closest], [t for t, _ in beside])
+    told = [(Rival(t, gains.get(t.label), False), share) for t, share in closest]
+    return [Rival(t, gains.get(t.label), same) for t, same in beside], told
 
 
 def result_of(model: ObservationModel, course: Course, seconds: float = 0.0, seed: int = 0) -> Diagnosis:

@@ -11,6 +11,7 @@ import numpy as np
 from ...recording import Recording
 from ...scene import Scene
 from ..criteria import current
+from ..explained import Explained
 from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
@@ -64,7 +65,7 @@ class Packings(ObservationModel):
         chosen = sizes or planned_sizes(conditions, runner, MINUTES if minutes is None else minutes)
         self.state = begin(conditions, runner, chosen, np.random.default_rng(seed), progress)
         self.notes = self.state.notes
-        self.beside: list[tuple[Trial, bool]] = []
+        self.near: list[tuple[Trial, bool]] = []
         self.weighable = False
         self.free_gain: float | None = None
 
@@ -99,7 +100,7 @@ class Packings(ObservationModel):
         s, open_ = self.state, self._open()
         if s.p_search > current().verdict.alarm or not open_:
             return self.plain
-        found, revised, self.beside = named_laws(s, self.bank, open_, self.candidates)
+        found, revised, self.near = named_laws(s, self.bank, open_, self.candidates)
         if revised is None:
             return self.plain
         return Claim(tuple(found), Finding(s, found, revised, "", False))
@@ -127,7 +128,7 @@ class Packings(ObservationModel):
         finding: Finding = judged.claim.fit
         s = self.state
         self.goodness = goodness(s, finding.revised, len(finding.revised.u))
-        confirm(finding, [t for t, _ in self.beside] + [t for t, _ in judged.closest])
+        confirm(finding, [t for t, _ in self.near] + [t for t, _ in judged.closest])
         if finding.found:
             self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)
         return judged
@@ -173,28 +174,24 @@ class Packings(ObservationModel):
         bodies = tuple(ids) if joint is None else (ids[joint],)
         return Left(False, Remains(rms, times, bodies, None, None, looks, phase))
 
-    def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
-        s, finding = self.state, judged.claim.fit
+    def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
+        return self.near
 
+    def refitted(self) -> list[Trial]:
+        return [t for t in self.state.trials if t.fit is not None]
+
+    def share(self, law: Trial) -> Explained | None:
+        return None if law.fit is None else explained(self.state, law.fit)[0]
+
+    def gains(self, judged: Judgement, fallen: Sequence[Trial], beside: Sequence[Trial]) -> dict[str, float | None]:
         def gain(laws: Sequence[Trial]) -> float | None:
             fitted = laws[0].fit
-            found = None if fitted is None else gain_of(finding, lambda c: predicted_by(s, laws, fitted, c))
+            if fitted is None:
+                return None
+            found = gain_of(judged.claim.fit, lambda c: predicted_by(self.state, laws, fitted, c))
             return None if found is None else found[0]
 
-        told = judged.closest
-        if judged.verdict == "unmodelled" and not told and not judged.withdrawn:
-            told = self._closest()
-        fallen = [t for t, _ in told]
-        closest = [(Rival(t, gain(fallen), False), share) for t, share in told]
-        return [Rival(t, gain([t]), same) for t, same in self.beside], closest
-
-    def _closest(self) -> tuple[tuple[Trial, float], ...]:
-        """The law that was refitted and gained most, and its share; none where none gained."""
-        tried = [t for t in self.state.trials if t.fit is not None and t.worth > 0]
-        best = max(tried, key=lambda t: t.worth, default=None)
-        if best is None or best.fit is None:
-            return ()
-        return ((best, explained(self.state, best.fit)[0].share),)
+        return {t.label: gain([t]) for t in beside} | {t.label: gain(fallen) for t in fallen}
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         self.progress("the next experiment", 0.97)

@@ -426,20 +426,17 @@ class Tracks(ObservationModel):
             looks = plainly(best.term.mechanism)
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
 
-    def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
+    def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive
         near = self.near
         taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
         if len(found) > 1:
-            beside = [*near, *((t, False) for t in alive if t.mechanism not in taken)][: max(3, len(near))]
-        else:
-            beside = [*near, *(r for r in rivals_of(found, alive, self.spread) if r[0].mechanism not in taken)]
-        gains: dict[str, float | None] = {}
-        for t in (*(t for t, _ in judged.closest), *(t for t, _ in beside)):
-            if t.fit is not None and t.mechanism not in gains:
-                gains[t.mechanism] = self._gain(self._held_out(t.fit, whole=False))
-        closest = [(Rival(t, gains.get(t.mechanism), False), share) for t, share in judged.closest]
-        return [Rival(t, gains.get(t.mechanism), same) for t, same in beside], closest
+            return [*near, *((t, False) for t in alive if t.mechanism not in taken)][: max(3, len(near))]
+        return [*near, *(r for r in rivals_of(found, alive, self.spread) if r[0].mechanism not in taken)]
+
+    def gains(self, judged: Judgement, fallen: Sequence[Trial], beside: Sequence[Trial]) -> dict[str, float | None]:
+        fits = {t.label: t.fit for t in (*beside, *fallen) if t.fit is not None}
+        return {label: self._gain(self._held_out(fit, whole=False)) for label, fit in fits.items()}
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         study, found = self.study, judged.claim.laws

@@ -12,6 +12,7 @@ import numpy as np
 from ...recording import Recording
 from ...scene import Scene
 from ..criteria import current
+from ..explained import Explained
 from ..hypothesis import Term
 from ..judge import Claim, Form, Judgement, Mismatch, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
@@ -43,7 +44,7 @@ from .likelihood import Prediction, WindowLikelihood
 from .plan import REPLICATES, Plan
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
-from .weigh import before_of, closest_of, explained_by_scale, rival_gains, weighed
+from .weigh import before_of, explained_by_scale, explained_by_trial, rival_gains, weighed
 from .windows import BedCase
 
 
@@ -217,18 +218,24 @@ class Windows(ObservationModel):
         )
         return Left(complete, remains)
 
-    def rivals(self, judged: Judgement) -> tuple[list[Rival], list[tuple[Rival, float]]]:
-        search, late = self.state, self.state.clock.late
+    def beside(self, judged: Judgement) -> list[tuple[BedTrial, bool]]:
         laws = [t for t in (judged.claim.laws or judged.withdrawn) if t is not self.scale]
         beside = rivals_of(laws[0] if laws else None, [t for t in self.trials if t is not self.scale])
-        beside = [(t, same) for t, same in beside if all(t.mechanism != law.mechanism for law in laws[1:])]
-        leading = list({t.label: t for t, _ in (*judged.closest, *beside)}.values())[: current().windows.search.rivals]
-        gains = {} if late(0.95) else rival_gains(search, self.predicted.get("recalibrated"), leading)
-        closest = judged.closest
-        if judged.verdict == "unmodelled" and not closest and not judged.withdrawn and not late(0.95):
-            closest = tuple(closest_of(search, self.trials, self.before, self.judging))
-        told = [(Rival(t, gains.get(t.label), False), share) for t, share in closest]
-        return [Rival(t, gains.get(t.label), same) for t, same in beside], told
+        return [(t, same) for t, same in beside if all(t.mechanism != law.mechanism for law in laws[1:])]
+
+    def refitted(self) -> list[BedTrial]:
+        return [] if self.state.clock.late(0.95) else [t for t in self.trials if t.gain is not None]
+
+    def share(self, law: BedTrial) -> Explained | None:
+        return explained_by_trial(self.state, law, self.before, self.judging)
+
+    def gains(
+        self, judged: Judgement, fallen: Sequence[BedTrial], beside: Sequence[BedTrial]
+    ) -> dict[str, float | None]:
+        leading = list({t.label: t for t in (*fallen, *beside)}.values())[: current().windows.search.rivals]
+        if self.state.clock.late(0.95):
+            return {}
+        return dict(rival_gains(self.state, self.predicted.get("recalibrated"), leading))
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         search, laws = self.state, judged.claim.laws

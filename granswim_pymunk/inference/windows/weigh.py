@@ -213,16 +213,6 @@ def weighed(
     return named, forms
 
 
-def closest_of(
-    search: Search, trials: Sequence[BedTrial], before: Scores, rng: np.random.Generator
-) -> list[tuple[BedTrial, float]]:
-    """The law with a name that gained most where it was refitted, and its share; empty where none was."""
-    named = [t for t in trials if t.gain is not None and not nameless(t.mechanism) and t.worth > 0]
-    best = max(named, key=lambda t: t.worth, default=None)
-    share = None if best is None else explained_by_trial(search, best, before, rng)
-    return [] if best is None or share is None else [(best, share.share)]
-
-
 def explained_by_scale(
     search: Search, judge: WindowLikelihood, predicted: Mapping[str, Prediction], rng: np.random.Generator
 ) -> Explained | None:
