@@ -122,6 +122,16 @@ class WindowMap:
     rows: tuple[Mapping[str, Any], ...]
 
 
+def variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
+    """Variance of the innovations of each recording under the revised scene, at least that of the noise."""
+    result = {}
+    for case in cases:
+        used = fit.used(case.name)
+        dof = max(len(used) - len(fit.starts[case.name]), 1)
+        result[case.name] = max(float(used @ used) / dof, 1.0)
+    return result
+
+
 def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
     """Cut every recording into ``pieces`` windows with starts of their own and see which the model cannot follow.
 

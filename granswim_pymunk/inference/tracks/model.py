@@ -57,7 +57,7 @@ from .held_out import (
     right_law_errors,
     training_errors,
 )
-from .innovations import Whiteness, WindowMap, locate, series_of, whiteness, window_map
+from .innovations import Whiteness, WindowMap, locate, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_limits
 from .kicks import told as told_of
 from .kicks import unexplained
@@ -561,7 +561,7 @@ def _located(
     if verdict == "no_mismatch":
         return None, ()
     training = study.training
-    variance = _variance_by_case(revised, training)
+    variance = variance_by_case(revised, training)
 
     def seen(fit: Fit, **how: int) -> tuple[WindowMap, tuple[Place, ...]]:
         windows = window_map(study.fitter, fit, variance, **how)
@@ -575,16 +575,6 @@ def _located(
     if verdict == "recalibrate" and not places:
         windows, places = seen(naive, pieces=2)
     return windows, places
-
-
-def _variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
-    """Variance of the innovations of each recording under the revised scene, at least that of the noise."""
-    result = {}
-    for case in cases:
-        used = fit.used(case.name)
-        dof = max(len(used) - len(fit.starts[case.name]), 1)
-        result[case.name] = max(float(used @ used) / dof, 1.0)
-    return result
 
 
 def _whole(found: list[Trial], recalibrated: Fit, revised: Fit, cases: Sequence[Case]) -> tuple[Place, ...]:
