@@ -6,7 +6,7 @@ import sys
 
 
 def leave(number: int, frame: object) -> None:
-    """Ctrl-C while modules are still being imported: nothing has been done yet."""
+    """Ctrl-C or SIGTERM while modules are still being imported: nothing has been done yet."""
     os.write(2, b"granswim: interrupted\n")
     os._exit(128 + number)
 
@@ -17,6 +17,8 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where t
 
 def main() -> int:
     """The console command: as ``cli.main``, and quiet when it is interrupted while it starts."""
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, leave)
     from .cli import main as command
 
     return command(ready=_ready)

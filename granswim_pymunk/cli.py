@@ -81,12 +81,13 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         build_parser().error(f"unrecognized arguments: {argv[0]}")
     args = parser.parse_args(argv)
     module = command_module(args.command)
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
     try:
         _prepare(module, args)
         if ready is not None:
             ready()
+        # not before: modules of others take an exception in an import for a broken installation
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, _terminate)
         with routed(args):
             return int(module.main(args))
     except InputError as error:

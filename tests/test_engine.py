@@ -267,6 +267,42 @@ def plain_trap_of_the_test(x, y, k):
     return tuple(-k * value for value in [x, y])  # a generator is nothing that numba compiles
 
 
+def outside(x):
+    if x > 0.1:
+        raise ValueError("no water there")
+    return 1.0
+
+
+@law(kind="body", expression="F = k", reference="test", parameters=[Parameter("k", "N", "push")], compiled=False)
+def push_in_water_of_the_test(x, y, k):
+    return k * outside(x), 0.0
+
+
+@law(kind="body", expression="F = k", reference="test", parameters=[Parameter("k", "N", "push")])
+def compiled_push_in_water_of_the_test(x, y, k):
+    return k * outside(x), 0.0
+
+
+class TestLawsThatRaise:
+    """An error inside of a callback has nowhere to go: the run must not go on without the force."""
+
+    def scene(self, law):
+        bodies = (Body("a", "free", radius=0.01, mass=1.0, initial=(0.0, 0.0, 1.0, 0.0)),)
+        return Scene(bodies=bodies, laws=(use(law, k=1.0),), time=Time(dt=0.01))
+
+    def test_plain_ones_stop_the_run(self):
+        sim = Simulation(self.scene(push_in_water_of_the_test), mode="python")
+        says = r"push_in_water_of_the_test raised ValueError: no water there \(t = 0\.1"
+        with pytest.raises(SimulationError, match=says):
+            sim.advance(30)
+        assert 8 <= sim.step <= 11
+
+    @pytest.mark.parametrize("mode", ["verlet", "chipmunk"])
+    def test_compiled_ones_are_refused(self, mode):
+        with pytest.raises(InputError, match="compiled_push_in_water_of_the_test: raises errors"):
+            Simulation(self.scene(compiled_push_in_water_of_the_test), mode=mode)
+
+
 @law(
     kind="pair",
     expression="F_n = s while the gap is below range",

@@ -31,7 +31,7 @@ from ..files import written_whole
 from ..laws import Law
 from ..storage import code_folder
 from . import links, native, neighbours
-from .law_text import source_of
+from .law_text import raises, source_of
 from .motion import LIMIT, MOTION, columns
 from .native import ROW, Offsets
 from .swimmers import lifted
@@ -77,7 +77,7 @@ SHORT_BUILD = 250
 LONG_BUILD = 1000
 # forces are summed body after body in blocks of so many, all laws for one block before the next, so that what a
 # block touches stays in the second-level cache; the disks of chains are one block, the first
-BODIES = 128
+BODIES = 512
 # the pair laws go through the near list in blocks of so many pairs, which stay in the first-level cache;
 # WORK is what is kept of those that touch
 BLOCK = 256
@@ -231,7 +231,7 @@ def each(count, o, t, step, parameters, work):
         else:
             count = reached(first, last, reach, {'step' if law.reach else '0.0'}, uses[u, 4], mask[u], flat, near_i, near_j,
                             near_shift, near_touch, which, work)
-        count = collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
+        collect(first, count, {int(round_)}, flat, radius, near_i, near_j, near_touch, near_mass, which, work)
         each(count, o, t, step, parameters, work)
         scatter(count, {int(pair.spin)}, flat, near_i, near_j, which, work)
 """
@@ -287,7 +287,7 @@ def _body_text(law: Law) -> str:
     if "command" in law.arguments:
         loops.append("        command = interpolate(t + 0.5 * dt, input_t, input_v, input_at[i, 0], input_at[i, 1])")
     loops.append(f"        ax, ay = {_call(law, available)}")
-    plain = [*loops, "        state[i, FX] += ax", "        state[i, FY] += ay"]
+    plain = [*loops, "        add_two(flat, i * P_ROW + P_FX, ax, ay)"]
     # once more, with the velocity that half the kick leads to; ``fresh``: 1.0 where the force is not in the sum yet
     again = [
         *loops,
@@ -295,10 +295,9 @@ def _body_text(law: Law) -> str:
         "        mx = state[i, VX] + half * (state[i, FX] + fresh * ax)",
         "        my = state[i, VY] + half * (state[i, FY] + fresh * ay)",
         f"        bx, by = {_call(law, available | {'vx': 'mx', 'vy': 'my'})}",
-        "        state[i, FX] += bx - (1.0 - fresh) * ax",
-        "        state[i, FY] += by - (1.0 - fresh) * ay",
+        "        add_two(flat, i * P_ROW + P_FX, bx - (1.0 - fresh) * ax, by - (1.0 - fresh) * ay)",
     ]
-    lines = ["o = uses[u, 1]", "r0 = parameters[o - 1]", *read]
+    lines = ["o = uses[u, 1]", "r0 = parameters[o - 1]", "flat = state.reshape(state.size)", *read]
     if law.damping:
         lines += ["if twice:", *("    " + line for line in again), "else:", *("    " + line for line in plain)]
     else:
@@ -435,7 +434,7 @@ def _core_text(offsets: Offsets | None) -> str:
         "import math\n\nimport numpy as np\nfrom numba import carray, types\n",
         "from granswim_pymunk.compiled import cfunc, njit\n",
         "from granswim_pymunk.engine.native import call_block, call_links, call_lists, call_one, call_wall, call_walls\n",
-        "from granswim_pymunk.engine.native import difference, four_shifted_ways, four_ways, load_float, load_int\n",
+        "from granswim_pymunk.engine.native import add_two, difference, four_shifted_ways, four_ways, load_float, load_int\n",
         "from granswim_pymunk.engine.native import lowest_bit, pointer_to, push_apart, store_byte, store_float\n",
         "from granswim_pymunk.engine.links import close\n",
         "from granswim_pymunk.engine.neighbours import build_list, gap_to_walls, moved, near_walls\n",
@@ -508,6 +507,13 @@ class Kernel:
     def _of(self, law: Law, what: str, text: Callable[[Law], str]) -> ModuleType:
         if not law.compiled:
             raise InputError("is plain Python (compiled=False) and runs in python mode only", where=f"law {law.name}")
+        if raises(law.function):
+            # Chipmunk calls it: an error has nowhere to go, and the step would go on without the force
+            raise InputError(
+                "raises errors, which compiled code cannot pass on: let it return math.nan, which stops the run, or "
+                "declare it with compiled=False",
+                where=f"law {law.name}",
+            )
         return _of_law(self, law, what, text)
 
     def _beside(self, name: str, text: str, given: Mapping[str, Any] | None = None) -> ModuleType:

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import ast
+import dis
 import inspect
 import math
 import textwrap
+from collections.abc import Callable
+from typing import Any
 
 from ..laws import Law
 
 _PLAIN_GLOBALS = {"math", "np", "numpy"}
+
+
+def raises(function: Callable[..., Any]) -> bool:
+    """Whether a function, or one that it calls by name, can raise an error of its own."""
+    left, seen = [function], []
+    while left:
+        one = left.pop()
+        one = inspect.unwrap(getattr(one, "py_func", one))
+        code = getattr(one, "__code__", None)
+        if code is None or code in seen:
+            continue
+        seen.append(code)
+        if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(code)):
+            return True
+        closed = [cell.cell_contents for cell in one.__closure__ or ()]
+        named = [one.__globals__[name] for name in code.co_names if name in one.__globals__]
+        left += [value for value in (*closed, *named) if inspect.isfunction(getattr(value, "py_func", value))]
+    return False
 
 
 def definition_of(law: Law, name: str) -> ast.FunctionDef | None:

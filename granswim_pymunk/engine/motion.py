@@ -37,7 +37,7 @@ MOTION = (
 )  # fmt: skip
 
 # Chipmunk takes the bodies one after the other: while one moves, the rows so many bodies on come into the caches
-AHEAD = 16
+AHEAD = 40
 
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
 _PAIR = ir.VectorType(_FLOAT, 2)

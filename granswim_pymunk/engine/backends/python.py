@@ -36,6 +36,7 @@ class Python(Backend):
         self._met: set[int] = set()  # rows that Chipmunk has found to touch a straight wall
         self._summed_step = -1
         self._stepping = False
+        self._failed: Exception | None = None  # pymunk prints what a callback raises, and goes on
         n = self.order.n
         self._fx = np.zeros(n)
         self._fy = np.zeros(n)
@@ -77,11 +78,17 @@ class Python(Backend):
             return  # a wall and the ghost of another
         if together(i, j, bodies.group, self.state.links.apart):
             return  # a swimmer across the seam
-        self._pairs[i, j] = self.pair_force(i, j, self._time())
+        try:
+            self._pairs[i, j] = self.pair_force(i, j, self._time())
+        except Exception as error:
+            self._failed = self._failed or error
 
     def _velocity_function(self, k: int) -> Any:
         def update(body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
-            self._sum()
+            try:
+                self._sum()
+            except Exception as error:
+                self._failed = self._failed or error
             u = self.units
             body.force += pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
             body.force *= self.state.bodies.ease[k]  # in the compiled modes the mass does that
@@ -187,7 +194,11 @@ class Python(Backend):
         laws = self.state.laws
         given = {**available, **self._encoded[u], "r0": float(laws.parameters[laws.uses[u, 1] - 1])}
         law = self._laws[u]
-        return law.function(*(given[name] for name in law.arguments))
+        try:
+            return law.function(*(given[name] for name in law.arguments))
+        except Exception as error:
+            what = f"law {law.name} raised {type(error).__name__}: {error}"
+            raise SimulationError(f"{what} (t = {self._time():.6g} s)") from error
 
     def _sum(self, constrained: bool = True, in_step: bool = True) -> None:
         """All forces of this step; positions are new, velocities still half a step behind.
@@ -401,6 +412,9 @@ class Python(Backend):
             self._stepping = True
             self.world.space.step(self.dt / self.units.time)
             self._stepping = False
+            failed, self._failed = self._failed, None
+            if failed is not None:
+                raise failed
             self.step += 1
             m = slice(0, self.order.n_mobile)
             b.fx[m], b.fy[m], b.torque[m] = self._fx[m], self._fy[m], self._torque[m]

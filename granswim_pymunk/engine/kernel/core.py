@@ -49,7 +49,7 @@ def interpolate(t, times, values, first, last):
 # to arrays unless a function is one straight line to its end: hence two of them.
 @njit(**PLAIN)
 def touching(first, last, seam, flat, near_i, near_j, near_shift, near_touch, which, work):
-    """Which pairs of a block touch: their numbers in the block; of each pair the way from i to j."""
+    """Which pairs of a block touch, but for two at one place: their numbers in the block; of each the way to j."""
     m = np.uint64(0)
     begin = np.uint64(first)
     count = np.uint64(last) - begin
@@ -92,7 +92,7 @@ def reached(first, last, reach, step, masked, mask, flat, near_i, near_j, near_s
                 uy = flat[j + P_VY] - flat[i + P_VY]
                 limit += 0.5 * step * math.sqrt(ux * ux + uy * uy)
             chosen = masked == 0 or (mask[i // P_ROW] and mask[j // P_ROW])
-            word |= np.uint64(chosen and dx * dx + dy * dy < limit * limit) << (k - low)
+            word |= np.uint64(chosen and 0.0 < dx * dx + dy * dy < limit * limit) << (k - low)
         while word != np.uint64(0):
             which[m] = low - begin + lowest_bit(word)
             m += np.uint64(1)
@@ -102,11 +102,10 @@ def reached(first, last, reach, step, masked, mask, flat, near_i, near_j, near_s
 
 @njit(**PLAIN)
 def collect(first, count, round_, flat, radius, near_i, near_j, near_touch, near_mass, which, work):
-    """What the laws look at, of the pairs within reach; those at one place, without a direction, are left out."""
-    m = np.uint64(0)
+    """What the laws look at, of the pairs within reach."""
     begin = np.uint64(first)
-    for c in range(count):
-        q = which[c]
+    for m in range(count):
+        q = which[m]
         k = begin + q
         i = near_i[k]
         j = near_j[k]
@@ -123,8 +122,6 @@ def collect(first, count, round_, flat, radius, near_i, near_j, near_touch, near
             work[m + W_RJ] = radius[j // P_ROW]
             work[m + W_WI] = flat[i + P_SPIN]
             work[m + W_WJ] = flat[j + P_SPIN]
-        m += np.uint64(dx * dx + dy * dy > 0.0)
-    return m
 
 
 @njit(**PLAIN)
