@@ -18,6 +18,7 @@ from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import (
     Noise,
     Seen,
+    averaged,
     coloured,
     fit_noise,
     outliers,
@@ -356,6 +357,26 @@ def test_a_slow_part_is_found_that_a_fit_has_partly_taken_away():
     assert np.median([n.size for n in found]) >= 0.8 and np.median([n.memory for n in found]) >= 10
     nothing = [slow_part([left_by_a_fit(rng.normal(size=(300, 2)))]) for _ in range(10)]
     assert sum(n.size > 0 for n in nothing) <= 2
+
+
+@pytest.mark.parametrize(("noise", "wider"), [(Noise(), 1.3), (Noise(0.7, 16.0), 3.0)])
+def test_numbers_are_as_unknown_as_the_noise(noise, wider):
+    """Of 80 frames nobody can tell whether the noise is slow: intervals hold nought with either, and are no wider."""
+    rng = np.random.default_rng(1)
+    t = np.linspace(-1, 1, 80)
+    line = np.column_stack([t**2, np.ones(80), t])
+    inverse = np.linalg.inv(line.T @ line)
+    held, plainly, widths = [], [], []
+    for _ in range(20):
+        r = noise.draw((80, 2), rng)
+        found = (inverse @ line.T @ r)[0]
+        moved, covariance = averaged([left_by_a_fit(r)])
+        half = 1.96 * np.sqrt(np.diag(covariance))
+        held += list(np.abs(found + moved) < half)
+        plainly += list(np.abs(found) < 1.96 * np.sqrt(inverse[0, 0]))
+        widths += list(half / (1.96 * np.sqrt(inverse[0, 0])))
+    assert np.mean(held) > 0.85 and np.median(widths) < wider
+    assert (np.mean(plainly) < 0.7) == (noise.size > 0)
 
 
 def test_errors_of_the_stamps_are_told_from_white_noise():

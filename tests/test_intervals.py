@@ -1,15 +1,20 @@
 """Where the profile of chi2 of one number ends."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_believed import fitted
 
 from granswim_pymunk.inference.hypothesis import Free
+from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.choose import score_inner
-from granswim_pymunk.inference.tracks.intervals import _end
+from granswim_pymunk.inference.tracks.intervals import _end, with_doubt
 from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.recording import film
+from granswim_pymunk.scene import Body, Scene, use
 
 AT, ERROR = 2.0, 0.3
 
@@ -63,6 +68,25 @@ def test_an_end_near_a_bound_is_not_the_bound(found):
     fit = SimpleNamespace(chi2=0.0, values=np.array([found]), starts=0.0, hypothesis=hypothesis)
     low, high = (_end(SimpleNamespace(fit=searched), fit, 0, 1.0, side, 0.1 * found) for side in (-1.0, 1.0))
     assert low == pytest.approx(0.3 - 1.96 * 0.01, rel=0.1) and high == math.inf
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_ends_hold_what_slow_noise_would_do(slow):
+    """A push that noise correlated over 15 frames makes up is in no interval of white noise."""
+    scene = Scene((Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.4, 0.1)),))
+    t, rng = np.arange(0.0, 1.0, 0.01), np.random.default_rng(3)
+    recording = film(scene.with_laws(use("uniform_force", a=(0.1, 0.0))), t, rng=rng, noise=0.0)
+    noise = Noise(0.8, 15.0) if slow else Noise()
+    held, widths = [], []
+    for _ in range(8):
+        seen = replace(recording, xy=recording.xy + 2e-5 * noise.draw(recording.xy.shape, rng), position_noise=2e-5)
+        fitter, fit = fitted(replace(seen, scene=scene), "uniform_force")
+        before, after = (f.interval(0) for f in (fit, with_doubt(fitter, fit, 0, 1.0)))
+        assert after[1] <= before[1] and after[2] >= before[2]
+        held.append((before[1] < 0.1 < before[2], after[1] < 0.1 < after[2]))
+        widths.append((after[2] - after[1]) / (before[2] - before[1]))
+    (plainly, with_it), wider = np.mean(held, axis=0), np.median(widths)
+    assert with_it >= 0.8 and (plainly < 0.6, wider > 1.5) == (slow, slow)
 
 
 def test_what_is_far_behind_the_best_is_not_scored():

@@ -103,6 +103,15 @@ class TestIdeal:
         truth = replace(truth, mass={}, scale=0.005, first=Effect("quadratic_drag", {"c": 0.05, "p": 0}))
         assert response(truth).believed()["first"].values["c"] == pytest.approx(0.05 / 1.005, rel=1e-4)
 
+    def test_an_ideal_analyst_finds_what_the_film_tells(self) -> None:
+        """A mass in free flight is not told, and is as it is believed; radii of pucks that collide are."""
+        truth = Truth(slider(), first=Effect("linear_drag", {"c": 0.01, "p": 0}), mass={"a": 1.02}, scale=0.005)
+        assert response(truth).ideal()["first"].values["c"] == pytest.approx(0.01 / 1.02, rel=1e-3)
+        setup = pucks(np.random.default_rng(1))
+        off = {name: 1.0 + 0.005 * (-1) ** k for k, name in enumerate(setup.mobile)}
+        truth = Truth(setup, first=Effect("linear_drag", {"c": 0.02, "p": 0}), radius=off)
+        assert response(truth, part=0.5).ideal()["first"].values["c"] == pytest.approx(0.02, rel=0.02)
+
     def test_bodies_that_collide_have_numbers_too(self) -> None:
         setup = pucks(np.random.default_rng(1))
         assert 3 <= len(meetings(setup)) <= 10 and 4 <= len(setup.mobile) <= 6
@@ -285,6 +294,19 @@ class TestScore:
         verdict["mechanisms"][0]["parameters"]["c"] = {"value": 4.4e-4, "low": 4.3e-4, "high": 4.5e-4}
         row = scored(verdict, setup="pendulum", pin_length=0.2)
         assert row.right_name and not row.strange and row.covered == (True,)
+
+    def test_a_strength_is_that_of_the_mean_radius_of_those_it_acts_on(self) -> None:
+        """c of a body of r_0 = 2 cm is c/2 on that of 1 cm alone, if the drag goes with the radius."""
+        effects = [TRUTH["effects"][0] | {"values": {"c": 0.022, "p": 1}}]
+        truth = {"effects": effects, "believed": effects, "radii": {"a": 0.01, "b": 0.03}}
+        assert scored(answer("linear_drag"), **truth).covered == (True,)
+        assert scored(answer("linear_drag"), **truth | {"radii": {"a": 0.02}}).covered == (False,)
+
+    def test_numbers_of_an_ideal_analyst_are_counted_beside(self) -> None:
+        one = [TRUTH["believed"][0]]
+        ideal = [one[0] | {"values": {"c": 0.02, "p": 0}}]
+        row = scored(answer("linear_drag"), effects=TRUTH["effects"][:1], believed=one, ideal=ideal)
+        assert row.covered == (True,) and row.ideal == (False,) and scored(answer("linear_drag")).ideal is None
 
     def test_figures_count_what_they_speak_of(self) -> None:
         rows = [scored(answer("linear_drag", complete=False)), scored(answer("coulomb_substrate", complete=True)),

@@ -286,15 +286,40 @@ def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None)
     """
     criteria = criteria or current().noise
     levelled = [_levelled(seen) for seen in recordings]
-    sizes = criteria.slow_most * np.array([0.2, 0.35, 0.5, 0.7, 0.85, 1.0])
-    best, least = Noise(), _restricted(levelled, Noise()) - current().noise.two_numbers
-    for size in sizes:
-        for memory in np.geomspace(1.5, criteria.memory_most, 8):
-            noise = Noise(float(size), float(memory))
-            value = _restricted(levelled, noise)
-            if value < least:
-                best, least = noise, value
+    best, least = Noise(), _restricted(levelled, Noise()).deviance - current().noise.two_numbers
+    for noise in _slow_noises(criteria):
+        value = _restricted(levelled, noise).deviance
+        if value < least:
+            best, least = noise, value
     return best
+
+
+def _slow_noises(criteria: NoiseCriteria) -> list[Noise]:
+    """Slow parts of all sizes and memories that pass for noise."""
+    sizes = criteria.slow_most * np.array([0.2, 0.35, 0.5, 0.7, 0.85, 1.0])
+    return [Noise(float(s), float(m)) for s in sizes for m in np.geomspace(1.5, criteria.memory_most, 8)]
+
+
+def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """How far numbers move (p,), and their covariance (p, p), over all noises that these residuals may be.
+
+    With b_i and V_i the estimate and covariance by generalised least squares for noise i, and w_i its weight, the mean
+    is sum w_i b_i and the covariance sum w_i (V_i + (b_i - b)(b_i - b)'). Weights are the restricted likelihood times
+    what is likely beforehand: a slow part or none, and all sizes and memories alike. V_i is larger where residuals are
+    larger than that noise. Source: Hoeting et al. 1999, Statistical Science 14, 382.
+    """
+    criteria = criteria or current().noise
+    levelled = [_levelled(seen) for seen in recordings]
+    noises = [Noise(), *_slow_noises(criteria)]
+    told = [_restricted(levelled, noise) for noise in noises]
+    prior = np.array([1.0] + [1.0 / (len(noises) - 1)] * (len(noises) - 1))
+    deviance = np.array([t.deviance for t in told])
+    weights = prior * np.exp(-(deviance - deviance.min()) / 2)
+    weights /= weights.sum()
+    moved = np.array([t.moved for t in told])
+    mean = weights @ moved
+    within = np.einsum("i,ikl->kl", weights, np.array([t.covariance * max(t.size, 1.0) for t in told]))
+    return mean, within + np.einsum("i,ik,il->kl", weights, moved - mean, moved - mean)
 
 
 def _levelled(seen: Seen) -> Seen:
@@ -310,10 +335,24 @@ def _levelled(seen: Seen) -> Seen:
     return Seen(seen.residuals / roots, seen.frames, seen.by_value / by, seen.by_start / by, seen.ties, seen.steps)
 
 
-def _restricted(recordings: Sequence[Seen], noise: Noise) -> float:
-    """-2 ln of the restricted likelihood but for a constant; what hardly shows is held by a little beside it."""
+@dataclass(frozen=True)
+class Restricted:
+    """What one noise makes of residuals.
+
+    deviance : -2 ln of the restricted likelihood but for a constant;  moved : (p,) by generalised least squares
+    covariance : (p, p) of these numbers;  size : of what is left, squared, over its expectation
+    """
+
+    deviance: float
+    moved: np.ndarray
+    covariance: np.ndarray
+    size: float
+
+
+def _restricted(recordings: Sequence[Seen], noise: Noise) -> Restricted:
+    """What hardly shows is held by a little beside it."""
     p = recordings[0].by_value.shape[-1]
-    information, gradient, total = np.zeros((p, p)), np.zeros(p), 0.0
+    information, gradient, total, squares, count = np.zeros((p, p)), np.zeros(p), 0.0, 0.0, -p
     for seen in recordings:
         every = np.concatenate([seen.residuals[..., None], seen.by_value, seen.by_start], axis=-1)
         every[~np.isfinite(seen.residuals)] = np.nan
@@ -322,6 +361,7 @@ def _restricted(recordings: Sequence[Seen], noise: Noise) -> float:
         rows = np.vstack([rows, np.hstack([seen.steps[:, None], seen.ties])])
         total += 2 * half / every.shape[-1]
         r, values, starts = rows[:, 0], rows[:, 1 : p + 1], rows[:, p + 1 :]
+        count += len(r) - starts.shape[1]
         if starts.shape[1]:
             size = np.maximum(np.linalg.norm(seen.by_start.reshape(-1, starts.shape[1]), axis=0), 1e-300)
             starts = np.nan_to_num(starts / np.where(np.isfinite(size), size, 1.0))
@@ -330,16 +370,19 @@ def _restricted(recordings: Sequence[Seen], noise: Noise) -> float:
             solved = np.linalg.solve(inner, starts.T @ np.column_stack([r, values]))
             left = np.column_stack([r, values]) - starts @ solved
             r, values = left[:, 0], left[:, 1:]
-        total += float(r @ r)
+        squares += float(r @ r)
         information += values.T @ values
         gradient += values.T @ r
+    moved, covariance = np.zeros(p), np.zeros((p, p))
     if p:
         size = np.sqrt(sum(np.nansum(s.by_value**2, axis=(0, 1)) for s in recordings))
         size = np.where(size > 0, size, 1.0)
         scaled = information / np.outer(size, size) + 1e-10 * np.eye(p)
         total += float(np.linalg.slogdet(scaled)[1])
-        total -= float((gradient / size) @ np.linalg.solve(scaled, gradient / size))
-    return total
+        moved = np.linalg.solve(scaled, gradient / size) / size
+        squares -= float(gradient @ moved)
+        covariance = np.linalg.inv(scaled) / np.outer(size, size)
+    return Restricted(total + squares, moved, covariance, squares / max(count, 1))
 
 
 def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:

@@ -273,6 +273,7 @@ def bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Case:
         "true_parameters": {a.name: float(true_scene.parameter(a.name)) for a in scene.adjustable},
         "noise": setup.noise, "frames": len(setup.t), "bodies_in_all": len(mobile),
         "pin_length": pin_length(setup),
+        "radii": {b.id: b.radius for b in setup.scene.bodies if b.id in mobile},
     }  # fmt: skip
     return Case((as_recording(setup, belief, values, f"bodies-{seed}", noise_known),), plain(truth))
 

@@ -433,6 +433,42 @@ class Response:
             return {}
         return self._chords(places) or self._squares(places)
 
+    def ideal(self) -> dict[str, Effect]:
+        """The effects with the numbers that an ideal analyst finds in the film without noise, to first order.
+
+        Who fits starts, adjustables and all effects as ``believed`` does, but masses, radii, scale and tilt within
+        their priors, too. Where the film does not tell these they stay as they are believed, and the numbers are those
+        of ``believed``; where it does, an analyst who held to them would fit what is known to be wrong.
+        """
+        places = self.truth.places
+        own = [self.numbers(p) for p in places]
+        known, columns = self.known(), np.hstack([*own, self.free()])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        # about the truth: the film is met where nothing moves, and the priors where what is known goes back to it
+        rows = np.block([[columns / size, known], [np.zeros((known.shape[1], len(size))), np.eye(known.shape[1])]])
+        off = np.concatenate([np.zeros(len(columns)), -self._off()])
+        step = np.linalg.lstsq(rows, off, rcond=1e-9)[0][: len(size)] / size
+        effects, k = {}, 0
+        for p, mine in zip(places, own, strict=True):
+            k, at = k + mine.shape[1], k
+            effects[p] = with_numbers(self.truth.effect(p), numbers(self.truth.effect(p)) + step[at:k])
+        return effects
+
+    def _off(self) -> np.ndarray:
+        """How far what is known is off, in standard deviations, in the order of ``known``."""
+        truth, mobile = self.truth, self.setup.mobile
+        tilt = TILT if has_gravity(self.setup) else 9.81 * TILT
+        slope = np.zeros(self.tilt().shape[1])
+        if truth.tilt is not None and len(slope):
+            slope[:] = truth.tilt
+        parts = [
+            [(truth.mass.get(n, 1.0) - 1.0) / MASSES for n in mobile],
+            [(truth.radius.get(n, 1.0) - 1.0) / RADII for n in mobile][: self.radii().shape[1]],
+            [truth.scale / SCALE][: self.scale().shape[1]], slope / tilt,
+        ]  # fmt: skip
+        return np.concatenate([np.asarray(part, dtype=float) for part in parts])
+
     def _squares(self, places: Sequence[str]) -> dict[str, Effect]:
         effects = [self.truth.effect(p) for p in places]
         tilt = self.truth.tilted

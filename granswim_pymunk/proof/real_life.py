@@ -299,7 +299,7 @@ def told(
     """What is sealed of a case of bodies, but for the noise."""
     places = truth.places
     effects = [truth.effect(p) for p in places]
-    believed = response.believed()
+    believed, ideal = response.believed(), response.ideal()
     names = everywhere(truth.setup)
     rivals = {p: response.rivals(p, names) for p in places}
     allowed = Response(truth, response.errors.allowed(), response.start)
@@ -307,6 +307,8 @@ def told(
         "kind": kind, "seed": seed, "setup": setup, "category": "mechanism" if effects else "null",
         "effects": [asdict(e) for e in effects], "sigma": sigma, "second_sigma": second,
         "believed": [asdict(believed[p]) if p in believed else None for p in places],
+        "ideal": [asdict(ideal[p]) for p in places],
+        "radii": {b.id: b.radius for b in truth.setup.scene.bodies if b.id in truth.setup.mobile},
         "rivals": rivals.get("first", {}), "second_rivals": rivals.get("second", {}),
         "mass": dict(truth.mass), "radius": dict(truth.radius), "scale": truth.scale,
         "tilt": truth.tilt, "gravity": has_gravity(truth.setup), "left": allowed.remains(),

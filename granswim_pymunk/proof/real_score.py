@@ -30,7 +30,9 @@ class RealRow:
     drawn : nuisances that were drawn;  sigma, second_sigma : ideal standard errors;  complete : as the verdict says
     strange : names that were neither drawn nor equivalent;  entries : how many names there are
     left : ideal standard errors of what was drawn and not named, None where that is not known
-    covered : for each number with an interval, whether it holds the truth;  alone : no second effect, or it is named
+    covered : for each number with an interval, whether it holds the truth;  ideal : whether it holds what an ideal
+        analyst finds (``ideal.Response.ideal``), None where the seal does not say
+    alone : no second effect, or it is named
     """
 
     case: str
@@ -56,6 +58,7 @@ class RealRow:
     heldout: str
     seconds: float
     failed: str = ""
+    ideal: tuple[bool, ...] | None = None
 
     @property
     def bed(self) -> bool:
@@ -82,7 +85,8 @@ class RealRow:
             "named": "+".join(self.named), "right_name": int(self.right_name), "right_class": int(self.right_class),
             "complete": "" if self.complete is None else int(self.complete), "share": short(self.share),
             "strange": "+".join(self.strange), "entries": self.entries, "left": short(self.left),
-            "numbers": len(self.covered), "covered": sum(self.covered), "alone": int(self.alone),
+            "numbers": len(self.covered), "covered": sum(self.covered),
+            "ideal": "" if self.ideal is None else sum(self.ideal), "alone": int(self.alone),
             "heldout": self.heldout, "seconds": short(self.seconds), "failed": self.failed,
         }  # fmt: skip
 
@@ -136,14 +140,14 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
     parts = [p for p, n in zip(("first", "second"), near, strict=False) if n & set(named)]
     parts += [p for p, n in drawn.items() if set(n) & set(named)]
     left = truth.get("left", {}).get("+".join(sorted(parts)))
-    covered = _covered(truth, mechanisms, near)
+    covered, ideal = (_covered(truth, mechanisms, by) for by in ("believed", "ideal"))
     fit = verdict.get("explained") or {}
     return RealRow(
         case=result["case"], setup=truth["setup"], category=truth["category"], truth=names, drawn=tuple(drawn),
         sigma=_number(truth["sigma"]), second_sigma=_number(truth.get("second_sigma")), rival=rival, d_prime=d_prime,
         verdict=kind, named=named if positive else (), right_name=bool(right), right_class=bool(in_class),
         complete=verdict.get("complete"), share=fit.get("share"), strange=strange,
-        entries=len(named) if positive else 0, left=left, covered=covered,
+        entries=len(named) if positive else 0, left=left, covered=covered or (), ideal=ideal,
         alone=len(names) < 2 or "second" in parts, heldout=str(verdict.get("heldout") or ""),
         seconds=result["seconds"], failed=result.get("failed", ""),
     )  # fmt: skip
@@ -154,14 +158,19 @@ def _number(value: float | None) -> float:
 
 
 def _covered(
-    truth: Mapping[str, Any], mechanisms: Sequence[Mapping[str, Any]], near: Sequence[set[str]]
-) -> tuple[bool, ...]:
-    """Intervals that hold the truth, of the drawn effects that are named themselves with one entry."""
+    truth: Mapping[str, Any], mechanisms: Sequence[Mapping[str, Any]], by: str
+) -> tuple[bool, ...] | None:
+    """Intervals that hold the truth, of the drawn effects that are named themselves with one entry.
+
+    by : whose numbers are true, "believed" or "ideal"; None where the seal has none. Of both the same are counted
+    """
+    if by not in truth:
+        return None
     covered: list[bool] = []
-    for effect, believed in zip(truth["effects"], truth["believed"], strict=True):
+    for effect, believed, true in zip(truth["effects"], truth["believed"], truth[by], strict=True):
         mine = [m for m in mechanisms if m["name"] in standing(effect["name"], truth)]
         if believed is not None and len(mine) == 1:
-            covered += numbers_held([believed], mine, truth.get("pin_length"))[0]
+            covered += numbers_held([true], mine, truth.get("pin_length"), truth.get("radii"))[0]
     return tuple(covered)
 
 
@@ -175,6 +184,7 @@ def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
     seen = [r.complete is False for r in rows if r.seen and r.complete is not None]
     alone = [c for r in rows if r.alone for c in r.covered]
     beside = [c for r in rows if not r.alone for c in r.covered]
+    by_ideal = [c for r in rows if r.alone for c in r.ideal or ()]
     told = [r for r in rows if r.complete is not None]
     return [
         counted("largest effect: right name or class", "at least 85 %", [r.right_class for r in concealed], 0.85, True),
@@ -193,6 +203,8 @@ def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
         counted("95 % intervals that hold the truth, no second effect or a named one", "at least 85 %", alone, 0.85,
                 True),
         counted("95 % intervals that hold the truth, a second effect not named", "at least 70 %", beside, 0.7, True),
+        replace(counted("no second effect or a named one: what an ideal analyst finds, masses and all in their priors",
+                "nothing", by_ideal, 0.0, True), reached=None),
     ]  # fmt: skip
 
 
@@ -220,6 +232,7 @@ def _row(line: Mapping[str, str]) -> RealRow:
         complete=None if not line["complete"] else line["complete"] == "1",
         share=float(line["share"]) if line["share"] else None, strange=names("strange"), entries=int(line["entries"]),
         left=float(line["left"]) if line["left"] else None, covered=(True,) * hits + (False,) * (numbers - hits),
+        ideal=(True,) * int(line["ideal"]) + (False,) * (numbers - int(line["ideal"])) if line.get("ideal") else None,
         alone=line["alone"] == "1", heldout=line["heldout"], seconds=float(line["seconds"] or 0), failed=line["failed"],
     )  # fmt: skip
 

@@ -170,7 +170,9 @@ def score_case(result: Mapping[str, Any]) -> Row:
         right = in_class = kind in ("no_mismatch", "recalibrate")
     # a force without a name has numbers of its own, which no truth speaks of
     comparable = right and len(effects) == 1 and category != "outside"
-    covered, errors = numbers_held(effects, mechanisms, truth.get("pin_length")) if comparable else ((), {})
+    covered, errors = ((), {})
+    if comparable:
+        covered, errors = numbers_held(effects, mechanisms, truth.get("pin_length"), truth.get("radii"))
     fit = (verdict.get("fit") or {}).get("heldout") or {}
     null = verdict.get("null")
     return Row(
@@ -215,11 +217,14 @@ def _classes(bodies: Sequence[str], swimmer: Sequence[str] | None) -> set[str]:
 
 
 def numbers_held(
-    effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]], pin_length: float | None = None
+    effects: Sequence[Mapping[str, Any]], mechanisms: Sequence[Mapping[str, Any]], pin_length: float | None = None,
+    radii: Mapping[str, float] | None = None,
 ):  # fmt: skip
     """Whether each interval holds the truth, and relative errors; nothing where the true form is another one.
 
     pin_length : of a pendulum [m], by which a drag of its bob is one of its joint
+    radii : of all bodies [m]: a strength is that of a body of the mean radius r_0 of those that a law acts on, so that
+        with the power p the same law on fewer bodies has another number
     """
     effect, entry = effects[0], mechanisms[0]
     if effect["other"] or len(mechanisms) != 1:
@@ -228,6 +233,11 @@ def numbers_held(
         effect = {**effect, "values": {"c": effect["values"]["c"] * pin_length**2}}
     elif entry["name"] != effect["name"]:
         return (), {}
+    acts, whole = entry["bodies"], effect.get("bodies") or list(radii or ())
+    if effect["values"].get("p") and "c" in effect["values"] and radii and set(acts) < set(whole) <= set(radii):
+        share = np.mean([radii[b] for b in acts]) / np.mean([radii[b] for b in whole])
+        c = float(effect["values"]["c"] * share ** effect["values"]["p"])
+        effect = {**effect, "values": {**effect["values"], "c": c}}
     true = Effect(effect["name"], {k: tuple(v) if isinstance(v, list) else v for k, v in effect["values"].items()})
     found = entry["parameters"]
     if (

@@ -14,7 +14,7 @@ from ...joints import arm_of
 from ...walls import gap_to_wall
 from ..criteria import current
 from ..data import Case
-from ..noise import Noise, Seen, slow_part
+from ..noise import Noise, Seen, coloured, slow_part
 from ..places import Place
 from ..significance import after_looks, normal_score
 from .fit import Fitter
@@ -81,6 +81,15 @@ def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None)
 
     beside : (n, k) directions in ``Fit.used`` of all recordings in turn that are not to be taken for noise
     """
+    recordings = seen_by(fit, cases, beside)
+    return slow_part(recordings) if recordings else Noise()
+
+
+def seen_by(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -> list[Seen]:
+    """What a fit leaves of each recording, its memory not taken out, and what was fitted to it.
+
+    beside : (n, k) as in ``memory_of``; they stand after the derivatives by the values
+    """
     recordings, at = [], 0
     for case in cases:
         if case.name not in fit.innovations:
@@ -92,14 +101,15 @@ def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None)
         at += len(by_value)
         seen = np.isfinite(residuals)
         count = int(seen.sum())
-        spread_out = [np.zeros((*residuals.shape, by.shape[1])) for by in (by_value, by_start)]
-        for out, by in zip(spread_out, (by_value, by_start), strict=True):
-            out[seen] = by[:count]
+        spread_out = [np.full((*residuals.shape, by.shape[1]), np.nan) for by in (by_value, by_start)]
         begins = [case.t[s.frames][0] for s in fit.segments[case.name]]
         frames = case.numbers + ANEW * np.searchsorted(begins, case.t, side="right")
+        for k, by in enumerate((by_value, by_start)):
+            spread_out[k][seen] = by[:count]
+            spread_out[k] = np.nan_to_num(coloured(spread_out[k], frames, case.noise))
         ties = np.hstack([by_value[count:], by_start[count:]])
         recordings.append(Seen(residuals, frames, spread_out[0], spread_out[1], ties, fit.used(case.name)[count:]))
-    return slow_part(recordings) if recordings else Noise()
+    return recordings
 
 
 def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:

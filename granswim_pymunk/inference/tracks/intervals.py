@@ -17,9 +17,11 @@ import numpy as np
 from ..criteria import current
 from ..data import Case
 from ..linear import project
+from ..noise import averaged
 from .believed import error_name, with_error
 from .fit import Fitter
 from .fitted import Fit, information_of
+from .innovations import seen_by
 
 
 def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Callable[[], bool] = lambda: False) -> Fit:
@@ -126,6 +128,28 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
     alone = np.linalg.pinv(told[:p, :p])
     whole = np.linalg.pinv(told + np.diag([0.0] * p + [1.0] * len(place)))[:p, :p]
     return replace(fit, believed=whole - alone)
+
+
+def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
+    """The fit with limits of its numbers from ``first`` on that hold what other noise would make of them, too.
+
+    A fit knows one likely size and memory of the slow part of the noise, or none where it is not sure of one. Numbers
+    are estimated again, to first order, with each slow part that the residuals may have (``noise.averaged``): an
+    interval reaches from the lower to the higher end of both.
+    """
+    recordings, p = seen_by(fit, fitter.cases), len(fit.values)
+    if p <= first or not recordings:
+        return fit
+    moved, covariance = averaged(recordings)
+    limits = dict(fit.limits)
+    for k in range(first, p):
+        value, low, high = replace(fit, believed=None).interval(k, spread)
+        below = above = 1.96 * math.sqrt(max(float(covariance[k, k]), 0.0))
+        if k in fit.limits:  # a profile keeps its shape
+            share = below / max(1.96 * math.sqrt(max(float(fit.covariance[k, k]) * spread, 0.0)), 1e-300)
+            below, above = (value - low) * max(share, 1.0), (high - value) * max(share, 1.0)
+        limits[k] = min(low, value + float(moved[k]) - below), max(high, value + float(moved[k]) + above)
+    return replace(fit, limits=limits)
 
 
 def _believed(case: Case, fitted: Collection[str]) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:

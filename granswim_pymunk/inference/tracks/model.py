@@ -58,7 +58,7 @@ from .held_out import (
     training_errors,
 )
 from .innovations import Whiteness, WindowMap, locate, series_of, variance_by_case, whiteness, window_map
-from .intervals import with_limits
+from .intervals import with_doubt, with_limits
 from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
@@ -302,6 +302,7 @@ class Tracks(ObservationModel):
             self.notes.append(
                 f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
             )
+        fit = with_doubt(self.fitter, fit, count, self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def hold_out(self, judged: Judgement) -> HeldOut:
