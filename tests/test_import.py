@@ -19,7 +19,13 @@ from granswim_pymunk.scene import Time
 
 NAMED = {
     "double_pendulum": "double_pendulum", "falling_balls": "falling_balls", "pendulum": "single_pendulum",
-    "two_disk_spin": "two_disk_spin",
+    "string_pendulum": "auto", "two_disk_spin": "two_disk_spin",
+}  # fmt: skip
+SAID = {
+    "string_pendulum": {
+        "columns": "t=1,angle=2", "bodies": ["bob:2.5cm:41.5g"], "scene": "pendulum", "laws": ["pin:bob,length=0.65"],
+        "title": "bob on a string, phone camera",
+    }
 }  # fmt: skip
 
 
@@ -29,7 +35,11 @@ class TestShipped:
 
     @pytest.mark.parametrize("name", sorted(NAMED))
     def test_importing_the_raw_file_again_gives_the_shipped_folder(self, name, tmp_path):
-        import_to(shipped(name) / "source", tmp_path / name, NAMED[name])
+        source = shipped(name) / "source"
+        if name in SAID:
+            import_all(source / f"{name}.txt", tmp_path / name, **SAID[name])
+        else:
+            import_to(source, tmp_path / name, NAMED[name])
         folders = resolve_recording(name)
         for folder in folders:
             again = tmp_path / folder.relative_to(shipped(name).parent)
@@ -44,7 +54,7 @@ class TestShipped:
 
     def test_every_one_reads_without_a_warning(self):
         count = sum(len(resolve_recording(name)) for name in shipped_names())
-        assert count == 23
+        assert count == 24
         for name in shipped_names():
             for folder in resolve_recording(name):
                 assert len(read_recording(folder).t) > 40
@@ -115,9 +125,7 @@ class TestShipped:
     def test_either_bowling_ball(self):
         masses = {}
         for ounces in (81, 208):
-            drops = import_recording(
-                shipped("falling_balls") / "source", "falling_balls", bowling_ball=ounces
-            )
+            drops = import_recording(shipped("falling_balls") / "source", "falling_balls", bowling_ball=ounces)
             masses[ounces] = next(r for r in drops if r.name == "Bowling_Ball_1").scene.bodies[0].mass
         assert masses[81] == pytest.approx(2.296, abs=1e-3) and masses[208] == pytest.approx(5.897, abs=1e-3)
         shipped_one = read_recording(shipped("falling_balls/Bowling_Ball_1")).scene.bodies[0].mass
@@ -282,12 +290,7 @@ class TestWide:
     def test_nothing_is_written_where_it_cannot_be_read(self, tmp_path, capsys):
         source = tmp_path / "wide.csv"
         source.write_bytes(b"t,x1\n0,\xff\xfe\n")
-        assert (
-            main(
-                ["import", str(source), "--format", "wide", "--body", "1:1:1", "--out", str(tmp_path / "out")]
-            )
-            == 2
-        )
+        assert main(["import", str(source), "--format", "wide", "--body", "1:1:1", "--out", str(tmp_path / "out")]) == 2
         assert capsys.readouterr().err.count("\n") == 1
         assert [p.name for p in tmp_path.iterdir()] == ["wide.csv"]
 

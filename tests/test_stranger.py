@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk import api
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.tracks.kicks import told, unexplained
+from granswim_pymunk.scene import Body, Scene, use
 
 GRAVITY = (0.0, -9.81)
 
@@ -97,3 +98,21 @@ def test_a_drop_that_is_held_at_first_has_its_drag():
     names = [m["name"] for m in verdict["mechanisms"]]
     same = [r["name"] for r in verdict["rivals"] if r["indistinguishable"]]
     assert "quadratic_drag" in (names + same) and "lens_distortion" not in names, (names, same)
+
+
+def test_a_rod_that_was_taken_for_a_point_keeps_its_bearing_as_a_second_law():
+    """Beside inertia that is wrong a bearing shows as a part only of what is left, and far below its spread."""
+    t, length = np.arange(600) / 60, 0.6
+    inertia, weight = 0.2 * length**2 / 3, 0.2 * 9.81 * length / 2
+    angle = moved(lambda q, w: (-weight * np.sin(q) - 6e-4 * w - 3e-4 * np.tanh(w / 0.02)) / inertia, [1.0, 0.0], t)
+    angle = angle + np.random.default_rng(7).normal(0, 2e-3, len(t))
+    scene = Scene(
+        bodies=(Body("bob", "free", radius=0.01, mass=0.2),), gravity=GRAVITY,
+        laws=(use("pin", bodies=("bob",), anchor=(0.0, 0.0), length=length),),
+    )  # fmt: skip
+    xy = np.full((len(t), 1, 2), np.nan)
+    verdict = api.diagnose(t, xy, angle=angle[:, None], scene=scene).verdict
+    names = {m["name"] for m in verdict["mechanisms"]}
+    assert "added_mass" in names and names & {"joint_drag", "joint_friction"}, names
+    assert verdict["heldout"] == "holds"
+    assert verdict["fit"]["heldout"]["revised"] < 2 * verdict["fit"]["heldout"]["noise_floor"]

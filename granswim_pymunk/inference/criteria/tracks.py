@@ -210,6 +210,8 @@ class SetCriteria:
         Choice;  same_score : times the best score inside the training part, below which another one is as good. Choice
     left : times the excess of a law with more numbers over noise, below which one with fewer is as good. Choice
     poor : share of the misfit left by one law, above which two are looked for. Choice
+    part : of chi2 beyond noise, that a law beside others has to take away to first order to be refitted, where that is
+        less than what their spread asks for. Choice: what a refit finds is tested as ever
     seconds : laws that are refitted beside one that was found, by first order;  better : of the score inside the
         training part, and ``recordings``: share of the recordings that a second one has to predict better;  numbers :
         laws of so many stay open where something else is wrong, too. Theory: a strength and a shape
@@ -234,6 +236,7 @@ class SetCriteria:
     same_score: float = 1.02
     left: float = 2.0
     poor: float = 0.03
+    part: float = 0.1
     seconds: int = 4
     better: float = 0.9
     recordings: float = 0.8

@@ -164,7 +164,7 @@ def _one_more(
     spread = spread_of(revised, training)
     most = max(t.numbers for t in found)
     open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= max(most, sets.numbers)]
-    order = sorted((s for s in open_ if _shows(s, spread)), key=lambda s: -s.gain)[: sets.seconds]
+    order = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)[: sets.seconds]
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     trials = []
     for signature in order:
@@ -210,10 +210,16 @@ def _one_more(
     return found, revised, best
 
 
-def _shows(signature: Signature, spread: float) -> bool:
-    """Whether a law is worth a refit beside others, to first order."""
+def _shows(signature: Signature, spread: float, fit: Fit) -> bool:
+    """Whether a law is worth a refit beside those of a fit, to first order.
+
+    Where a fit still leaves far more than noise, its spread is that of what is missing, and hides it.
+    """
     criteria = current()
-    return signature.surviving > criteria.signatures.shows and signature.gain / spread > criteria.verdict.noticed
+    if signature.surviving <= criteria.signatures.shows:
+        return False
+    least = min(criteria.verdict.noticed * spread, criteria.sets.part * (fit.chi2 - fit.count))
+    return signature.gain > max(least, criteria.verdict.noticed)
 
 
 def pair_of(
@@ -298,7 +304,7 @@ def _beside_each(
         spread = spread_of(first.fit, training)
         others = [t for t in terms if t.mechanism != first.mechanism and not any_field(first.term, t, terms)]
         bank = make_bank(fitter, first.fit, others)
-        beside = [s for s in bank.signatures if _shows(s, spread)]
+        beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
         ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside]
     tried: set[frozenset[str]] = set()
     for _, first, second in sorted(ranked, key=lambda r: r[0]):
