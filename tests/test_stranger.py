@@ -89,6 +89,7 @@ def test_inertia_is_no_smaller_where_gravity_pulls():
     verdict = api.diagnose(t, xy, radius=0.02, mass=0.05, gravity=GRAVITY).verdict
     names = [m["name"] for m in verdict["mechanisms"]]
     assert names == ["uniform_force"], names
+    assert any("lengths times 0.5, or a frame rate times 0.707" in note for note in verdict["notes"])
     assert verdict["mechanisms"][0]["parameters"]["a"]["value"][1] == pytest.approx(-9.81, rel=0.02)
 
 

@@ -42,7 +42,7 @@ def _driven(scene: Scene) -> set[str]:
     return {name for item in scene.laws_as("command") for name in item.bodies or ()}
 
 
-def _weighed(cases: Sequence[Case]) -> bool:
+def weighed(cases: Sequence[Case]) -> bool:
     """Whether gravity moves a body that no joint, rail or spring holds."""
     return any(
         any(case.recording.scene.gravity) and not any(
@@ -82,7 +82,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     given = constants(law, cases)
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
-    lightest = -current().candidates.believed * current().candidates.unstated if _weighed(cases) else -math.inf
+    lightest = -current().candidates.believed * current().candidates.unstated if weighed(cases) else -math.inf
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []

@@ -79,7 +79,7 @@ from .study import (
     with_close_joints,
     with_memory,
 )
-from .verdict import Told, revised_scene, used
+from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
@@ -480,6 +480,7 @@ class Tracks(ObservationModel):
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
+        notes += as_the_picture(self.mechanisms(course), self.study.cases)
         if not course.left.complete:
             notes += [told_of(c, kicks) for c in self.study.cases if (kicks := unexplained(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]

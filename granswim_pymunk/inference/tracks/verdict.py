@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ...laws import all_laws
+from ...laws import all_laws, has_role
 from ...scene import Scene, Time
-from ..candidates import distinct_bodies, joints_by_body, owners
+from ..candidates import distinct_bodies, joints_by_body, owners, weighed
+from ..criteria import current
 from ..data import Case
 from ..hypothesis import NO_CAMERA, Term, equation_with
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, mechanism_entry, with_camera
@@ -21,6 +22,33 @@ from .fitted import Fit
 from .name import Trial
 
 Written = tuple[Any, Any, Any, str]  # value, low, high, unit
+
+
+def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
+    """What a push along gravity is the same as: a picture of another scale, a film of another frame rate.
+
+    Of bodies that nothing but gravity holds; x = s x' and t = r t' make s/r^2 of an acceleration.
+    """
+    notes: list[str] = []
+    scenes = [case.recording.scene for case in cases]
+    gravity = np.array(scenes[0].gravity)
+    size = float(np.linalg.norm(gravity))
+    if not weighed(cases) or any(tuple(scene.gravity) != tuple(gravity) for scene in scenes):
+        return notes
+    for entry in entries:
+        law = all_laws().get(str(entry["name"]))
+        if law is None or not has_role(law.name, "push"):
+            continue
+        a = np.array(entry["parameters"][law.strength[0]]["value"], float)
+        seen = float((gravity + a) @ gravity) / size**2
+        across = float(np.linalg.norm(a - gravity * (a @ gravity) / size**2))
+        if across > current().verdict.ordinary * float(np.linalg.norm(a)) or seen <= 0:
+            continue
+        notes.append(
+            f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is believed; "
+            f"lengths times {1 / seen:.3g}, or a frame rate times {seen**-0.5:.3g}, would make that right as well"
+        )
+    return notes
 
 
 def _offset(fit: Fit, trial: Trial) -> int:
