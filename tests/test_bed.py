@@ -35,14 +35,14 @@ from granswim_pymunk.inference.windows import diagnose_bed
 from granswim_pymunk.inference.windows.candidates import bed_terms, law_terms, nameless_terms, picture_scale, siblings
 from granswim_pymunk.inference.windows.chance import as_in_replicates, chance, share_of_most
 from granswim_pymunk.inference.windows.cut import carried_paths
-from granswim_pymunk.inference.windows.driver import Answer, on_held_out, plainer_of, windows_of
+from granswim_pymunk.inference.windows.driver import on_held_out, plainer_of, windows_of
 from granswim_pymunk.inference.windows.hidden import circles
 from granswim_pymunk.inference.windows.judge import predictive_check
 from granswim_pymunk.inference.windows.likelihood import WindowLikelihood
 from granswim_pymunk.inference.windows.model import Windows
 from granswim_pymunk.inference.windows.places import maps
 from granswim_pymunk.inference.windows.plan import Clock, Plan, make_plan
-from granswim_pymunk.inference.windows.search import no_narrower, plainer_first, signature_of
+from granswim_pymunk.inference.windows.search import Answer, no_narrower, plainer_first, signature_of
 from granswim_pymunk.inference.windows.signatures import make_signature, off, replicate_noise, to_values
 from granswim_pymunk.inference.windows.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.inference.windows.trial import BedTrial, first_order

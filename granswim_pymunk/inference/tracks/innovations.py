@@ -159,10 +159,13 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
                 continue
             inner = Fitter([case], fitter.predictor, {case.name: part}, fitter.stop)
             found = inner.fit(fit.hypothesis, fit.values, fixed=True, evaluations=8)
-            spread = scale[case.name]
+            spread, white = scale[case.name], found.white[case.name]
+            passing = np.where(part[:, None], fit.white[case.name], np.nan)
+            if np.nansum(passing**2) < np.nansum(white**2):
+                white = passing  # an impact hid the start from the search: the whole run passes here more closely
             for body in case.bodies:
                 columns = [k for k, c in enumerate(case.channels) if c.body == body]
-                values = found.white[case.name][:, columns]
+                values = white[:, columns]
                 values = values[np.isfinite(values)]
                 numbers = sum(int(s.free.sum()) for s in inner.segments[case.name][0].starts if s.body == body)
                 dof = max(len(values) - numbers, 1)

@@ -28,6 +28,7 @@ from .places import locate, locate_law
 from .plan import LEADERS, Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
+    Answer,
     Progress,
     Search,
     best_form,
@@ -58,31 +59,6 @@ class Beginning:
     hypothesis: Hypothesis  # the naive scene, filmed with the scale that the swimmer itself shows where that is wrong
     wrong: PictureScale | None
     terms: list[Term]
-
-
-@dataclass
-class Answer:
-    """The scene as it is understood: adjustables, then the laws that were found; ``judge`` has replicates of it.
-
-    covariance : of all its values, or of the adjustables where nothing was found
-    unexplained : standard deviations of the nulls' chi2 that it leaves;  rows : its prediction, where it was made
-    columns : whitened, of all its values, where there are any;  alone : the same with the first law only
-    """
-
-    hypothesis: Hypothesis
-    values: np.ndarray
-    covariance: np.ndarray
-    judge: WindowLikelihood
-    unexplained: float
-    found: BedTrial | None = None
-    partner: BedTrial | None = None
-    rows: Prediction | None = None
-    columns: np.ndarray | None = None
-    alone: Answer | None = None
-
-    @property
-    def laws(self) -> list[BedTrial]:
-        return [t for t in (self.found, self.partner) if t is not None]
 
 
 # ---- steps -----------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +11,8 @@ from ..hypothesis import Failed, Hypothesis, Term
 from ..model import Proposal
 from .likelihood import WindowLikelihood, Windows
 from .signatures import off
+from .trial import BedTrial
 from .windows import HALF, POOL
-
-if TYPE_CHECKING:
-    from .trial import BedTrial
 
 
 def _drive(key: str, factor: float) -> Term:

@@ -22,7 +22,6 @@ from ..result import HELD_OUT, PARTLY, TRAINING, Diagnosis, Progress, Table, Use
 from ..significance import Null, after_looks
 from ..swimmer_terms import INTERVAL
 from .driver import (
-    Answer,
     begin,
     beyond_names,
     by_form,
@@ -42,6 +41,7 @@ from .experiment import propose
 from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
 from .likelihood import Prediction, WindowLikelihood
 from .plan import REPLICATES, Plan
+from .search import Answer
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
 from .weigh import before_of, explained_by_scale, explained_by_trial, rival_gains, weighed

@@ -279,6 +279,31 @@ class Search:
         return self.refit(moved, self.used, self.nuisance, self.likelihood.members, (0.6, 1.0, 1.4))
 
 
+@dataclass
+class Answer:
+    """The scene as it is understood: adjustables, then the laws that were found; ``judge`` has replicates of it.
+
+    covariance : of all its values, or of the adjustables where nothing was found
+    unexplained : standard deviations of the nulls' chi2 that it leaves;  rows : its prediction, where it was made
+    columns : whitened, of all its values, where there are any;  alone : the same with the first law only
+    """
+
+    hypothesis: Hypothesis
+    values: np.ndarray
+    covariance: np.ndarray
+    judge: WindowLikelihood
+    unexplained: float
+    found: BedTrial | None = None
+    partner: BedTrial | None = None
+    rows: Prediction | None = None
+    columns: np.ndarray | None = None
+    alone: Answer | None = None
+
+    @property
+    def laws(self) -> list[BedTrial]:
+        return [t for t in (self.found, self.partner) if t is not None]
+
+
 def _two_forms(trials: Sequence[BedTrial]) -> list[BedTrial]:
     """No more than the first two forms of a law, so that others are refitted, too; joints are laws of their own."""
     kept: list[BedTrial] = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -17,12 +16,9 @@ from ..mechanisms import UNKNOWN, nameless, plainly
 from .judge import disks_of, errors, noise_floor
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .places import maps
-from .search import Search
+from .search import Answer, Search
 from .signatures import Noise, make_signature, off
 from .trial import BedTrial, first_order
-
-if TYPE_CHECKING:
-    from .driver import Answer
 
 NOTHING = "nothing that was tried"
 
