@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -91,6 +92,8 @@ def told(case: Case, kicks: list[Kick]) -> str:
     if later:
         text += f" (so does one {later} times later)" if later > 1 else " (and once later)"
     if len(now) > 1:
-        apart = min(float(np.hypot(*(a.place - b.place))) for a in now.values() for b in now.values() if a is not b)
+        there = {b: xy[np.abs(case.t - first.t) < near] for b, (xy, _) in paths_of(case).items() if b in now}
+        gaps = [np.hypot(*(there[a] - there[b]).T) for a, b in combinations(there, 2)]
+        apart = float(np.nanmin(np.concatenate(gaps)))
         return text + f", {apart:.2g} m from each other: something acts between them"
     return text + ", where nothing that the scene has touches it: a stop, a hand, another body?"
