@@ -12,6 +12,7 @@ import pytest
 
 from granswim_pymunk.cli import build_parser, command_module, main
 from granswim_pymunk.commands import COMMANDS
+from granswim_pymunk.files import claimed
 
 HEAVY = {"numba", "matplotlib", "scipy", "pymunk", "xarray", "h5py", "pandas", "numpy"}
 
@@ -89,6 +90,14 @@ def test_output_is_tried_before_the_work(
     error = capsys.readouterr().err
     assert not began and str(out) in error and "Traceback" not in error and len(error.splitlines()) == 1
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_second_diagnosis_into_one_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Else the report of one would stand beside the verdict of the other."""
+    with claimed(tmp_path / "out"):
+        assert main(["diagnose", "two_disk_spin", "--out", str(tmp_path / "out")]) == 2
+    assert "another program is writing to this folder" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 STARTED = """

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import claimed
 from ..recording import Recording, read_recording, resolve_recording
 from .criteria import Criteria, using
 from .packings import diagnose_unseen
@@ -101,40 +102,19 @@ def diagnose(
         twice = next(n for n in every if every.count(n) > 1)
         raise InputError("two recordings have this name", where=twice)
     groups = grouped(training, held)
-    if out is not None:
-        out = Path(out)
-        _try_to_write(out)
     tell = progress or (lambda text, share: None)
-    with using(criteria):
+    # tried before the search, not after it
+    with using(criteria), nullcontext() if out is None else claimed(out):
         if len(groups) > 1:
             diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
         else:
             method = METHODS[next(iter(groups), "bodies")]
             diagnosis = method(training, held, minutes=minutes, seed=seed, progress=tell)
-    if out is not None:
-        from ..report import write_diagnosis
+        if out is not None:
+            from ..report import write_diagnosis
 
-        write_diagnosis(diagnosis, out)
+            write_diagnosis(diagnosis, Path(out))
     return diagnosis
-
-
-def _try_to_write(out: Path) -> None:
-    """Raise InputError where results could not be written: before the search, not after it. Leaves nothing behind."""
-    made = []
-    try:
-        if out.exists() and not out.is_dir():
-            raise InputError("is a file; --out should name a folder", file=out)
-        for folder in (*reversed(out.parents), out):
-            if not folder.exists():
-                folder.mkdir()
-                made.append(folder)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise InputError(f"cannot be written to: {error.strerror or error}", file=out) from None
-    finally:
-        for folder in reversed(made):
-            folder.rmdir()
 
 
 def _read(items: Sequence[str | Path | Recording]) -> list[Recording]:
