@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,21 @@ if TYPE_CHECKING:
 LawLike: TypeAlias = LawUse | Law | str | Mapping[str, Any]
 Each: TypeAlias = "float | str | Sequence[float | str] | Mapping[Any, float | str]"
 ONE = "body"  # what a body is called that is alone
+
+
+class More(TypedDict, total=False):
+    """What ``diagnose`` hands on to ``make_recording``."""
+
+    angle: ArrayLike
+    adjustable: Mapping[str, tuple[float, float]]
+    periodic_x: float
+    position_noise: float
+    fps: float
+    scale: float | str
+    flip_y: bool
+    min_frames: int
+    name: str
+    title: str
 
 
 # ---- a recording of arrays or of a table -----------------------------------------------------------
@@ -327,7 +342,7 @@ def diagnose(
     seed: int = 0,
     progress: bool | Callable[[str, float], None] = False,
     criteria: Criteria | None = None,
-    **more: Any,
+    **more: Unpack[More],
 ) -> Result:
     """Find the physics that a scene lacks: hold its simulation against what was recorded.
 
@@ -356,7 +371,7 @@ def diagnose(
     from .inference.entry import diagnose as explain
 
     told = {"radius": radius, "mass": mass, "gravity": gravity, "names": names, "scene": scene, "laws": laws or None}
-    said = {key: value for key, value in told.items() if value is not None} | more
+    said: dict[str, Any] = {key: value for key, value in told.items() if value is not None} | dict(more)
     training = [(data, xy)] if xy is not None else _listed(data)
     held = _listed(hold_out) if _given(hold_out) else []
     if not training:

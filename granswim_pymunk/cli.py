@@ -18,7 +18,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 
 from . import __version__  # noqa: E402
 from .commands import COMMANDS  # noqa: E402
-from .console import EXIT_CODES, STDOUT, Parser, add_common, epilog, routed  # noqa: E402
+from .console import EXIT_CODES, STDOUT, WHERE, Parser, add_common, epilog, routed  # noqa: E402
 from .errors import InputError, SimulationError, Terminated  # noqa: E402
 from .files import try_file, try_folder  # noqa: E402
 
@@ -34,7 +34,7 @@ def build_parser(only: str | None = None, options: bool = True) -> Parser:
         prog="granswim",
         description="Grains and swimmers on pymunk: simulate, compare with a recording, "
         "find the physics that was left out.",
-        epilog=f"granswim COMMAND --help has examples of each command.\n\n{EXIT_CODES}",
+        epilog=f"granswim COMMAND --help has examples of each command; {WHERE}.\n\n{EXIT_CODES}",
     )
     parser.add_argument("--version", action="version", version=f"granswim_pymunk {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -24,6 +24,7 @@ EXIT_CODES = (
     "exit codes: 0 done; 1 it ran, and does not hold or could not go on; 2 wrong input (one line on stderr); "
     "130 stopped by Ctrl-C, 143 by SIGTERM, what was written is kept"
 )
+WHERE = "where a command is not told --out, it writes to out/COMMAND-NAME (run: out/NAME)"
 STDOUT = "-"
 
 

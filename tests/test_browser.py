@@ -7,13 +7,20 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import unseen_world
 from PIL import Image
 
-from granswim_pymunk.inference import diagnose
+from granswim_pymunk.inference import Diagnosis, diagnose
+from granswim_pymunk.inference.packings import diagnose_unseen
+from granswim_pymunk.inference.windows import diagnose_bed
+from granswim_pymunk.inference.windows.plan import Plan
+from granswim_pymunk.recording import read_recording
+from granswim_pymunk.report import write_diagnosis
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((found for name in NAMES if (found := shutil.which(name))), None)
@@ -52,6 +59,37 @@ def report(tmp_path_factory) -> Path:
     return out / "report.html"
 
 
+def of_a_bed() -> Diagnosis:
+    """Of a small bed whose grains are seen."""
+    recording = read_recording(Path(__file__).parent / "data" / "small_joint")
+    other = replace(recording, name="other")
+    return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))
+
+
+def of_films() -> Diagnosis:
+    """Of four films of a swimmer whose bed is not seen, in a world whose runs cost nothing."""
+    law = unseen_world.world_candidates()["weak_joint at joint 3"]
+    return diagnose_unseen(unseen_world.filmed({law.label: [0.85], "stiffness": [1.95e-3]}, 3, 4))
+
+
+def of_a_curve() -> Diagnosis:
+    law = unseen_world.world_candidates()["coulomb_substrate"]
+    return diagnose_unseen([unseen_world.curve_of({law.label: [law.design[0, 0]]}, 2)])
+
+
+@pytest.fixture(scope="module")
+def other_reports(tmp_path_factory) -> dict[str, Path]:
+    """A report of each other kind of recording."""
+    found = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("granswim_pymunk.inference.packings.model.Runner", unseen_world.World)
+        for make in (of_a_bed, of_films, of_a_curve):
+            out = tmp_path_factory.mktemp(make.__name__)
+            write_diagnosis(make(), out)
+            found[make.__name__] = out / "report.html"
+    return found
+
+
 @pytest.mark.parametrize("width", [1280, 500])
 def test_report_is_whole_in_a_browser(report, tmp_path, width):
     probed = tmp_path / "probed.html"
@@ -72,31 +110,47 @@ NARROW = """<!doctype html><script>addEventListener("message", e => {
 });</script><iframe style="border:0" width="%d" height="900" src="%s"></iframe>"""
 # frames are drawn when the machine has time for them: the page tells when the film has moved, at the latest after 6 s
 TELL = """<script>addEventListener("load", () => { let tries = 0; const tell = () => {
-  if (document.querySelector("#film input").value === "0" && tries++ < 60) { setTimeout(tell, 100); return; }
-  const film = document.querySelector("#film"), canvas = film.querySelector("canvas");
+  const film = document.querySelector("#film"), canvas = film && film.querySelector("canvas");
+  if (film && film.querySelector("input").value === "0" && tries++ < 60) { setTimeout(tell, 100); return; }
   dispatchEvent(new Event("resize"));
-  const ink = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  const ink = film ? canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data : [];
   parent.postMessage({
     wide: innerWidth, overhang: document.documentElement.scrollWidth - innerWidth,
-    frame: film.querySelector("input").value, drawn: Number(ink.some(v => v > 0)),
-    cut: [...document.querySelectorAll("td, th, .values")].filter(e => {
-      const around = e.closest(".scroll");
-      return !around && e.getBoundingClientRect().right > innerWidth + 1;
+    frame: film ? film.querySelector("input").value : -1, drawn: Number(ink.some(v => v > 0)),
+    first: [...document.querySelectorAll("h1, .law, main > p")].filter(e => e.getBoundingClientRect().top < 900).length,
+    cut: [...document.querySelectorAll("td, th, .values, p, h1, dd")].filter(e => {
+      const around = e.closest(".scroll"), edge = around ? around.getBoundingClientRect().right : innerWidth;
+      return e.getBoundingClientRect().right > edge + 1;
     }).length,
   }, "*");
 }; setTimeout(tell, 500); });</script>"""
 
 
+def told(report: Path, folder: Path, width: int) -> dict[str, str]:
+    """What a page says of itself in a frame of that width."""
+    text = report.read_text(encoding="utf-8")
+    (folder / "told.html").write_text(text.replace("</body>", TELL + "</body>"), encoding="utf-8")
+    (folder / "around.html").write_text(NARROW % (width, "told.html"), encoding="utf-8")
+    page = opened(folder / "around.html", 1400, 1000, "--dump-dom", "--virtual-time-budget=9000")
+    return dict(re.findall(r'data-(\w+)="(-?\d+)"', page))
+
+
 @pytest.mark.parametrize("width", [1200, 800, 400])
 def test_the_film_plays_and_nothing_is_cut_off(report, tmp_path, width):
-    text = report.read_text(encoding="utf-8")
-    assert 'id="film"' in text
-    (tmp_path / "told.html").write_text(text.replace("</body>", TELL + "</body>"), encoding="utf-8")
-    (tmp_path / "around.html").write_text(NARROW % (width, "told.html"), encoding="utf-8")
-    page = opened(tmp_path / "around.html", 1400, 1000, "--dump-dom", "--virtual-time-budget=9000")
-    says = dict(re.findall(r'data-(\w+)="(-?\d+)"', page))
-    assert says["wide"] == str(width) and int(says["overhang"]) <= 0 and says["cut"] == "0"
+    says = told(report, tmp_path, width)
+    assert says["wide"] == str(width) and int(says["overhang"]) <= 0 and says["cut"] == "0", says
     assert int(says["frame"]) > 0 and says["drawn"] == "1", says
+
+
+@pytest.mark.parametrize("width", [1200, 800, 400])
+@pytest.mark.parametrize("kind", ["of_a_bed", "of_films", "of_a_curve"])
+def test_so_it_is_of_every_kind_of_recording(other_reports, tmp_path, kind, width):
+    says = told(other_reports[kind], tmp_path, width)
+    assert says["wide"] == str(width) and int(says["overhang"]) <= 0 and says["cut"] == "0", says
+    # headline, law and at least two answers are on the first screen
+    assert int(says["first"]) >= 4
+    # a curve of speeds has nothing that could play
+    assert (int(says["frame"]) > 0 and says["drawn"] == "1") == (kind != "of_a_curve"), says
 
 
 def test_screenshot_of_the_docs(report, tmp_path):

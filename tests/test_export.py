@@ -154,7 +154,8 @@ def test_recordings_too_and_a_body_that_is_not_seen_is_left_out(tmp_path):
 def test_the_command(run, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["export", str(run), "--to", "csv"]) == 0
-    assert capsys.readouterr().out == "balls.csv\n" and (tmp_path / "balls.csv").stat().st_size > 100
+    assert capsys.readouterr().out == "out/export-balls.csv\n"
+    assert (tmp_path / "out/export-balls.csv").stat().st_size > 100
     for arguments, message in (
         (["nothing", "--to", "csv"], "no such folder"),
         ([str(run), "--to", "csv", "--every", "0"], "one or more"),

@@ -17,7 +17,10 @@ FOLDERS = ("out", "sealed")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, required=True, metavar="S")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the recording and its hash")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/conceal"), metavar="DIR",
+        help="folder for the recording and its hash (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--sealed", type=Path, metavar="DIR", help="folder for the truth (default: DIR-sealed)")
     parser.add_argument(
         "--secret", type=Path, metavar="FILE", help="what drawing needs besides the seed (default: yours)"

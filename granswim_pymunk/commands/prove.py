@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--slice", metavar="K/N", help="the K-th of N parts; its table: slice-K-of-N.csv")
     parser.add_argument("--series", type=int, metavar="N", help="number of the series, which gives the secret")
     parser.add_argument("--commit", metavar="HASH", help="commit of the series (default: that of the checkout)")
-    parser.add_argument("--out", type=Path, default=Path("granswim-proof"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("out/prove"), metavar="DIR")
     parser.add_argument("--secret", type=Path, metavar="FILE", help="for scored seeds (default: yours)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="diagnoses at a time (default: 2)")
     parser.add_argument("--minutes", type=float, metavar="M", help="time budget of each diagnosis")

@@ -43,7 +43,7 @@ th, td { padding: .38rem .9rem .38rem 0; border-bottom: 1px solid var(--line); v
 th:last-child, td:last-child { padding-right: 0; }
 .n { text-align: right; white-space: nowrap; }
 th.n { white-space: normal; }
-.tight td { white-space: nowrap; }
+.tight td { white-space: nowrap; } .tight td:first-child { white-space: normal; }
 .errors td { font-size: 1rem; }
 .dot { display: inline-block; width: .62rem; height: .62rem; border-radius: 50%; margin-right: .5rem; }
 .dot.naive { background: var(--naive); } .dot.recalibrated { background: var(--recalibrated); }
