@@ -189,3 +189,15 @@ class TestScore:
         assert "| f0 | restitution | 3 | open | missing_physics restitution | right | True | 0.97 | 10 |" in text
         assert "Right name 1 of 2, right name or class 1" in text and "no verdict 1" in text
         assert "Nothing named in nothing: 1 of 1. Seconds: median 10, longest 11." in text
+
+
+def test_a_repulsion_is_told_for_the_mean_radius_of_all_that_repel() -> None:
+    """As the law tells it: between bodies, posts are among those that it acts on."""
+    table = Table(RADIUS, MASS, np.array([False, False, True, False]))
+    physics, _ = pucks.physics_of("repulsion", table, 0.5, np.random.default_rng(1))
+    assert physics.repulsion is not None
+    posts = tuple(Body(f"p{k}", "wall" if table.fixed[k] else "free", float(r), float(m), initial=(k, 0, 0, 0))
+                  for k, (r, m) in enumerate(zip(RADIUS, MASS, strict=True)))  # fmt: skip
+    scene = Scene(posts, (use("distance_force", s=1.0, n=2.0),))
+    acts = scene.rows(scene.laws_named("distance_force")[0])
+    assert physics.repulsion[2] == pytest.approx(np.mean([posts[k].radius for k in acts]))

@@ -69,7 +69,8 @@ def physics_of(effect: str, table: Table, speed: float, rng: np.random.Generator
         return replace(naive, contact_friction=0.25), [{"name": "contact_friction", "values": {"mu": 0.25}}]
     if effect == "repulsion":
         moving = ~table.fixed
-        mass, r_0 = float(table.mass[moving].mean()), float(table.radius[moving].mean())
+        # posts repel as well: r_0 of a law between bodies is the mean radius of all that it acts on
+        mass, r_0 = float(table.mass[moving].mean()), float(table.radius.mean())
         c, n = _short(mass * rng.uniform(0.15, 0.5)), _short(rng.uniform(2.0, 4.0))
         # the potential of two touching pucks, s r_0/(n - 1) 2^(1 - n), is a share of their kinetic energy
         s = _short(rng.uniform(0.1, 0.35) * mass * speed**2 * (n - 1) * 2 ** (n - 1) / r_0)
