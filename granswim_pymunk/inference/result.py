@@ -14,7 +14,7 @@ import tomli_w
 
 from ..files import written_whole
 from ..recording import Recording
-from ..scene import Scene
+from ..scene import Scene, Time
 from .criteria import Criteria, current
 
 Progress = Callable[[str, float], None]
@@ -209,6 +209,14 @@ def plain_numbers(value: Any) -> Any:
 def with_camera(scene: Scene, camera: Mapping[str, Any]) -> Scene:
     """A revised scene with the camera found wanting; nothing in it is adjustable any more."""
     return replace(scene, adjustable=(), camera={k: list(v) if isinstance(v, tuple) else v for k, v in camera.items()})
+
+
+def handed_over(scene: Scene, camera: Mapping[str, Any], recording: Recording, **time: float) -> Scene:
+    """The scene of a recording with what was found in it, as it is given to the user; ``time``: see ``Time``."""
+    return replace(
+        with_camera(scene, camera), title=f"{recording.title or recording.name}, revised",
+        time=Time(**time, scheme=scene.time.scheme),
+    )  # fmt: skip
 
 
 def put_text(path: Path, text: str) -> None:

@@ -107,7 +107,6 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
     nulls: Nulls | None = None
     notes: list[str] = field(default_factory=list)
-    p_naive: float = 1.0
     p_recalibration: float = 1.0
     p_search: float = 1.0
 
@@ -552,7 +551,6 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
         s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
     s.nulls = draw_nulls(s, bank, candidates)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
-    s.p_naive = rank(float(apart @ apart), s.nulls.chi2)
     along = bank.adjust.T @ apart
     s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
     top = max((t.gain - 2 * (t.candidate.size - 1) for t in s.trials if not t.reason), default=0.0)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...laws import has_role
-from ...scene import Scene, Time
-from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, with_camera
+from ...scene import Scene
+from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, handed_over
 from ..swimmer_terms import reported_parameters
 from .conclude import Finding
 from .search import Search, Trial, change_of
@@ -75,11 +75,8 @@ def revised_scene(f: Finding, c: Condition) -> Scene:
     start, end = float(c.frames[0]), float(c.frames[-1])
     dt = s.runner.time_step(c, False)
     spacing = (end - start) / max(len(c.frames) - 1, 1)
-    return replace(
-        with_camera(scene, f.camera()), title=f"{c.recording.title or c.recording.name}, revised",
-        time=Time(dt=dt, start=start, duration=end - start, output=spacing, scheme=scene.time.scheme),
-        seed=c.recording.scene.seed,
-    )  # fmt: skip
+    scene = replace(scene, seed=c.recording.scene.seed)
+    return handed_over(scene, f.camera(), c.recording, dt=dt, start=start, duration=end - start, output=spacing)
 
 
 def tables_of(s: Search) -> tuple[Table, ...]:

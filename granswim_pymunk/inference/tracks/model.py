@@ -103,7 +103,6 @@ class TrackFinding:
     trials: list[Trial]
     flexible: Trial | None
     null: Null | None
-    white_naive: Whiteness
     white_recalibrated: Whiteness
     white_revised: Whiteness
     windows: WindowMap | None
@@ -510,11 +509,11 @@ class Tracks(ObservationModel):
     def evidence(self, course: Course) -> TrackFinding:
         tried, judged, study = self.tried, course.judged, self.study
         fits = (tried.naive, tried.recalibrated, judged.claim.fit)
-        naive, recalibrated, revised = (whiteness(fit, study.training, fit.numbers) for fit in fits)
+        recalibrated, revised = (whiteness(fit, study.training, fit.numbers) for fit in fits[1:])
         return TrackFinding(
             study.cases, *fits, judged.verdict, list(judged.claim.laws), [(r.law, r.same) for r in course.rivals],
             tried.alive + tried.untried, self.best_form or min(tried.forms, key=lambda t: t.inner, default=None),
-            course.null, naive, recalibrated, revised, self.windows, self.spread, self.standing(course, self.train),
+            course.null, recalibrated, revised, self.windows, self.spread, self.standing(course, self.train),
             self.standing(course, self.held), self.floor, tried.inner,
         )  # fmt: skip
 

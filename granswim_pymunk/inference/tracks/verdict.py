@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from ...laws import all_laws, has_role
-from ...scene import Scene, Time
+from ...scene import Scene
 from ..candidates import distinct_bodies, joints_by_body, owners, weighed
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import NO_CAMERA, Term, equation_with
-from ..result import HELD_OUT, PARTLY, TRAINING, Used, mechanism_entry, with_camera
+from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
 from .fitted import Fit
@@ -130,11 +130,8 @@ def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
         scene = scene.with_initial(states(described, first_numbers(described), scene, t0))
     duration = float(case.t[-1] - case.t[0])
     spacing = duration / max(len(case.t) - 1, 1)
-    scene = with_camera(scene, {k: v for k, v in camera.items() if v != NO_CAMERA[k]})
-    return replace(
-        scene, time=Time(dt=dt, start=t0, duration=duration, output=spacing, scheme=scene.time.scheme),
-        title=f"{case.recording.title or case.name}, revised",
-    )  # fmt: skip
+    changed = {k: v for k, v in camera.items() if v != NO_CAMERA[k]}
+    return handed_over(scene, changed, case.recording, dt=dt, start=t0, duration=duration, output=spacing)
 
 
 def used(case: Case, dt: float | None) -> Used:

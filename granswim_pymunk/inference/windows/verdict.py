@@ -11,12 +11,12 @@ import numpy as np
 from scipy import stats
 
 from ...laws import all_laws
-from ...scene import Scene, Time
+from ...scene import Scene
 from ..criteria import current
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
 from ..places import Place
-from ..result import mechanism_entry, with_camera
+from ..result import handed_over, mechanism_entry
 from ..swimmer_terms import INTERVAL, equation, reported_parameters
 from .candidates import LawAdder
 from .hidden import NAME
@@ -98,19 +98,11 @@ def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws
     xy, v = BedPredictor(bed, cut=False).start_at(HALF, (3, 0), camera)
     start = float(bed.film.t[HALF])
     spacing = float(np.median(np.diff(bed.film.t)))
-    scene = replace(
-        placed(scene, xy, v),
-        bed=None,
-        time=Time(
-            dt=bed.dt,
-            start=start + float(camera["time_offset"]),
-            duration=float(bed.film.t[-1]) - start,
-            output=spacing,
-            scheme=scene.time.scheme,
-        ),
-        title=f"{bed.recording.title or bed.name}, revised",
-    )
-    return with_camera(scene, {k: x for k, x in camera.items() if x != NO_CAMERA[k]})
+    changed = {k: x for k, x in camera.items() if x != NO_CAMERA[k]}
+    return handed_over(
+        replace(placed(scene, xy, v), bed=None), changed, bed.recording, dt=bed.dt,
+        start=start + float(camera["time_offset"]), duration=float(bed.film.t[-1]) - start, output=spacing,
+    )  # fmt: skip
 
 
 def body_map(
