@@ -178,7 +178,7 @@ class TrajectoryWriter:
             self._series = {"step": group["position/step"], "time": group["position/time"]}
             for place in (group, file.get("observables", {})):
                 for name, item in place.items():
-                    if isinstance(item, h5py.Group) and "value" in item and "step" in item:
+                    if _holds(item, "value", "step"):
                         self._series[f"{place.name}/{name}"] = item["value"]
             for data in self._series.values():
                 data.resize(self.frames, axis=0)
@@ -272,6 +272,11 @@ def _height(scene: Scene) -> float:
     return max(y + r for y, r in places) - min(y - r for y, r in places)
 
 
+def _holds(item: h5py.Group | h5py.Dataset, *names: str) -> bool:
+    """Whether it is a group with these in it; to ask a dataset would read it number by number."""
+    return isinstance(item, h5py.Group) and all(name in item for name in names)
+
+
 def count_states(path: str | Path) -> int:
     """Number of whole states in a trajectory of this program. Raises InputError where it is none."""
     try:
@@ -279,7 +284,7 @@ def count_states(path: str | Path) -> int:
             if file["h5md/creator"].attrs["name"] != "granswim_pymunk":
                 raise KeyError("another program wrote it")
             group = file["particles/all"]
-            lengths = [len(item["value"]) for item in group.values() if "value" in item and "step" in item]
+            lengths = [len(item["value"]) for item in group.values() if _holds(item, "value", "step")]
             return min([*lengths, len(group["position/step"])]) if "position" in group else 0
     except (OSError, KeyError, AttributeError, RuntimeError, TypeError) as error:
         raise InputError(f"is not a trajectory that can be read: {error}", file=path) from None
@@ -297,12 +302,12 @@ def read_trajectory(path: str | Path) -> Trajectory:
         with h5py.File(path, "r") as file:
             group = file["particles/all"]
             series: dict[str, np.ndarray] = {
-                name: item["value"][...] for name, item in group.items() if "value" in item and "step" in item
+                name: item["value"][...] for name, item in group.items() if _holds(item, "value", "step")
             }
             observables = {
                 name: item["value"][...]
                 for name, item in file.get("observables", {}).items()
-                if "value" in item
+                if _holds(item, "value")
             }
             ids = tuple(group["id"].asstr()[...].tolist())
             roles = tuple(ROLES[k] for k in group["species"][...])

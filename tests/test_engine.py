@@ -724,3 +724,23 @@ def test_names_of_the_core_are_numbers_and_arrays_of_the_context():
     arrays = [name for name in known if not name.isupper() and name not in numbers and name not in local]
     assert set(arrays) <= set(callbacks.INTS) and len(arrays) > 60
     assert not [name for name in known if name.isupper() and name not in numbers and name not in local]
+
+
+def test_setting_up_a_scene_is_linear_in_its_bodies(monkeypatch):
+    """A drag that every body has was worked out with a look at all bodies for each of them."""
+    looked = 0
+    mobile = Body.mobile.fget
+
+    def counted(body):
+        nonlocal looked
+        looked += 1
+        return mobile(body)
+
+    monkeypatch.setattr(Body, "mobile", property(counted))
+    looks = []
+    for n in (50, 100):
+        bodies = tuple(Body(str(k), "free", 1e-3, 1e-5, initial=(3e-3 * k, 0.0, 0.0, 0.0)) for k in range(n))
+        looked = 0
+        Simulation(Scene(bodies, (use("linear_drag", c=1e-5),)), dt=1e-3)
+        looks.append(looked)
+    assert looks[1] <= 2 * looks[0] + 10, looks

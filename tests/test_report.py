@@ -239,6 +239,14 @@ def test_headline(cases, verdict, sentence):
     assert headline(cases[verdict]) == sentence
 
 
+def test_headline_of_a_class_of_laws(cases):
+    """Several laws that do the same here are a class, and the headline does not name one of them alone."""
+    found = cases["missing_physics"]
+    rivals = [{"name": n, "gain_heldout": 1.0, "indistinguishable": True} for n in ("quadratic_drag", "ambient_flow")]
+    text = headline(replace(found, verdict={**found.verdict, "rivals": rivals}))
+    assert text == "The scene leaves out linear drag, or one of 2 other laws that these data cannot tell from it."
+
+
 def test_first_paragraph_says_where_and_what_to_measure_next(cases):
     d = cases["missing_physics"]
     place = max(d.verdict["mismatch"], key=lambda p: p["z"])

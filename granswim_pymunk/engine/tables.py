@@ -160,8 +160,7 @@ def law_table(
         kind = compiled(item.law), id(item) in uses.damped
         _fill(filling, scene, order, joints, item, chosen, mean_radius, kind)
         if uses.eased and item.law.linear:
-            answers = np.array([_linear_answer(scene, item, mean_radius, dt, scene.bodies[i])
-                                for i in order.rows_of[chosen]])  # fmt: skip
+            answers = _linear_answers(scene, item, mean_radius, dt, [scene.bodies[i] for i in order.rows_of[chosen]])
             if item.law.kind == "body":
                 rate[chosen] += answers
             else:
@@ -251,20 +250,27 @@ def _joints_under(scene: Scene, order: Order, joints: Joints, item: LawUse) -> l
     ]  # fmt: skip
 
 
-def _linear_answer(scene: Scene, item: LawUse, mean_radius: float, dt: float, body: Body) -> float:
-    """What a linear law does, from the law itself: c [kg/s] of a force -c (v - u), or what is added to 1 N."""
+def _linear_answers(scene: Scene, item: LawUse, mean_radius: float, dt: float, on: Sequence[Body]) -> np.ndarray:
+    """What a linear law does to bodies, by the law itself: c [kg/s] of a force -c (v - u), or what is added to 1 N."""
+    if not on:
+        return np.zeros(0)
+    law = item.law
     known: dict[str, Any] = {
-        "mass": body.mass, "radius": body.radius, "r0": mean_radius, "g": scene.gravity_size,
-        "gx": scene.gravity[0], "gy": scene.gravity[1], "dt": dt, "t": 0.0, "x": 0.0, "y": 0.0,
+        "r0": mean_radius, "g": scene.gravity_size, "gx": scene.gravity[0], "gy": scene.gravity[1],
+        "dt": dt, "t": 0.0, "x": 0.0, "y": 0.0,
         "mean_mass": float(np.mean([b.mass for b in scene.bodies if b.mobile])),
     }  # fmt: skip
-    names = [name for p in item.law.parameters for name in p.arguments]
-    known |= dict(zip(names, item.law.encode(scene.resolved(item)), strict=True))
-    force = [
-        item.law.function(*({**known, "vx": v, "vy": 0.0, "fx": v, "fy": 0.0}[a] for a in item.law.arguments))[0]
-        for v in (0.0, 1.0)
-    ]
-    return float(force[0] - force[1]) if item.law.kind == "body" else float(force[1])
+    names = [name for p in law.parameters for name in p.arguments]
+    known |= dict(zip(names, law.encode(scene.resolved(item)), strict=True))
+    arguments = law.arguments
+
+    def force(body: Body, v: float) -> float:
+        seen = {**known, "mass": body.mass, "radius": body.radius, "vx": v, "vy": 0.0, "fx": v, "fy": 0.0}
+        return float(law.function(*(seen[a] for a in arguments))[0])
+
+    if law.kind == "body":
+        return np.array([force(b, 0.0) - force(b, 1.0) for b in on])
+    return np.array([force(b, 1.0) for b in on])
 
 
 def _place(item: LawUse, damped: bool) -> float:

@@ -61,7 +61,11 @@ def headline(d: Diagnosis) -> str:
         text = f"he scene leaves out {listed(_named(d, False))}{on_whom(d)}"
         text = "T" + text if v["complete"] else "The best approximation so far: t" + text
         apparatus = _named(d, True)
-        return text + (f", and the measurement is off: {listed(apparatus)}." if apparatus else ".")
+        text += f", and the measurement is off: {listed(apparatus)}" if apparatus else ""
+        alike = {r["name"] for r in v["rivals"] if r["indistinguishable"]}
+        # one is mostly the same law under another name; several are a class, and a class has no one name
+        text += f", or one of {len(alike)} other laws that these data cannot tell from it" if len(alike) > 1 else ""
+        return text + "."
     if v["verdict"] == "measurement":
         return f"The measurement is off, not the physics: {listed(_named(d, True))}."
     if v["verdict"] == "unmodelled":
