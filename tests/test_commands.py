@@ -101,7 +101,8 @@ def test_a_second_diagnosis_into_one_folder_is_refused(tmp_path: Path, capsys: p
 
 
 STARTED = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
 from granswim_pymunk.__main__ import main
 print("loading", flush=True)
 sys.argv = ["granswim", "run", "pocket_swim", "--out", sys.argv[1]]

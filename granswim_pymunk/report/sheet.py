@@ -58,6 +58,7 @@ figcaption { margin-top: .5rem; }
 .film input { flex: 1 1 10rem; accent-color: var(--revised); border-radius: 4px; }
 .film output { flex: 1 0 100%; font-size: .88rem; color: var(--soft); font-variant-numeric: tabular-nums; }
 @media screen and (max-width: 36rem) {
+  .n { white-space: normal; }
   .cards thead { display: none; } .cards tr { display: block; border-bottom: 1px solid var(--line); padding: .4rem 0; }
   .cards td, .tight td { display: grid; grid-template-columns: 8.5rem 1fr; border: 0; padding: .1rem 0;
     text-align: left; white-space: normal; }
