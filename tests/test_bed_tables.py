@@ -1,8 +1,10 @@
-"""Tables of known effects in beds: every line is kept as it is done, and stands beside lines of the same code only."""
+"""Tables of known effects in beds: every line is kept as it is done, and says which code made it."""
 
 from __future__ import annotations
 
 import json
+import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -24,7 +26,7 @@ def diagnosed(monkeypatch) -> list[str]:
         if len(asked) == 2:
             raise KeyboardInterrupt
         verdict = empty_verdict("no_mismatch", "m rms") | {"null": {"p_false_alarm": 0.5, "replicates": 299}}
-        return {"verdict": verdict, "seconds": 900, "cpu": 212, "code": bed_effects.code()}
+        return {"verdict": verdict, "seconds": 900, "cpu": 212, "code": bed_effects.code(), "commit": "0a1b2c3d"}
 
     monkeypatch.setattr(bed_effects, "diagnosed", fake)
     return asked
@@ -54,17 +56,55 @@ def test_an_interrupted_table_goes_on_where_it_stopped(diagnosed, tmp_path):
     assert "Right: 1 of 2" in page and "wrong: 1" in page
 
 
-def test_lines_of_other_code_are_run_again_and_stand_in_no_page(diagnosed, tmp_path, monkeypatch):
-    diagnosed.append("so that none is interrupted")
-    diagnosed.append("so that none is interrupted")
+def test_lines_of_other_code_stay_until_they_are_run_again(diagnosed, tmp_path):
+    diagnosed += ["so that none", "is interrupted"]
+    run(tmp_path, "linear_drag")
+    file = tmp_path / "results" / "linear_drag.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"code": "earlier", "commit": "99999999"}))
+    run(tmp_path, "nothing")
+    page = (tmp_path / "page.md").read_text()
+    assert "| 99999999 | wrong |" in page and "| 0a1b2c3d | right |" in page and "Right: 1 of 2" in page
+    run(tmp_path)
+    assert diagnosed[2:] == ["linear_drag", "nothing", "linear_drag"]
+    assert "99999999" not in (tmp_path / "page.md").read_text()
+    run(tmp_path)
+    assert len(diagnosed) == 5
+
+
+def test_rows_without_a_result_are_run_before_those_of_other_code(diagnosed, tmp_path):
+    diagnosed += ["so that none", "is interrupted"]
     run(tmp_path, "linear_drag")
     file = tmp_path / "results" / "linear_drag.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"code": "earlier"}))
-    run(tmp_path, "nothing")
-    assert "linear drag" not in (tmp_path / "page.md").read_text()
     run(tmp_path)
     assert diagnosed[2:] == ["linear_drag", "nothing", "linear_drag"]
-    assert "linear drag" in (tmp_path / "page.md").read_text()
+
+
+def test_lines_of_a_page_stay_where_the_folder_has_no_result(diagnosed, tmp_path):
+    diagnosed += ["so that none", "is interrupted"]
+    run(tmp_path, "linear_drag")
+    before = (tmp_path / "page.md").read_text()
+    (tmp_path / "results" / "linear_drag.json").unlink()
+    run(tmp_path, "nothing")
+    page = (tmp_path / "page.md").read_text()
+    (line,) = [x for x in before.splitlines() if x.startswith("| linear drag")]
+    assert line in page and "Right: 1 of 2" in page and "wrong: 1" in page
+    (tmp_path / "page.md").write_text(page.replace("About.", "Something else."))
+    run(tmp_path, "nothing")
+    assert "linear drag" not in (tmp_path / "page.md").read_text()
+
+
+def test_the_commit_of_a_checkout_and_of_none(tmp_path, monkeypatch):
+    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
+    (tmp_path / "__init__.py").write_text("")
+    monkeypatch.setattr(bed_effects.granswim_pymunk, "__file__", str(tmp_path / "__init__.py"))
+    assert bed_effects.commit() == "–"
+    who = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+    subprocess.run(["git", "add", "."], cwd=tmp_path, check=True)
+    subprocess.run(["git", *who, "commit", "-qm", "first"], cwd=tmp_path, check=True)
+    assert re.fullmatch("[0-9a-f]{8,}", bed_effects.commit())
+    (tmp_path / "__init__.py").write_text("changed = True")
+    assert re.fullmatch("[0-9a-f]{8,}[+]", bed_effects.commit())
 
 
 def test_a_swimmer_alone_is_asked_for_every_effect_that_acts_on_it(diagnosed, tmp_path, monkeypatch):

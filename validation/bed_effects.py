@@ -164,19 +164,20 @@ def recorded(row: Row, setup: BedSetup, seed: int, folder: Path) -> None:
 def diagnosed(recordings: Sequence[Path], out: Path, minutes: float) -> dict[str, Any]:
     """The verdict of ``granswim diagnose`` on recordings of one folder, in a process of its own.
 
-    ``seconds``: by the clock;  ``cpu``: of a core, which other work beside it hardly changes;  ``code``: see ``code``
+    ``seconds``: by the clock;  ``cpu``: of a core, which other work beside it hardly changes
+    ``code``, ``commit``: see the functions of these names
     """
-    began, before, stamp = time.monotonic(), _children(), code()
+    began, before, stamp = time.monotonic(), _children(), {"code": code(), "commit": commit()}
     done = subprocess.run(
         [sys.executable, "-m", "granswim_pymunk", "diagnose", *(r.name for r in recordings), "--out",
          str(out.resolve()), "--minutes", f"{minutes:g}"],
         cwd=recordings[0].parent, capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
-        return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"], "code": stamp}
+        return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"], **stamp}
     verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text())
     spent = {"seconds": round(time.monotonic() - began), "cpu": round(_children() - before)}
-    return {"verdict": verdict, **spent, "code": stamp}
+    return {"verdict": verdict, **spent, **stamp}
 
 
 def _children() -> float:
@@ -185,8 +186,22 @@ def _children() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def commit() -> str:
+    """The first digits of the checkout's commit, with a + where the package differs from it; "–" outside of one."""
+    folder = Path(granswim_pymunk.__file__).parent
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    try:
+        return git("rev-parse", "--short=8", "HEAD") + "+" * bool(git("status", "--porcelain", "--", "."))
+    except (OSError, subprocess.CalledProcessError):
+        return "–"
+
+
 def code() -> str:
-    """Of the package's sources, comments and all: results of other code do not stand in one table with these."""
+    """Of the package's sources, comments and all: whether a result is of the code that is here."""
     folder = Path(granswim_pymunk.__file__).parent
     total = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
@@ -248,10 +263,30 @@ ABOUT = (
 )
 
 
+HEADER = (
+    "concealed", "verdict", "named", "number, 95 %", "first place", "naive, recalibrated, revised, floor", "p", "s",
+    "s of a core", "code", "",
+)  # fmt: skip
+
+
+def kept_lines(page: str | None, about: str) -> dict[str, str]:
+    """The lines of a page that is there already, by their first cell; none where it is about something else."""
+    text = Path(page).read_text() if page is not None and Path(page).exists() else ""
+    lines = [line for line in text.splitlines() if line.startswith("| ")]
+    if not lines or lines[0] != _line(HEADER) or about not in text:
+        return {}
+    return {line.split(" | ")[0].removeprefix("| "): line for line in lines[1:]}
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |")
+
+
 def table(
-    rows: Sequence[Row], results: Mapping[str, Mapping[str, Any]], title: str, module: str, about: Sequence[str]
-) -> str:
-    """The page of some rows."""
+    rows: Sequence[Row], results: Mapping[str, Mapping[str, Any]], title: str, module: str, about: Sequence[str],
+    kept: Mapping[str, str] | None = None,
+) -> str:  # fmt: skip
+    """The page of some rows. ``kept``: lines of an earlier page, which stay where there is no result."""
     lines = [
         f"# {title}",
         "",
@@ -259,18 +294,25 @@ def table(
         "",
         *about,
         "",
-        "| concealed | verdict | named | number, 95 % | first place | naive, recalibrated, revised, floor | p | s | "
-        "s of a core | |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        _line(HEADER),
+        "|" + "---|" * len(HEADER),
     ]
     count = {"right": 0, "class": 0, "wrong": 0}
     inside = total = 0
     for row in rows:
         result = results.get(row.key)
+        if result is None and told(row) in (kept or {}):
+            line = (kept or {})[told(row)]
+            cells = line.removesuffix("|").split(" | ")
+            count[cells[-1].strip()] += 1
+            total += "holds" in cells[3] or "misses" in cells[3]
+            inside += "holds" in cells[3]
+            lines.append(line)
         if result is None:
             continue
+        mark = str(result.get("commit", "–"))
         if "verdict" not in result:
-            lines.append(f"| {told(row)} | failed: {result['failed'][0]} | | | | | | | | wrong |")
+            lines.append(_line([told(row), f"failed: {result['failed'][0]}", *[""] * 7, mark, "wrong"]))
             count["wrong"] += 1
             continue
         v = result["verdict"]
@@ -287,13 +329,14 @@ def table(
             for k in ("naive", "recalibrated", "revised", "noise_floor")
         )
         p = v["null"]["p_false_alarm"]
-        lines.append(
-            f"| {told(row)} | {v['verdict']} | {named} | {said or '–'} | {where(v)} | {errors} | {p:.3f} | "
-            f"{result['seconds']} | {result['cpu']} | {how} |"
-        )
+        lines.append(_line([
+            told(row), v["verdict"], named, said or "–", where(v), errors, f"{p:.3f}", f"{result['seconds']}",
+            f"{result['cpu']}", mark, how,
+        ]))  # fmt: skip
     lines += [
         "",
-        f"Lines of one code only (`{code()}`, of the package's sources). "
+        "code: the commit that the line was made with.",
+        "",
         f"Right: {count['right']} of {sum(count.values())}; right class: {count['class']}; wrong: {count['wrong']}. "
         f"Intervals that hold the truth: {inside} of {total}.",
         "",
@@ -311,22 +354,23 @@ def run_rows(
     args: argparse.Namespace, rows: Sequence[Row], make: Callable[[Row, int, Path], list[Path]],
     say: Callable[[str], None],
 ) -> Iterator[dict[str, dict[str, Any]]]:  # fmt: skip
-    """Results by the rows' keys: those that this code left in the folder, then again after each that is run.
+    """Results by the rows' keys: those that are in the folder, then again after each that is run.
 
-    Lines of other code do not count, and are run again where they are wanted.
+    Rows without a result are run first, then those of other code; of ``names`` all that this code has no result of.
     """
     out, stamp = Path(args.out), code()
     files = {row.key: out / "results" / f"{row.key.replace(' ', '_').replace(',', '')}.json" for row in rows}
-    stored = {key: json.loads(file.read_text()) for key, file in files.items() if file.exists()}
-    results = {key: result for key, result in stored.items() if result.get("code") == stamp}
+    results = {key: json.loads(file.read_text()) for key, file in files.items() if file.exists()}
     yield results
-    for number, row in enumerate(rows):
-        if row.key in results or (args.names and row.key not in args.names):
+    wanted = [(n, row) for n, row in enumerate(rows) if not args.names or row.key in args.names]
+    for number, row in sorted(wanted, key=lambda item: item[1].key in results):
+        before = results.get(row.key, {})
+        if before.get("code") == stamp:
             continue
         recordings = make(row, number, out / "recordings")
         result = diagnosed(recordings, out / "reports" / f"{number:02d}", args.minutes)
         for spent in ("seconds", "cpu"):  # where runs are there from a diagnosis by other code, what that one took
-            result[spent] = max(result.get(spent, 0), stored.get(row.key, {}).get(spent, 0))
+            result[spent] = max(result.get(spent, 0), before.get(spent, 0))
         keep(files[row.key], result)
         results[row.key] = result
         how = judged(row, result["verdict"])[0] if "verdict" in result else "failed"
@@ -339,9 +383,9 @@ def run_table(
     module: str, about: Sequence[str], say: Callable[[str], None],
 ) -> int:  # fmt: skip
     """Run the wanted rows; the page is written after every one of them, so that an interruption loses none."""
-    text = ""
+    text, kept = "", kept_lines(args.page, about[0])
     for results in run_rows(args, rows, make, say):
-        text = table(rows, results, title, module, about)
+        text = table(rows, results, title, module, about, kept)
         if args.page:
             Path(args.page).write_text(text)
     return tell(text, None, say)
