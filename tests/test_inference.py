@@ -116,6 +116,31 @@ def test_an_outlier_is_one_sighting_and_a_collision_is_none():
     assert np.flatnonzero(outliers(t, seen, 1e-4)).tolist() == [20, 60, 64]
 
 
+def test_frames_of_a_contact_that_lasts_are_no_outliers():
+    """A body that is turned round within two frames lies on neither line while it is; its places are where it was."""
+    t = np.arange(80) / 100
+    # the velocity changes by 1 m/s from 0.385 to 0.415 s
+    path = 0.5 * t - 0.5 * np.clip(t - 0.385, 0.0, 0.03) ** 2 / 0.03 - np.clip(t - 0.415, 0.0, None)
+    seen = path + np.random.default_rng(4).normal(size=80) * 1e-4
+    pressed = np.zeros(80, dtype=bool)
+    assert np.flatnonzero(outliers(t, seen, 1e-4, None, pressed)).tolist() == [40]
+    pressed[38:43] = True
+    assert not outliers(t, seen, 1e-4, None, pressed).any()
+    seen[[40, 60]] += 0.02  # more than any contact could do in so short a time
+    assert np.flatnonzero(outliers(t, seen, 1e-4, None, pressed)).tolist() == [40, 60]
+
+
+def test_the_ends_of_a_bent_path_are_no_outliers():
+    """From one side a line sees a bend as an outlier: a swing filmed in 30 frames a period, near where it turns."""
+    for phase in np.linspace(0, 2 * np.pi, 24):
+        t = np.arange(60) / 30
+        seen = 0.05 * np.cos(2 * np.pi * t + phase) + np.random.default_rng(2).normal(size=60) * 3e-5
+        assert not outliers(t, seen, 3e-5).any()
+    straight = 0.3 * t + np.random.default_rng(2).normal(size=60) * 3e-5
+    straight[[0, 59]] += [2e-3, -2e-3]
+    assert np.flatnonzero(outliers(t, straight, 3e-5)).tolist() == [0, 59]
+
+
 def test_an_outlier_on_a_curved_path_is_told_from_both_sides():
     t = np.arange(90) / 30
     seen = 0.05 * np.cos(2 * np.pi * t / 0.7) + np.random.default_rng(2).normal(size=90) * 1e-4

@@ -195,8 +195,10 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if clean:
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
-        smooth = _without_meetings(recording, channels, values)
-        values, lost = _without_outliers(t, values, channels, sigmas, smooth)
+        near = _meetings(recording, channels, values)
+        smooth = _without_meetings(near)
+        pressed = _pressed(recording, near)
+        values, lost = _without_outliers(t, values, channels, sigmas, smooth, pressed)
         sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
         sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
         known = known and not refuted
@@ -248,35 +250,46 @@ def _timed_noise(
     return [b * larger if off or not known else b for b in base], tau
 
 
-def _without_meetings(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> np.ndarray:
-    """(T,) frames with no meeting of two bodies, or of one and a wall, within the frames of a polynomial about them.
-
-    All of them where that leaves less than half: bodies that go on touching press, and do not kink.
-    """
-    scene, every = recording.scene, np.ones(len(values), dtype=bool)
+def _meetings(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> np.ndarray:
+    """(T,) frames in which two bodies, or one and a wall, may touch, as near as they get between two frames."""
+    scene = recording.scene
     place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
     bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
+    near = np.zeros(len(values), dtype=bool)
     if not scene.laws_as("contact"):
-        return every
+        return near
     paths = {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
     paths |= {b.id: np.array([b.initial[:2]]) for b in scene.bodies if not b.mobile and b.initial is not None}
-    near = np.zeros(len(values), dtype=bool)
     for k, (name, xy) in enumerate(paths.items()):
         radius = scene.body(name).radius
         gaps = [(r := radius + scene.body(other).radius, np.linalg.norm(xy - at, axis=1) - r)
                 for other, at in list(paths.items())[k + 1 :] if len(xy) > 1 or len(at) > 1]  # fmt: skip
         gaps += [(radius, gap_to_wall(xy, radius, wall, scene.periodic_x)) for wall in scene.walls if len(xy) > 1]
         for size, gap in gaps:
-            # as near as it gets between two frames
             step = np.abs(np.diff(gap, prepend=gap[:1]))
             near |= gap < np.fmax(step, np.append(step[1:], 0.0)) + current().segments.near * size
+    return near
+
+
+def _without_meetings(near: np.ndarray) -> np.ndarray:
+    """(T,) frames without a meeting within the frames of a polynomial about them, of those in which bodies may touch.
+
+    All of them where that leaves less than half: bodies that go on touching press, and do not kink.
+    """
     around = np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
-    return every if around.sum() > len(values) / 2 else ~around
+    return np.ones_like(near) if around.sum() > len(near) / 2 else ~around
+
+
+def _pressed(recording: Recording, near: np.ndarray) -> np.ndarray:
+    """(T,) frames in which a contact may be seen while it lasts, none where contacts are instantaneous."""
+    lasts = any(item.law.kind != "impulse" for item in recording.scene.laws_as("contact"))
+    return near if lasts else np.zeros_like(near)
 
 
 def _without_outliers(
-    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], smooth: np.ndarray
-) -> tuple[np.ndarray, int]:
+    t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], smooth: np.ndarray,
+    pressed: np.ndarray,
+) -> tuple[np.ndarray, int]:  # fmt: skip
     """The numbers (T, c) without single sightings that are no positions, and how many were taken out.
 
     Where one coordinate of a body is off, the other is not believed either.
@@ -285,7 +298,7 @@ def _without_outliers(
     for c, sigma in enumerate(sigmas):
         seen = values[np.isfinite(values[:, c]), c]
         estimate = estimate_noise(t[np.isfinite(values[:, c])], seen)
-        found[:, c] = outliers(t, values[:, c], max(sigma, estimate), smooth)
+        found[:, c] = outliers(t, values[:, c], max(sigma, estimate), smooth, pressed)
     for body in dict.fromkeys(channel.body for channel in channels):
         mine = [c for c, channel in enumerate(channels) if channel.body == body]
         found[:, mine] = found[:, mine].any(axis=1, keepdims=True)

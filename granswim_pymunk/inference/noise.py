@@ -408,13 +408,14 @@ def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:
 
 def outliers(
     t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.ndarray | None = None,
-    criteria: NoiseCriteria | None = None,
+    pressed: np.ndarray | None = None, criteria: NoiseCriteria | None = None,
 ) -> np.ndarray:  # fmt: skip
     """(T,) True where a single sighting is off the line through the frames before it and off that through those after.
 
     t (T,) [s], values (T,), NaN where not seen. A kink, as in a collision, continues one of the two; a jump that
     stays continues the other.  smooth : (T,) mask of frames about which nothing is hit: there a curve through the
     frames on both sides tells far more than what is extrapolated from one.
+    pressed : (T,) mask of frames in which a contact may last: while it does, a body lies on neither line.
     """
     criteria = criteria or current().noise
     found = np.zeros(len(t), dtype=bool)
@@ -423,9 +424,16 @@ def outliers(
         k = criteria.outlier_frames
         if len(seen) < 2 * k + 1 or sigma <= 0:
             break
-        before = _extrapolated(t[seen], values[seen], k, sigma)
-        after = _extrapolated(-t[seen][::-1], values[seen][::-1], k, sigma)[::-1]
+        turns = np.zeros(len(seen))
+        if pressed is not None:
+            turns = np.where(pressed[seen], _turn(t[seen], values[seen], k), 0.0)
+        before = _extrapolated(t[seen], values[seen], k, sigma, turns)
+        after = _extrapolated(-t[seen][::-1], values[seen][::-1], k, sigma, turns[::-1])[::-1]
         off = np.minimum(np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after))
+        # a line from one side alone does not tell a bend from a sighting that is off
+        first, last = np.flatnonzero(np.isnan(before)), np.flatnonzero(np.isnan(after))
+        off[first] = np.fmin(off[first], _off_cubic(t[seen], values[seen], first, 1, sigma))
+        off[last] = np.fmin(off[last], _off_cubic(t[seen], values[seen], last, -1, sigma))
         if smooth is not None:
             off = np.where(smooth[seen], np.fmax(off, _off_both_sides(t[seen], values[seen], sigma)), off)
         new = seen[np.nan_to_num(off) > criteria.outlier]
@@ -466,8 +474,44 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarr
     return result
 
 
-def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np.ndarray:
+def _off_cubic(t: np.ndarray, values: np.ndarray, rows: np.ndarray, side: int, sigma: float) -> np.ndarray:
+    """|value - cubic through the seven frames after it (``side`` 1) or before it (-1)| over its standard deviation."""
+    result, count = np.full(len(rows), np.nan), 7
+    for k, row in enumerate(rows):
+        others = row + side * np.arange(1, count + 1)
+        if others.min() < 0 or others.max() >= len(t):
+            continue
+        s = (t[others] - t[row]) / np.ptp(t[others])
+        inverse = np.linalg.pinv(np.power(s[:, None], np.arange(4)))
+        left = values[others] - np.power(s[:, None], np.arange(4)) @ (inverse @ values[others])
+        own = max(float(np.sum(left**2)) / (count - 4), sigma**2)
+        weights = inverse[0]  # of the curve where the row lies
+        result[k] = abs(values[row] - weights @ values[others]) / np.sqrt(own * (1 + weights @ weights))
+    return result
+
+
+def _turn(t: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
+    """How far (T,) a body may be off both lines while its velocity changes from that before to that after.
+
+    At a steady acceleration over a time tau it is off by dv tau/8; the frames next to the middle one are still on the
+    lines, or nearly so, where tau is up to four frames. NaN-free: no less than none near the ends.
+    """
+    result = np.zeros(len(t))
+    if len(t) < 2 * k + 1:
+        return result
+    window = np.lib.stride_tricks.sliding_window_view
+    s, v = window(t, k), window(values, k)
+    off = s - s.mean(axis=1, keepdims=True)
+    slope = np.sum(off * v, axis=1) / np.sum(off**2, axis=1)
+    frame = np.maximum(np.diff(t)[k - 1 : len(t) - k - 1], np.diff(t)[k : len(t) - k])
+    result[k : len(t) - k] = np.abs(slope[k + 1 :] - slope[: len(slope) - k - 1]) * frame / 2
+    return result
+
+
+def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float, turns: np.ndarray) -> np.ndarray:
     """|value - line through the k frames before it| over its standard deviation, NaN for the first k.
+
+    turns : (T,) by how much it may be off in any case.
 
     The line's own curvature is allowed for by what lines leave among these frames. A frame among them that is itself
     far off the line through the others is left out, or it would hide one that is no position: not the nearest, which
@@ -479,10 +523,10 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
     window = np.lib.stride_tricks.sliding_window_view
     s, v = window(t, k)[:-1], window(values, k)[:-1]
     at, value = t[k:], values[k:]
-    off, own = _off_line(s, v, at, value, sigma)
+    off, own = _off_line(s, v, at, value, sigma, turns[k:])
     for j in range(k - 1):
         others = [m for m in range(k) if m != j]
-        alone, less = _off_line(s[:, others], v[:, others], at, value, sigma)
+        alone, less = _off_line(s[:, others], v[:, others], at, value, sigma, turns[k:])
         hidden = own > current().noise.hides ** 2 * less
         off, own = np.where(hidden, alone, off), np.where(hidden, less, own)
     result[k:] = off
@@ -490,7 +534,7 @@ def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float) -> np
 
 
 def _off_line(
-    s: np.ndarray, v: np.ndarray, at: np.ndarray, value: np.ndarray, sigma: float
+    s: np.ndarray, v: np.ndarray, at: np.ndarray, value: np.ndarray, sigma: float, turns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """|value (n,) - line through v (n, k) at s (n, k), followed to ``at`` (n,)| over its standard deviation.
 
@@ -504,4 +548,4 @@ def _off_line(
     left = v - mean_v - slope[:, None] * (s - mean_s)
     own = np.maximum(np.sum(left**2, axis=1) / max(k - 2, 1), sigma**2)
     spread = np.sqrt(own * (1 + 1 / k + lever**2 / power))
-    return np.abs(value - mean_v[:, 0] - slope * lever) / spread, own
+    return np.maximum(np.abs(value - mean_v[:, 0] - slope * lever) - turns, 0.0) / spread, own
