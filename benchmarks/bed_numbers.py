@@ -16,10 +16,9 @@ import numpy as np
 
 from granswim_pymunk.inference.windows.driver import begin
 from granswim_pymunk.inference.windows.likelihood import WindowLikelihood
-from granswim_pymunk.inference.windows.plan import LEADERS, Plan
+from granswim_pymunk.inference.windows.plan import Plan
 from granswim_pymunk.inference.windows.signatures import mean_of_replicates, to_values
 from granswim_pymunk.inference.windows.sums import MOMENTS, size_of
-from granswim_pymunk.inference.windows.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.recording import read_recording
 
 LAWS = ("restitution", "ambient_flow", "cohesion", "contact_friction", "coulomb_substrate", "linear_drag p = 0",
@@ -53,8 +52,8 @@ def standard_errors(change: np.ndarray, replicates: np.ndarray, share: float) ->
 
 def main(folder: str, replicates: int = 6) -> None:
     """Print the table for the recording in ``folder``."""
-    plan = Plan(MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS)
-    start = begin([read_recording(folder)], [], 60.0, 0, replicates, None, plan, True, [])
+    plan = Plan.usual(replicates)
+    start = begin([read_recording(folder)], [], 60.0, 0, None, plan, True, [])
     terms = [t for t in start.terms if t.label in LAWS]
     bed = start.likelihood.beds[0]
     used = start.likelihood.training[0]
@@ -69,7 +68,7 @@ def main(folder: str, replicates: int = 6) -> None:
     print("| numbers | grains count | shrunk | " + " | ".join(t.label for t in terms) + " |")
     print("|---" * (3 + len(terms)) + "|")
     for weighed in (False, True):
-        likelihood = WindowLikelihood([bed], replicates, MEMBERS)
+        likelihood = WindowLikelihood([bed], replicates, plan.members)
         if weighed:
             likelihood.weigh(start.hypothesis, start.naive_values)
         likelihood.make_replicates(start.hypothesis, start.naive_values)

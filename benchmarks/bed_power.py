@@ -16,32 +16,31 @@ from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.linear import basis
 from granswim_pymunk.inference.windows.chance import own_answers
 from granswim_pymunk.inference.windows.driver import begin, recalibrated, screened, signatures_in_time
-from granswim_pymunk.inference.windows.plan import LEADERS, REPLICATES, Plan
+from granswim_pymunk.inference.windows.plan import Plan
 from granswim_pymunk.inference.windows.signatures import off, recombined, whole_films
-from granswim_pymunk.inference.windows.windows import MEMBERS, MOST_WINDOWS
 from granswim_pymunk.recording import read_recording
 
 ASKED = 12  # candidates, the first of the search
 MINUTES = 60.0
 
 
-def main(folder: str, replicates: int = REPLICATES) -> None:
+def main(folder: str, replicates: int = DEFAULT.windows.plan.replicates) -> None:
     """Print the table for the recording in ``folder``."""
     criteria = current().windows.signatures
     notes: list[str] = []
-    plan = Plan(MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS)
-    start = begin([read_recording(folder)], [], MINUTES, 0, replicates, None, plan, True, notes)
-    search, _, _ = recalibrated(start, np.random.default_rng(0), lambda text, share: print(text, file=sys.stderr))
+    plan = Plan.usual(replicates)
+    start = begin([read_recording(folder)], [], MINUTES, 0, None, plan, True, notes)
+    search, _ = recalibrated(start, np.random.default_rng(0), lambda text, share: print(text, file=sys.stderr))
     signatures = signatures_in_time(search, start.terms, notes)
-    bench, few, nuisance = search.bench, search.few, search.few_nuisance
-    films = off(nuisance, whole_films(bench.noises, few))
-    drawn = off(nuisance, recombined(bench.noises, few, criteria.replicates, np.random.default_rng(1)))
+    likelihood, few, nuisance = search.likelihood, search.few, search.few_nuisance
+    films = off(nuisance, whole_films(likelihood.noises, few))
+    drawn = off(nuisance, recombined(likelihood.noises, few, criteria.replicates, np.random.default_rng(1)))
     plain = np.max([s.best(drawn)[1] for s in signatures], axis=0)
     trials, by_chance = screened(search, signatures, np.random.default_rng(2), notes)
     null = by_chance.null(trials[0])
     asked = trials[:ASKED]
     cross, own = [], []
-    for t, (answers, shapes) in zip(asked, own_answers(bench, asked, few, nuisance, plan.screening), strict=True):
+    for t, (answers, shapes) in zip(asked, own_answers(likelihood, asked, few, nuisance, plan.screening), strict=True):
         q = basis(t.signature.clear)
         size = q.shape[1]
         cross.append(np.mean(np.sum((q.T @ films) ** 2, axis=0)) / size)

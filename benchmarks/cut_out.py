@@ -16,17 +16,18 @@ import numpy as np
 
 import granswim_pymunk
 from granswim_pymunk.engine import Simulation
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.hypothesis import Hypothesis
 from granswim_pymunk.inference.windows import diagnose_bed
-from granswim_pymunk.inference.windows.cut import REACH, cut_out
-from granswim_pymunk.inference.windows.windows import COARSE, BedCase, BedPredictor, bed_case
+from granswim_pymunk.inference.windows.cut import cut_out
+from granswim_pymunk.inference.windows.windows import BedCase, BedPredictor, bed_case
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, read_scene, use
 
 NOISE = 2e-5  # m
 FACTOR = 0.5
-REACHES = (0.006, 0.008, REACH, 0.012, 0.015)
+REACHES = (0.006, 0.008, DEFAULT.windows.cut.reach, 0.012, 0.015)
 
 
 def film() -> Recording:
@@ -54,8 +55,9 @@ def steps(bed: BedCase, members: int = 6) -> None:
     print("|---|---|---|---|---|")
     windows = list(range(len(bed.starts)))
     disks, rows = slice(0, bed.swimmer_size), []
-    for share in (1.0, 0.5 * COARSE, COARSE, 1.5 * COARSE):
-        predictor = BedPredictor(replace(bed, dt=bed.dt * share / COARSE), members=members)
+    coarse = DEFAULT.windows.plan.coarse
+    for share in (1.0, 0.5 * coarse, coarse, 1.5 * coarse):
+        predictor = BedPredictor(replace(bed, dt=bed.dt * share / coarse), members=members)
         predictor(Hypothesis(()), np.zeros(0), windows, 1)  # starts are estimated
         began = time.perf_counter()
         found = predictor(Hypothesis(()), np.zeros(0), windows)[..., disks]

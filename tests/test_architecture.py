@@ -32,18 +32,14 @@ KINDS = ("tracks", "windows", "packings")  # folders of the inference
 CIRCLES = {"scene", "scene.model", "scene.reading", "render"}
 # lines of functions that are longer; "engine.kernel" and "proof.kernels" hold compiled kernels
 LONG = {
-    "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 122,
+    "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "paper.measure.measure": 121,
     "proof.page.write_page": 113, "run.run_scene": 109, "paper.driver.paper": 104, "report.figures.candidates": 100,
-    "inference.windows.starts.followed": 93, "recording.camera.film": 90,
-    "scene.reading.scene_from_dict": 90, "proof.kernels.pair_forces": 90, "packing._relax": 89,
-    "api.make_recording": 87,
-    "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
+    "proof.kernels.pair_forces": 90, "recording.camera.film": 90, "scene.reading.scene_from_dict": 90,
+    "packing._relax": 89, "api.make_recording": 87, "proof.kernels.list_pairs": 84, "proof.world._concealed": 83,
 }  # fmt: skip
 WIDE = {
+    "inference.hypothesis.run": 9, "inference.tracks.pairs.second_law": 9, "inference.tracks.pairs.third_law": 9,
     "inference.tracks.pairs.pair_of": 11, "inference.tracks.solve.descend": 9,
-    "inference.tracks.pairs.second_law": 9, "inference.tracks.pairs.third_law": 9, "inference.windows.starts._relax": 9,
-    "inference.windows.polish.polish": 9, "inference.windows.driver.begin": 9, "inference.windows.driver.refined": 9,
-    "inference.windows.model.__init__": 9, "inference.hypothesis.run": 9,
 }  # fmt: skip
 
 # numbers that stand outside inference/criteria: constants of a module, and literals that something is compared with
@@ -52,9 +48,6 @@ CONSTANTS = {
     "inference.hypothesis": 2, "inference.kept": 1, "inference.noise": 1, "inference.packings.model": 2,
     "inference.packings.runs": 8, "inference.packings.search": 3, "inference.packings.summaries": 4,
     "inference.significance": 1, "inference.swimmer_terms": 1, "inference.tracks.innovations": 1,
-    "inference.windows.cut": 3, "inference.windows.hidden": 1, "inference.windows.plan": 3,
-    "inference.windows.starts": 2, "inference.windows.sums": 4, "inference.windows.windows": 5,
-    "inference.windows.work": 3,
 }  # fmt: skip
 LITERALS = {
     "inference.data": 3, "inference.entry": 1, "inference.linear": 3, "inference.noise": 2,
@@ -65,11 +58,7 @@ LITERALS = {
     "inference.tracks.intervals": 3, "inference.tracks.model": 3, "inference.tracks.name": 5,
     "inference.tracks.nulls": 2, "inference.tracks.pairs": 2, "inference.tracks.score_test": 1,
     "inference.tracks.segments": 2, "inference.tracks.signatures": 6, "inference.tracks.solve": 3,
-    "inference.tracks.study": 2, "inference.windows.candidates": 3, "inference.windows.cut": 1,
-    "inference.windows.driver": 4, "inference.windows.hidden": 7, "inference.windows.judge": 3,
-    "inference.windows.polish": 5, "inference.windows.search": 8, "inference.windows.signatures": 2,
-    "inference.windows.starts": 4, "inference.windows.sums": 1, "inference.windows.trial": 2,
-    "inference.windows.weigh": 1, "inference.windows.windows": 3,
+    "inference.tracks.study": 2,
 }  # fmt: skip
 
 

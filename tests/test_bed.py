@@ -44,7 +44,7 @@ from granswim_pymunk.inference.windows.places import maps
 from granswim_pymunk.inference.windows.plan import Clock, Plan, make_plan
 from granswim_pymunk.inference.windows.search import Answer, no_narrower, plainer_first, signature_of
 from granswim_pymunk.inference.windows.signatures import make_signature, off, replicate_noise, to_values
-from granswim_pymunk.inference.windows.starts import CLEAR, Shapes, draw, followed, local_quadratic, take_apart
+from granswim_pymunk.inference.windows.starts import Shapes, draw, followed, local_quadratic, take_apart
 from granswim_pymunk.inference.windows.trial import BedTrial, first_order
 from granswim_pymunk.inference.windows.verdict import entry_of, parameters_of
 from granswim_pymunk.inference.windows.weigh import (
@@ -56,7 +56,7 @@ from granswim_pymunk.inference.windows.weigh import (
     share_of,
 )
 from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case, off_by
-from granswim_pymunk.inference.windows.work import CORES, Work
+from granswim_pymunk.inference.windows.work import Work
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
@@ -129,9 +129,9 @@ def test_overlaps_and_joints_are_put_right(packed):
     i, j = i[keep], j[keep]
     d = xy[j] - xy[i]
     d[:, 0] -= scene.periodic_x * np.round(d[:, 0] / scene.periodic_x)
-    assert (radius[i] + radius[j] - np.hypot(*d.T)).max() <= 2 * CLEAR
+    assert (radius[i] + radius[j] - np.hypot(*d.T)).max() <= 2 * DEFAULT.windows.starts.clear
     joints = np.hypot(*np.diff(xy[swimmer], axis=0).T)
-    assert np.abs(joints - 2 * radius[swimmer[0]]).max() <= 2 * CLEAR
+    assert np.abs(joints - 2 * radius[swimmer[0]]).max() <= 2 * DEFAULT.windows.starts.clear
     # it stays within the noise: the constraints add knowledge, they do not move the bed
     moved = xy - raw
     assert np.sqrt(np.mean(moved[mobile] ** 2)) < NOISE
@@ -844,9 +844,9 @@ def test_the_budget_counts_work_and_not_the_clock(tmp_path, monkeypatch):
     assert spent[0] == spent[1] and runs[1] < runs[0]
     assert all(a < b for a, b in pairwise([0.0, *spent[0]]))
     # two members are looked at in each of five windows, on two cores
-    assert CORES * spent[0][0] == pytest.approx(2 * 5 * likelihood.predictors[0].member_cost)
+    assert DEFAULT.work.cores * spent[0][0] == pytest.approx(2 * 5 * likelihood.predictors[0].member_cost)
     assert not clock.late(0.9)
-    clock.work.seconds += CORES * 0.95 * 60.0
+    clock.work.seconds += DEFAULT.work.cores * 0.95 * 60.0
     assert clock.late(0.9)
 
 

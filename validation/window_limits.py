@@ -28,7 +28,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from granswim_pymunk.engine import Simulation
-from granswim_pymunk.inference.windows.starts import HALF
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.windows.windows import BedCase, BedPredictor, bed_case, placed
 from granswim_pymunk.proof.beds import draw_bed
 from granswim_pymunk.recording import read_recording
@@ -152,12 +152,12 @@ def numbers_of(predictor: BedPredictor, tracks: Tracks, what: str, reach: int) -
         rows = rows[np.isfinite(tracks.film[: reach + 1, rows, 0]).all(axis=0)]
 
         def plain(xy: np.ndarray) -> np.ndarray:
-            return xy[..., HALF + 1 : reach + 1, rows, :].reshape(*xy.shape[:-3], -1)
+            return xy[..., DEFAULT.windows.starts.half + 1 : reach + 1, rows, :].reshape(*xy.shape[:-3], -1)
 
         clean = plain(tracks.clean)
         changed = {law: plain(xy) for law, xy in tracks.changed.items()}
         return View(clean, changed, np.full(clean.shape[1], sigma), plain(tracks.film))
-    looks = [max(round(reach / 2), HALF + 1), reach]
+    looks = [max(round(reach / 2), DEFAULT.windows.starts.half + 1), reach]
     sums = predictor.sums(tracks.window)
     moved = tracks.clean[:, looks][:, :, bed.grains] - sums.start
     sums = replace(sums, q=sums.sure(moved[::2], sigma))
@@ -189,7 +189,7 @@ def table(predictor: BedPredictor, tracks: Sequence[Tracks], duration: float) ->
     for length in LENGTHS:
         reach = round(length / spacing)
         # windows that a film holds, the frames that only a start is made of between them
-        often = np.sqrt(duration / ((HALF + reach + 1) * spacing) / len(tracks))
+        often = np.sqrt(duration / ((DEFAULT.windows.starts.half + reach + 1) * spacing) / len(tracks))
         for name, what, pooled, shares in OBSERVERS:
             views = [numbers_of(predictor, one, what, reach) for one in tracks]
             best = max((observe(views, pooled, s) for s in shares), key=lambda t: sum(x.errors for x in t.values()))

@@ -8,7 +8,15 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from .beds import RadiiCriteria
-from .general import BlockCriteria, NoiseCriteria, ReleaseCriteria, SplitCriteria, StampCriteria, VerdictCriteria
+from .general import (
+    BlockCriteria,
+    NoiseCriteria,
+    ReleaseCriteria,
+    SplitCriteria,
+    StampCriteria,
+    VerdictCriteria,
+    WorkCriteria,
+)
 from .packings import PackingCriteria
 from .tracks import (
     BudgetCriteria,
@@ -37,6 +45,7 @@ class Criteria:
     """
 
     noise: NoiseCriteria = field(default_factory=NoiseCriteria)
+    work: WorkCriteria = field(default_factory=WorkCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
     split: SplitCriteria = field(default_factory=SplitCriteria)

@@ -55,6 +55,24 @@ class NoiseCriteria:
 
 
 @dataclass(frozen=True)
+class WorkCriteria:
+    """What a budget of minutes is worth, told from the size of runs and not by the clock.
+
+    cores : idle ones, that a budget is meant for. Choice
+    body_step [s] : of a core, that a step of one body takes. Measured: full beds (benchmarks/speed.py)
+    body_start [s] : of a core, that a body's start takes: estimated, drawn, taken apart from its neighbours. Measured
+    start_up [s] : of a core, that a run takes to begin. Measured
+    predictions [bytes] : that are kept in memory. Choice
+    """
+
+    cores: int = 2
+    body_step: float = 1.4e-8
+    body_start: float = 1e-5
+    start_up: float = 0.15
+    predictions: int = 2**25
+
+
+@dataclass(frozen=True)
 class StampCriteria:
     """When the stamps of frames are said to be off, each by an error of its own.
 

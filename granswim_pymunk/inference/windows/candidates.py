@@ -70,12 +70,12 @@ class PictureScale:
     @property
     def off(self) -> bool:
         """Whether the disks are nearer, or farther, than their links are long: a wrong scale, or a force on them."""
-        return abs(self.value - 1.0) > 5.0 * self.error
+        return abs(self.value - 1) > current().windows.candidates.scale_sure * self.error
 
     @property
     def wrong(self) -> bool:
         """Whether by more than forces on the links do."""
-        return self.off and abs(self.value - 1.0) > current().windows.candidates.least_scale
+        return self.off and abs(self.value - 1) > current().windows.candidates.least_scale
 
 
 def picture_scale(cases: Sequence[Case]) -> PictureScale | None:

@@ -12,10 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...scene import Scene
-
-REACH = 0.010  # m from the centre of a disk, within which grains are simulated: five of the largest diameters
-GAP = 1.0e-3  # m between surfaces: a grain this near to one that is simulated is part of the wall
-WORTH = 0.7  # of the bodies: a cut that leaves more than that saves nothing
+from ..criteria import current
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +29,15 @@ class Cut:
 
 
 def cut_out(
-    scene: Scene, xy: np.ndarray, frames: Sequence[int] | np.ndarray, span: int, reach: float = REACH
+    scene: Scene, xy: np.ndarray, frames: Sequence[int] | np.ndarray, span: int, reach: float | None = None
 ) -> Cut | None:
     """What is near the swimmer in any window of a film, or None where that is nearly all.
 
     xy : (T, n, 2) [m], unwrapped, NaN where not seen;  frames : at which windows start;  span : their length, frames
+    reach [m] : within which of a disk grains are simulated, see ``CutCriteria``
     """
+    criteria = current().windows.cut
+    reach = criteria.reach if reach is None else reach
     radius = np.array([b.radius for b in scene.bodies])
     mobile = np.array([b.mobile for b in scene.bodies])
     fixed = [k for k, b in enumerate(scene.bodies) if not b.mobile and b.initial is not None]
@@ -66,7 +66,7 @@ def cut_out(
             inside |= known & (away < reach)
     inside[disks] = True
     near = np.array(inside)
-    widest = 2.0 * float(radius.max()) + GAP
+    widest = 2.0 * float(radius.max()) + criteria.gap
     for places, known in looks:
         mine = np.flatnonzero(inside & known)
         others = np.flatnonzero(~inside & known)
@@ -79,10 +79,10 @@ def cut_out(
                 d = places[j] - places[other]
                 if period:
                     d[:, 0] -= period * np.round(d[:, 0] / period)
-                near[other] |= bool((np.hypot(*d.T) < radius[other] + radius[j] + GAP).any())
+                near[other] |= bool((np.hypot(*d.T) < radius[other] + radius[j] + criteria.gap).any())
     wall = near & ~inside & mobile
     inside = near & ~wall
-    if inside.sum() + wall.sum() > WORTH * len(radius):
+    if inside.sum() + wall.sum() > criteria.worth * len(radius):
         return None
     return Cut(np.flatnonzero(inside), np.flatnonzero(wall))
 
@@ -97,8 +97,8 @@ def carried_paths(t: np.ndarray, xy: np.ndarray, at: np.ndarray) -> np.ndarray:
     s, later = (t - middle) / scale, (at - middle) / scale
     out = np.full((len(at), xy.shape[1], 2), np.nan)
     seen = np.isfinite(xy[..., 0])
-    count = seen.sum(axis=0)
-    for terms, chosen in ((3, count >= 4), (2, (count == 2) | (count == 3)), (1, count == 1)):
+    count, enough = seen.sum(axis=0), current().windows.starts.sightings
+    for terms, chosen in ((3, count >= enough), (2, (count > 1) & (count < enough)), (1, count == 1)):
         rows = np.flatnonzero(chosen)
         if not len(rows):
             continue

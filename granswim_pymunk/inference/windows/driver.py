@@ -21,14 +21,14 @@ from ..simpler import special_cases
 from ..swimmer_terms import INTERVAL
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import Chance, as_in_replicates, chance, share_of_most
-from .cut import REACH
 from .judge import Discrepancy, held_gain
 from .likelihood import Prediction, WindowLikelihood, Windows, both_sides, check_runs
 from .places import locate, locate_law
-from .plan import LEADERS, Clock, Plan, make_plan
+from .plan import Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
 from .search import (
     Answer,
+    NoiseChi2,
     Progress,
     Search,
     best_form,
@@ -41,8 +41,8 @@ from .search import (
 from .signatures import BedSignature, make_signature, off, recombined
 from .trial import BedTrial, beyond_nothing, first_order, moved_to
 from .weigh import NOTHING, held_verdict, like_replicates, looks_like, remains_in
-from .windows import MEMBERS, MOST_WINDOWS, BedCase, bed_case
-from .work import CORES, Work
+from .windows import BedCase, bed_case
+from .work import Work
 
 
 @dataclass
@@ -65,12 +65,12 @@ class Beginning:
 
 
 def begin(
-    recordings: Sequence[Recording], hold_out: Sequence[Recording], minutes: float | None, seed: int, replicates: int,
+    recordings: Sequence[Recording], hold_out: Sequence[Recording], minutes: float | None, seed: int,
     candidates: Sequence[str] | None, plan: Plan | None, cut: bool, notes: list[str],
 ) -> Beginning:  # fmt: skip
     """Windows, candidates, and as much of a plan as the budget allows."""
     began = time.monotonic()
-    beds = windows_of(recordings, hold_out, seed, MOST_WINDOWS)
+    beds = windows_of(recordings, hold_out, seed, current().windows.plan.most)
     for bed in beds:
         if bed.resized is not None:
             notes.append(
@@ -105,9 +105,9 @@ def begin(
     gc.freeze()  # what imports and the compiler left is not walked through again and again
     clock = Clock(minutes, Work())
     windows = sum(len(b.starts) for b in beds)
-    cost = sum(p.member_cost * len(p.bed.starts) for p in likelihood.predictors) / windows / CORES
+    cost = sum(p.member_cost * len(p.bed.starts) for p in likelihood.predictors) / windows / current().work.cores
     training = sum(int(b.training.sum()) for b in beds)
-    given = plan is not None
+    given, replicates = plan is not None, current().windows.plan.replicates
     films = [(b.film.t, b.film.xy, b.scene.hash) for b in beds]
     store = Store("bed", *films, minutes, seed, replicates, candidates, cut)
     if plan is None:
@@ -115,9 +115,8 @@ def begin(
         plan = make_plan(cost, windows, training, len(terms), clock.seconds, replicates, whole)
     if plan.windows < max(len(b.starts) for b in beds):
         beds = windows_of(recordings, hold_out, seed, plan.windows)
-    if not given and plan != Plan(MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS) and (
-        plan != Plan(MEMBERS, 2, replicates, 26, LEADERS) or windows > 26
-    ):  # fmt: skip
+    enough, full = current().windows.plan.usual, Plan.usual(replicates)
+    if not given and plan != full and (plan != replace(full, windows=enough) or windows > enough):
         notes.append(
             f"for want of time: {plan.members} members a window, {plan.screening} for signatures, "
             f"{plan.replicates} replicates, "
@@ -133,28 +132,14 @@ def begin(
         if predictor.cut is not None:
             notes.append(
                 f"{bed.name}: of {len(bed.scene.bodies)} bodies, the {len(predictor.cut.inside)} nearest to the "
-                f"swimmer (within {1e3 * REACH:g} mm) were simulated in windows, {len(predictor.cut.wall)} around "
-                "them carried along as seen"
+                f"swimmer (within {1e3 * current().windows.cut.reach:g} mm) were simulated in windows, "
+                f"{len(predictor.cut.wall)} around them carried along as seen"
             )
     return Beginning(began, likelihood, plan, clock, store, naive, values, hypothesis, wrong, terms)
 
 
-@dataclass
-class NoiseChi2:
-    """Mean and standard deviation of the chi2 that windows without a mismatch leave."""
-
-    mean: float
-    spread: float
-
-    def above(self, rest: np.ndarray) -> float:
-        """Standard deviations by which the chi2 of whitened innovations is above that."""
-        return (float(rest @ rest) - self.mean) / self.spread
-
-
-def recalibrated(
-    start: Beginning, rng: np.random.Generator, progress: Progress
-) -> tuple[Search, Prediction, NoiseChi2]:
-    """Adjustables first, with replicates of that scene; also the naive scene's prediction, and null chi2."""
+def recalibrated(start: Beginning, rng: np.random.Generator, progress: Progress) -> tuple[Search, Prediction]:
+    """Adjustables first, with replicates of that scene; also the naive scene's prediction."""
     criteria = current().windows
     likelihood, hypothesis, values = start.likelihood, start.hypothesis, start.naive_values
     used = likelihood.training
@@ -179,8 +164,10 @@ def recalibrated(
     surplus = float(left @ left) - noise.mean - 2.0 * noise.spread
     few = thinned(used, criteria.search.clear_gain / surplus if surplus > criteria.search.clear_gain else 1.0)
     at = positions(likelihood, used, few)
-    search = Search(likelihood, hypothesis, values, base, nuisance, used, few, at, start.plan, start.clock, progress)
-    return search, naive_base, noise
+    search = Search(
+        likelihood, hypothesis, values, base, nuisance, used, few, at, noise, start.plan, start.clock, progress
+    )
+    return search, naive_base
 
 
 def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) -> list[BedSignature]:
@@ -228,7 +215,7 @@ def leading_laws(
 ) -> tuple[list[BedTrial], list[BedTrial]]:
     """Leaders refitted by simulation, best first; and those among them that are beyond the nulls."""
     criteria = current().windows
-    if p <= 0.1:
+    if p <= criteria.search.open:
         trials = search.leaders(trials, search.likelihood.beds[0])
     trials = plainer_first(clock_before_motor(sorted(trials, key=lambda t: (t.gain is None, -t.worth))))
     if p > current().verdict.alarm:
@@ -247,19 +234,19 @@ def leading_laws(
     return trials, named
 
 
-def without_law(search: Search, noise: NoiseChi2) -> Answer:
+def without_law(search: Search) -> Answer:
     """The recalibrated scene, and how well its adjustables are known."""
     white, nuisance = search.white, search.nuisance
     left = off(nuisance, white)
     size = max(float(left @ left) / max(len(left) - len(search.values), 1), 1.0)
     windows = sum(len(w) for w in search.used)
     covariance = widened(np.linalg.pinv(nuisance.T @ nuisance) * size, nuisance, white, windows)
-    return Answer(search.hypothesis, search.values, covariance, search.likelihood, noise.above(left))
+    return Answer(search.hypothesis, search.values, covariance, search.likelihood, search.noise.above(left))
 
 
 def refined(
     search: Search, plain: Answer, leading: Sequence[BedTrial], trials: Sequence[BedTrial],
-    signatures: Sequence[BedSignature], noise: NoiseChi2, alone: bool, rng: np.random.Generator, notes: list[str],
+    signatures: Sequence[BedSignature], alone: bool, rng: np.random.Generator, notes: list[str],
 ) -> Answer:  # fmt: skip
     """Adjustables and law together, with the noise of replicates that have the law, and a second law where it is
     needed.
@@ -269,21 +256,11 @@ def refined(
     ``alone``: False where the camera's scale is already one of two.
     """
     criteria = current().windows.search
-    likelihood, clock, used = search.likelihood, search.clock, search.used
+    clock, used = search.clock, search.used
     adjusted = len(search.values)
 
     def polished(beside: Answer, values: np.ndarray, trial: BedTrial, share: float) -> Answer:
-        z, covariance, moved, judge, columns = polish(
-            likelihood,
-            beside.hypothesis,
-            values,
-            trial,
-            used,
-            clock.late(share),
-            clock.late(0.7),
-            search.plan,
-            adjusted,
-        )
+        z, covariance, moved, judge, columns = polish(search, beside.hypothesis, values, trial, clock.late(share))
         hypothesis = beside.hypothesis.with_term(trial.term)
         return Answer(hypothesis, z, covariance, judge, beside.unexplained, moved, columns=columns)
 
@@ -293,10 +270,10 @@ def refined(
         if rows is None:
             return answer
         rest = off(search.nuisance, answer.judge.white(rows, used))
-        return replace(answer, rows=rows, unexplained=noise.above(rest))
+        return replace(answer, rows=rows, unexplained=search.noise.above(rest))
 
     for found in leading[: criteria.tries]:
-        values = readjusted(likelihood, search.hypothesis, search.values, search.nuisance, found, used)
+        values = readjusted(search, found)
         first = polished(plain, values, found, 0.85)
         named = first.found
         assert named is not None
@@ -359,6 +336,7 @@ def beyond_names(
     if search.clock.late(0.86):
         notes.append("forces without a name were not tried: the time was up")
         return None, False
+    criteria = current().windows.search
     search.progress("forces without a name", 0.84)
     swimmer = search.likelihood.beds[0].scene.swimmer_ids
     form = best_form(search, answer.found is not None and answer.found.term.bodies == swimmer)
@@ -369,7 +347,7 @@ def beyond_names(
         left = off(search.nuisance, search.white)
         rest = off(search.nuisance, search.likelihood.white(first.rows, search.used))
         best_named = max(best_named, float(left @ left - rest @ rest))
-    if form is not None and form.worth < max(best_named + current().windows.search.sure, 1.15 * best_named):
+    if form is not None and form.worth < max(best_named + criteria.sure, criteria.ahead * best_named):
         notes.append(
             f"a force without a name ({form.term.label}) gains {form.gain:.0f} in chi2, "
             "no more than the laws with a name"
@@ -516,7 +494,7 @@ def scale_errors(
 
 
 def excess_of(
-    search: Search, start: Beginning, answer: Answer, predicted: Mapping[str, Prediction], noise: NoiseChi2
+    search: Search, start: Beginning, answer: Answer, predicted: Mapping[str, Prediction]
 ) -> dict[str, float]:
     """Standard deviations of the nulls' chi2 that each scene leaves in the training windows."""
     excess = {}
@@ -525,7 +503,7 @@ def excess_of(
         judge = answer.judge if label == "revised" and answer.found is not None else search.likelihood
         raw = label == "naive" or (start.wrong is not None and label == "recalibrated")
         white = judge.white(rows, search.used)
-        excess[label] = noise.above(white if raw else off(search.nuisance, white))
+        excess[label] = search.noise.above(white if raw else off(search.nuisance, white))
     return excess
 
 

@@ -12,7 +12,7 @@ from ..model import Proposal
 from .likelihood import WindowLikelihood, Windows
 from .signatures import off
 from .trial import BedTrial
-from .windows import HALF, POOL
+from .windows import POOL
 
 
 def _drive(key: str, factor: float) -> Term:
@@ -65,7 +65,7 @@ def propose(
                 rows.append(own(plain, np.clip(moved, free.low, free.high), chosen))
         except Failed:
             return None
-        late = bed.times[chosen] > bed.film.t[HALF] + current().windows.places.settle
+        late = bed.times[chosen] > bed.film.t[bed.half] + current().windows.places.settle
         means = [r.mean(axis=1) for r in rows]
 
         def white(difference: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
@@ -19,8 +20,12 @@ from ...scene import Body
 from ..criteria import current
 
 NAME = "hidden grain "  # with a number, of a grain that the film does not show
-NEAREST = 9  # bodies about a void, of which three touch its circle
-TRIPLES = np.array(list(itertools.combinations(range(NEAREST), 3)))
+
+
+@cache
+def triples(count: int) -> np.ndarray:
+    """(k, 3) all choices of three out of so many."""
+    return np.array(list(itertools.combinations(range(count), 3)))
 
 
 @dataclass(frozen=True)
@@ -96,10 +101,10 @@ class _Frame:
         self.most, self.usual = float(radius.max()), float(radius.mean())
 
     def about(self, points: np.ndarray) -> np.ndarray:
-        """(k, NEAREST) rows of ``places`` of the bodies whose surfaces are nearest to points (k, 2) in the box."""
-        count = min(3 * NEAREST, len(self.places))
-        distance, rows = self.tree.query(points, count)
-        order = np.argsort(distance - self.radius[rows], axis=1)[:, :NEAREST]
+        """(k, ``neighbours``) rows of ``places``: bodies whose surfaces are nearest to points (k, 2) in the box."""
+        wanted = current().windows.hidden.neighbours
+        distance, rows = self.tree.query(points, min(3 * wanted, len(self.places)))
+        order = np.argsort(distance - self.radius[rows], axis=1)[:, :wanted]
         return np.take_along_axis(rows, order, axis=1)
 
     def void(self, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,15 +112,16 @@ class _Frame:
 
         Where there is none, the point itself and what is free about it: a cage that is open on one side holds none.
         """
-        rows = self.about(points)
-        corners, sizes = self.places[rows][:, TRIPLES], self.radius[rows][:, TRIPLES]
+        criteria = current().windows.hidden
+        rows, three = self.about(points), triples(criteria.neighbours)
+        corners, sizes = self.places[rows][:, three], self.radius[rows][:, three]
         centre, size = circles(corners, sizes)
         away = np.hypot(*np.moveaxis(centre[:, :, None] - self.places[rows][:, None], -1, 0))
         free = away - self.radius[rows][:, None]
         off = np.hypot(*np.moveaxis(centre - points[:, None], -1, 0))
         with np.errstate(invalid="ignore"):
-            good = (free.min(axis=2) > size - 1e-7) & _enclosed(centre, corners) & (size < 1.5 * self.most)
-            good &= off < reach[:, None]
+            good = (free.min(axis=2) > size - criteria.rounding) & _enclosed(centre, corners)
+            good &= (size < criteria.first[1] * self.most) & (off < reach[:, None])
             best = np.argmax(np.where(good, size - 0.5 * off, -np.inf), axis=1)
         at = np.arange(len(points)), best
         found = good[at]
@@ -198,12 +204,13 @@ def hidden_grains(
         if not np.isfinite(places[0, k]).all() and b.initial is not None:
             places[:, k] = b.initial[:2]
     there = np.isfinite(places[0, :, 0])
-    if len(grains) < NEAREST or there.sum() < NEAREST + 1:
+    if len(grains) < criteria.neighbours or there.sum() < criteria.neighbours + 1:
         return none
     sizes = np.array([bodies[k].radius for k in grains])
     radius = np.array([b.radius for b in bodies])[there]
     places = places[:, there]
-    least = float(sizes.min()) * (1 - 2.0 * off) - 2.0 * sigma
+    least = float(sizes.min()) * (1 - criteria.sure * off) - criteria.sure * sigma
+    most = float(sizes.max()) * (1 + criteria.sure * off) + criteria.sure * sigma
     step = max(round(criteria.stride / float(np.median(np.diff(t)))), 1)
     looks = np.unique(np.append(np.arange(0, len(t), step), len(t) - 1))
     early = looks < learnt
@@ -218,9 +225,7 @@ def hidden_grains(
     centre = np.concatenate([v.centre for v in found], axis=1)
     strain = np.concatenate([v.strain for v in found])
     sized = np.quantile(np.concatenate([v.radius for v in found], axis=1)[early], criteria.size, axis=0)
-    chosen = np.flatnonzero(
-        (sized >= least) & (sized <= sizes.max() * (1 + 2.0 * off) + 2.0 * sigma) & (strain > criteria.strained * least)
-    )
+    chosen = np.flatnonzero((sized >= least) & (sized <= most) & (strain > criteria.strained * least))
     density = float(np.median([bodies[k].mass / bodies[k].radius ** 3 for k in grains]))
     made: list[Body] = []
     kept: list[int] = []
@@ -246,16 +251,17 @@ def _voids_of(frame: _Frame, least: float, most: float) -> np.ndarray:
         triangles = Delaunay(frame.places).simplices
     except QhullError:
         return np.zeros((0, 2))
+    criteria = current().windows.hidden
     start, size = circles(frame.places[triangles], frame.radius[triangles])
-    good = np.isfinite(size) & (size > 0.8 * least) & (size < 1.5 * most)
+    good = np.isfinite(size) & (size > criteria.first[0] * least) & (size < criteria.first[1] * most)
     if frame.period:
         good &= (start[:, 0] >= 0.0) & (start[:, 0] < frame.period)
     start = start[good]
     if not len(start):
         return start
-    found, room = frame.void(start, np.full(len(start), current().windows.hidden.farthest * least))
-    found = found[room > 0.9 * least]
-    kept = np.sort(np.unique(np.round(found / (0.2 * least)), axis=0, return_index=True)[1])
+    found, room = frame.void(start, np.full(len(start), criteria.farthest * least))
+    found = found[room > criteria.room * least]
+    kept = np.sort(np.unique(np.round(found / (criteria.alike * least)), axis=0, return_index=True)[1])
     result: np.ndarray = found[kept]
     return result
 

@@ -78,7 +78,8 @@ def predictive_check(likelihood: WindowLikelihood, predicted: Prediction | None 
             place = Place(swimmer, *after_looks(p, looks), "swimmer")
             found.append(Discrepancy(place, text, "how far the swimmer ends from where it is predicted"))
     worst = min(found, key=lambda s: s.place.p, default=None)
-    return worst if worst is not None and worst.place.p <= 0.1 * current().verdict.alarm else None
+    alarm = current().windows.places.whole_film * current().verdict.alarm
+    return worst if worst is not None and worst.place.p <= alarm else None
 
 
 def _beside_replicates(seen: float, replicates: np.ndarray) -> tuple[float, float]:
@@ -135,7 +136,8 @@ def moved_away(search: Search, naive_base: Prediction, naive_values: np.ndarray,
     improved = float(naive @ naive - after @ after)
     spread = np.sqrt(np.diag(covariance))
     moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
-    return improved > current().windows.search.sure + 2 * len(values) and moved > 4.0
+    criteria = current().windows.search
+    return improved > criteria.sure + 2 * len(values) and moved > criteria.moved
 
 
 def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[BedTrial, bool]]:
@@ -148,7 +150,7 @@ def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[
     rivals = []
     for t in trials:
         key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
-        if t.gain is None or t.mechanism in names or key in seen or t.worth < 0.2 * score:
+        if t.gain is None or t.mechanism in names or key in seen or t.worth < current().verdict.rival * score:
             continue
         seen.add(key)
         names.add(t.mechanism)

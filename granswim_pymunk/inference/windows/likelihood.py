@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...errors import InputError
+from ..criteria import current
 from ..hypothesis import Failed, Hypothesis
 from ..kept import Store
 from .signatures import Noise, ensemble_noise, replicate_noise
-from .windows import MEMBERS, POOL, BedCase, BedPredictor, Job, predict_all
+from .windows import POOL, BedCase, BedPredictor, Job, predict_all
 from .work import Work
 
 Prediction = list[np.ndarray]  # of each bed (W, m, D) [m], NaN in windows that were not asked for
@@ -22,15 +23,15 @@ class WindowLikelihood:
     """Predicts, and compares with what was seen. ``members`` of each window, ``replicates`` of each recording."""
 
     def __init__(
-        self, beds: Sequence[BedCase], replicates: int, members: int = MEMBERS, store: Store | None = None,
+        self, beds: Sequence[BedCase], replicates: int, members: int | None = None, store: Store | None = None,
         cut: bool = True, work: Work | None = None,
     ) -> None:  # fmt: skip
         self.work = work or Work()
         self.beds = list(beds)
-        self.members = members
+        self.members = members or current().windows.plan.members
         self.replicates = replicates
         self.store = store
-        self.predictors = [BedPredictor(b, members=members, store=store, cut=cut) for b in beds]
+        self.predictors = [BedPredictor(b, members=self.members, store=store, cut=cut) for b in beds]
         self.seen = [p.seen() for p in self.predictors]
         self.noises: list[Noise] = []
         self.paces: list[np.ndarray] = []  # of each bed (N, 2) of its replicates, see BedPredictor.pace

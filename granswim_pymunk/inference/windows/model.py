@@ -40,7 +40,7 @@ from .driver import (
 from .experiment import propose
 from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
 from .likelihood import Prediction, WindowLikelihood
-from .plan import REPLICATES, Plan
+from .plan import Plan
 from .search import Answer
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
@@ -82,8 +82,8 @@ class Windows(ObservationModel):
 
     def __init__(
         self, recordings: Sequence[Recording], hold_out: Sequence[Recording] = (), *, minutes: float | None = None,
-        seed: int = 0, progress: Progress = lambda text, share: None, replicates: int = REPLICATES,
-        candidates: Sequence[str] | None = None, plan: Plan | None = None, cut: bool = True,
+        seed: int = 0, progress: Progress = lambda text, share: None, candidates: Sequence[str] | None = None,
+        plan: Plan | None = None, cut: bool = True,
     ) -> None:  # fmt: skip
         """``minutes``: the budget, ten where not given; when it is short, members, windows and candidates are left out.
 
@@ -95,7 +95,7 @@ class Windows(ObservationModel):
         self.rng, self.progress, self.notes = np.random.default_rng(seed), progress, []
         self.judging = np.random.default_rng((seed, 1))  # of its own: what is found does not hang on how it is judged
         progress("cutting windows", 0.01)
-        self.start = begin(recordings, hold_out, minutes, seed, replicates, candidates, plan, cut, self.notes)
+        self.start = begin(recordings, hold_out, minutes, seed, candidates, plan, cut, self.notes)
         self.form: BedTrial | None = None
         self.discrepancy: Discrepancy | None = None
         self.scale: BedTrial | None = None
@@ -105,7 +105,7 @@ class Windows(ObservationModel):
         return Claim((), self.alone)
 
     def recalibrate(self) -> None:
-        self.state, self.naive_base, self.noise = recalibrated(self.start, self.rng, self.progress)
+        self.state, self.naive_base = recalibrated(self.start, self.rng, self.progress)
 
     def try_candidates(self) -> None:
         self.signatures = signatures_in_time(self.state, self.start.terms, self.notes)
@@ -119,10 +119,9 @@ class Windows(ObservationModel):
         search, p = self.state, self.null.p
         self.trials, leading = leading_laws(search, self.trials, self.chance, p, self.notes)
         self.progress("refining what was found", 0.78)
-        self.alone = without_law(search, self.noise)
+        self.alone = without_law(search)
         answer = refined(
-            search, self.alone, leading, self.trials, self.signatures, self.noise, self.start.wrong is None, self.rng,
-            self.notes,
+            search, self.alone, leading, self.trials, self.signatures, self.start.wrong is None, self.rng, self.notes
         )  # fmt: skip
         if answer.unexplained > current().windows.search.unexplained and p <= current().verdict.alarm:
             self.form, ahead = beyond_names(search, answer, self.trials, self.notes)
@@ -205,7 +204,7 @@ class Windows(ObservationModel):
 
     def left(self, judged: Judgement) -> Left:
         search, answer = self.state, judged.claim.fit
-        self.excess = excess_of(search, self.start, answer, self.predicted, self.noise)
+        self.excess = excess_of(search, self.start, answer, self.predicted)
         complete, remains = left_of(
             search,
             answer,

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..criteria import current
-from .windows import MEMBERS, MOST_WINDOWS
-from .work import CORES, Work
-
-REPLICATES = 8
-LEADERS = 7
-MINUTES = 10.0  # where no budget is given
+from .work import Work
 
 
 class Clock:
-    """The budget, in seconds of ``CORES`` idle cores: how much of it is spent."""
+    """The budget, in seconds of so many idle cores as it is meant for: how much of it is spent."""
 
     def __init__(self, minutes: float | None, work: Work) -> None:
-        self.seconds = 60.0 * (minutes or MINUTES)
+        self.seconds = 60.0 * (minutes or current().windows.plan.minutes)
         self.work = work
 
     @property
     def spent(self) -> float:
-        return self.work.seconds / CORES
+        return self.work.seconds / current().work.cores
 
     def late(self, share: float) -> bool:
         return self.spent > share * self.seconds
@@ -38,28 +33,26 @@ class Plan:
     windows: int
     leaders: int
 
+    @classmethod
+    def usual(cls, replicates: int) -> Plan:
+        """Where there is time for all."""
+        plan = current().windows.plan
+        return cls(plan.members, plan.screening, replicates, plan.most, plan.leaders)
+
 
 def make_plan(
     cost: float, windows: int, training: int, terms: int, seconds: float, replicates: int, whole: float = 1.0
 ) -> Plan:
-    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window on ``CORES``.
+    """The best plan that should be done in ``seconds``; ``cost`` [s] of one member of one window on all cores.
 
     Every step is counted, though few recordings ask for all of them.
 
     ``whole``: how many times the bodies of a window the whole bed has, of which replicates are simulated.
-
-    What is given up first: the fourth and third member, then windows, then replicates, then leaders.
+    What is given up first: see ``WindowPlanCriteria.fewer``.
     """
-    plans = [
-        Plan(m, s, n, w, k)
-        for m, s, n, w, k in (
-            (MEMBERS, 2, replicates, MOST_WINDOWS, LEADERS), (MEMBERS, 2, replicates, 26, LEADERS), (MEMBERS, 2, 6,
-            26, LEADERS),
-            (2, 2, 6, 26, LEADERS), (2, 1, 6, 26, 5), (2, 1, 6, 16, 5), (2, 1, 5, 12, 4),
-            (2, 1, 4, 9, 4), (2, 1, 4, 7, 3), (1, 1, 4, 6, 3),
-        )
-        if n <= replicates
-    ] or [Plan(2, 1, replicates, 26, 5)]  # fmt: skip
+    criteria, full = current().windows.plan, Plan.usual(replicates)
+    fewer = [Plan(*numbers) for numbers in criteria.fewer]
+    plans = [full, replace(full, windows=criteria.usual), *(p for p in fewer if p.replicates <= replicates)]
     for plan in plans:
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)

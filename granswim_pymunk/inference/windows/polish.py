@@ -5,51 +5,41 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from ..criteria import current
 from ..hypothesis import Failed, Hypothesis
 from .likelihood import WindowLikelihood, Windows, both_sides
-from .plan import Plan
+from .search import Search
 from .signatures import whole_films
 from .trial import BedTrial, moved_to
 
 
-def readjusted(
-    likelihood: WindowLikelihood,
-    hypothesis: Hypothesis,
-    values: np.ndarray,
-    nuisance: np.ndarray,
-    trial: BedTrial,
-    windows: Windows,
-) -> np.ndarray:
+def readjusted(search: Search, trial: BedTrial) -> np.ndarray:
     """Adjustables moved, to first order, to where they belong once the law is there."""
+    values, likelihood = search.values, search.likelihood
     if not len(values):
         return values
-    full = hypothesis.with_term(trial.term)
-    predicted = likelihood.predict([(full, np.concatenate([values, trial.values]))], windows)[0]
+    full = search.hypothesis.with_term(trial.term)
+    predicted = likelihood.predict([(full, np.concatenate([values, trial.values]))], search.used)[0]
     if predicted is None:
         return values
-    low, high = hypothesis.bounds
-    change = np.linalg.lstsq(nuisance, likelihood.white(predicted, windows), rcond=1e-10)[0]
-    reach = 0.15 * (high - low)
+    low, high = search.hypothesis.bounds
+    change = np.linalg.lstsq(search.nuisance, likelihood.white(predicted, search.used), rcond=1e-10)[0]
+    reach = current().windows.polish.reach * (high - low)
     return np.clip(values + np.clip(change, -reach, reach), low, high)
 
 
 def polish(
-    likelihood: WindowLikelihood,
-    hypothesis: Hypothesis,
-    values: np.ndarray,
-    trial: BedTrial,
-    windows: Windows,
-    hurried: bool,
-    late: bool,
-    plan: Plan,
-    adjusted: int,
+    search: Search, hypothesis: Hypothesis, values: np.ndarray, trial: BedTrial, hurried: bool
 ) -> tuple[np.ndarray, np.ndarray, BedTrial, WindowLikelihood, np.ndarray | None]:
     """Adjustables and laws together, with the bias of replicates that have the laws.
 
     The estimator's bias depends on the physics, and the first-order step from a scene without the law falls short.
-    ``hypothesis``, ``values``: what is there beside the law of ``trial``; the first ``adjusted`` are adjustables.
+    ``hypothesis``, ``values``: what is there beside the law of ``trial``; the first are the search's adjustables.
+    ``hurried``: numbers stay as the trial has them.
     Returns values of all, their covariance, the trial, the likelihood of those replicates, and its whitened columns.
     """
+    criteria, adjusted = current().windows.polish, len(search.values)
+    likelihood, windows = search.likelihood, search.used
     full = hypothesis.with_term(trial.term)
     z = np.concatenate([values, trial.values])
     n = len(values)
@@ -58,19 +48,21 @@ def polish(
     rough[n:, n:] = trial.covariance
     if hurried:
         return z, rough, trial, likelihood, None
-    second = likelihood.with_replicates(max(min(plan.replicates - 2, 6), 3))
+    second = likelihood.with_replicates(max(min(search.plan.replicates - 2, 6), 3))
     told: np.ndarray | None = None
-    steps = np.array([0.1 * (f.high - f.low) for f in free[:adjusted]] + [
-        0.4 * abs(v - f.neutral) if abs(v - f.neutral) > 0.1 * f.scale else 0.3 * f.scale
+    steps = np.array([criteria.step * (f.high - f.low) for f in free[:adjusted]] + [
+        criteria.amount * away if (away := abs(v - f.neutral)) > criteria.nought * f.scale
+        else criteria.absent * f.scale
         for v, f in zip(z[adjusted:], free[adjusted:], strict=True)
     ])  # fmt: skip
     low, high = full.bounds
     try:
+        late = search.clock.late(0.7)
         second.make_replicates(full, z)
         if not late:
             told = _told_by_replicates(second, full, z, steps, windows)
         bias = 0.0 if told is None else told.mean(axis=0)
-        for _ in range(3):
+        for _ in range(criteria.rounds):
             # to both sides: a base that the columns share with the innovations would push along its own chaos
             ends, spans = both_sides(z, steps, low, high)
             here, *beside = second.predict_surely([(full, z), *((full, end) for end in ends)], windows)
@@ -80,9 +72,9 @@ def polish(
             answer = np.linalg.lstsq(columns, white, rcond=1e-10)[0]
             change = steered @ (answer - away - bias)
             # never further than the columns were taken
-            change = np.clip(change, -1.5 * spans / 2, 1.5 * spans / 2)
+            change = np.clip(change, -criteria.most * spans / 2, criteria.most * spans / 2)
             before, z = z, np.clip(z + change, low, high)
-            if np.all(np.abs(z - before) < 0.15 * spans):
+            if np.all(np.abs(z - before) < criteria.still * spans):
                 break
     except (Failed, np.linalg.LinAlgError, ZeroDivisionError):
         return np.concatenate([values, trial.values]), rough, trial, likelihood, None
@@ -140,8 +132,9 @@ def _bias_follows(
         return np.eye(size), np.zeros(size)
     slope = np.linalg.lstsq(columns, np.concatenate(parts), rcond=1e-10)[0] / strength
     # what would more than triple a step is not believed
-    if 1.0 + slope[n] < 1.0 / 3.0:
-        slope = slope * (-2.0 / 3.0 / slope[n])
+    least = 1 / current().windows.polish.tripled - 1
+    if slope[n] < least:
+        slope = slope * (least / slope[n])
     along = np.zeros((size, size))
     along[:, n] = slope
     return np.linalg.inv(np.eye(size) + along), slope * float(z[n] - trial.values[0])

@@ -49,37 +49,38 @@ def signature_of(
         found = likelihood.predict(wanted, windows, members, likelihood.members)
         return found if all(amounts) else [*found, base]
 
-    weak, strong = current().windows.search.response
+    criteria = current().windows.search
+    weak, strong = criteria.response
     tried, other, columns = [], [], []
     for k in range(len(term.free)):
-        sign = 1.0 if high[k] > 1e-9 else -1.0
+        sign = 1.0 if high[k] > 0 else -1.0
         if tried_below(term):
             sign = -1.0
-        most = 0.8 * (high[k] if sign > 0 else -low[k])
+        most = criteria.inside * (high[k] if sign > 0 else -low[k])
         amount = min(1.0, most)
         kept: tuple[float, float, np.ndarray] | None = None
         smallest_failed = math.inf
-        for _ in range(3):
+        for _ in range(criteria.tries_amount):
             there = sign * amount
             # to both sides where there is room: what is even in the amount falls out, and half of the chaos
             back = float(np.clip(-there, low[k], high[k]))
-            back = back if abs(back) > 0.5 * amount else 0.0
+            back = back if abs(back) > criteria.back * amount else 0.0
             after, before = shown([there, back], k)
             if after is None or before is None:
                 smallest_failed = amount
-                amount *= 0.15
+                amount *= criteria.failed
                 continue
             change = likelihood.change(after, before, windows)
             kept = there, back, change / (there - back)
             size = float(np.sqrt(np.mean(change**2)))
             if size < weak:
-                factor = 8.0 if size < 0.3 * weak else 3.0
+                factor = criteria.grow[size < criteria.weaker * weak]
             elif size > strong:
-                factor = 0.25 if size > 3 * strong else 0.5
+                factor = criteria.shrink[size > criteria.stronger * strong]
             else:
                 break
             wider = min(amount * factor, most, 0.9 * smallest_failed)
-            if abs(wider / amount - 1) < 0.1:
+            if abs(wider / amount - 1) < criteria.as_tried:
                 break
             amount = wider
         if kept is None:
@@ -110,9 +111,25 @@ def positions(likelihood: WindowLikelihood, windows: Windows, chosen: Windows) -
     return np.concatenate(rows)
 
 
+@dataclass(frozen=True)
+class NoiseChi2:
+    """Mean and standard deviation of the chi2 that windows without a mismatch leave."""
+
+    mean: float
+    spread: float
+
+    def above(self, rest: np.ndarray) -> float:
+        """Standard deviations by which the chi2 of whitened innovations is above that."""
+        return (float(rest @ rest) - self.mean) / self.spread
+
+
 @dataclass
 class Search:
-    """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well."""
+    """Leaders refitted by simulation around the recalibrated scene: many roughly, the best of them well.
+
+    base : prediction of ``hypothesis`` with ``values``;  nuisance : (n, p) whitened columns of these
+    used : windows, of which ``few`` tell candidates apart, and ``at`` are their rows;  noise : of the used ones
+    """
 
     likelihood: WindowLikelihood
     hypothesis: Hypothesis
@@ -122,6 +139,7 @@ class Search:
     used: Windows
     few: Windows
     at: np.ndarray
+    noise: NoiseChi2
     plan: Plan
     clock: Clock
     progress: Progress
@@ -183,8 +201,8 @@ class Search:
         self.progress("siblings of the leaders", 0.64)
         trials = self.with_siblings(trials, bed)
         span = basis(np.column_stack([t.signature.clear for t in trials]))
-        most = max(t.linear for t in trials)
-        chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(8.0, 0.12 * most)]
+        most, least = max(t.linear for t in trials), current().verdict.noticed
+        chosen = [t for k, t in enumerate(trials) if k == 0 or t.linear > max(least, criteria.led * most)]
         chosen = _with_clock(_two_forms(chosen)[: 2 * self.plan.leaders], trials)
         rough = []
         for k, t in enumerate(chosen):
@@ -193,7 +211,7 @@ class Search:
                 break
             rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, criteria.rough, span))
         rough.sort(key=lambda t: -t.worth)
-        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > 0.3 * rough[0].worth]
+        best = [t for k, t in enumerate(rough) if k == 0 or t.worth > criteria.kept * rough[0].worth]
         best = best[: max(self.plan.leaders - 2, 2)]
         best = _with_clock(best, rough)
         done = []
@@ -347,7 +365,7 @@ def second_law(
         return None
     trials = []
     for rough in order[: criteria.seconds]:
-        if rough.ahead < 0.5 * by_chance.level or search.clock.late(0.82):
+        if rough.ahead < criteria.beside * by_chance.level or search.clock.late(0.82):
             break
         search.progress(f"beside it: {rough.term.label}", 0.80)
         signature = search.signature(rough.term, apart)

@@ -152,7 +152,7 @@ class BedSignature:
 
     def best(self, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Amounts (k, m) inside the bounds and the fall in chi2 (m,) for whitened innovations (n, m)."""
-        if self.surviving < 0.05:
+        if self.surviving < current().windows.signatures.surviving:
             return np.zeros((self.clear.shape[1], white.shape[1])), np.zeros(white.shape[1])
         amounts = np.linalg.lstsq(self.clear, white, rcond=1e-8)[0]
         low, high = limits(self.term)
@@ -169,7 +169,7 @@ class BedSignature:
         """
         criteria = current().windows.signatures
         gain = self.best(white)[1]
-        if len(self.windows) < criteria.several or self.surviving < 0.05:
+        if len(self.windows) < criteria.several or self.surviving < criteria.surviving:
             return gain
         low, high = limits(self.term)
         parts = np.split(np.arange(len(white)), np.cumsum(self.windows)[:-1])

@@ -19,9 +19,6 @@ from ...compiled import njit
 from ...scene import Scene
 from ..criteria import current
 
-HALF = 2  # frames on either side of the start; more smooth the velocities, fewer leave them twice as wide
-CLEAR = 5.0e-7  # m, overlaps and joint lengths are put right to below this
-
 
 @dataclass(frozen=True)
 class Posterior:
@@ -44,11 +41,12 @@ def local_quadratic(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> 
     n = xy.shape[1]
     mean, root = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
     todo = np.arange(n)
-    for half in range(HALF, current().windows.starts.widest + 1):
+    criteria = current().windows.starts
+    for half in range(criteria.half, criteria.widest + 1):
         low, high = max(frame - half, 0), min(frame + half + 1, len(t))
         piece = xy[low:high][:, todo]
         seen = np.isfinite(piece[..., 0])
-        enough = seen.sum(axis=0) >= (4 if half < current().windows.starts.widest else 3)
+        enough = seen.sum(axis=0) >= (criteria.sightings if half < criteria.widest else criteria.scanty)
         if enough.any():
             _solve(t[low:high] - t[frame], piece[:, enough], seen[:, enough], sigma, todo[enough], mean, root)
         todo = todo[~enough]
@@ -135,21 +133,12 @@ def take_apart(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
     Source: Jakobsen 2001, Advanced character physics (position projection).
     """
     criteria = current().windows.starts
-    xy = np.array(xy)
+    xy, links = np.array(xy), len(shapes.joints)
     for _ in range(4):
-        pairs = _near(xy, shapes)
-        left = _relax(
-            xy,
-            shapes.radius,
-            shapes.mobile,
-            pairs,
-            shapes.joints,
-            shapes.lengths,
-            shapes.period,
-            criteria.rounds,
-            CLEAR,
-        )
-        if left <= CLEAR:
+        pairs = np.concatenate([shapes.joints, _near(xy, shapes)])
+        lengths = np.concatenate([shapes.lengths, shapes.radius[pairs[links:]].sum(axis=1)])
+        left = _relax(xy, shapes.mobile, pairs, lengths, links, shapes.period, criteria.rounds, criteria.clear)
+        if left <= criteria.clear:
             break
     return xy
 
@@ -175,29 +164,28 @@ def _near(xy: np.ndarray, shapes: Shapes) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _relax(xy, radius, mobile, pairs, joints, lengths, period, rounds, clear):
+def _relax(xy, mobile, pairs, lengths, links, period, rounds, clear):
+    """Move pairs to their lengths [m]: the first ``links`` to these, the others to no less; what is left [m]."""
     worst = 0.0
     for _ in range(rounds):
         worst = 0.0
-        for kind in range(2):
-            rows = joints if kind == 0 else pairs
-            for k in range(rows.shape[0]):
-                i, j = rows[k, 0], rows[k, 1]
-                dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-                if period > 0.0:
-                    dx -= period * round(dx / period)
-                d = (dx * dx + dy * dy) ** 0.5
-                wrong = (lengths[k] if kind == 0 else radius[i] + radius[j]) - d
-                if (wrong <= 0.0 and kind == 1) or d == 0.0:
-                    continue
-                worst = max(worst, abs(wrong))
-                share = wrong / d / (int(mobile[i]) + int(mobile[j]))
-                if mobile[i]:
-                    xy[i, 0] -= share * dx
-                    xy[i, 1] -= share * dy
-                if mobile[j]:
-                    xy[j, 0] += share * dx
-                    xy[j, 1] += share * dy
+        for k in range(pairs.shape[0]):
+            i, j = pairs[k, 0], pairs[k, 1]
+            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            if period > 0.0:
+                dx -= period * round(dx / period)
+            d = (dx * dx + dy * dy) ** 0.5
+            wrong = lengths[k] - d
+            if (wrong <= 0.0 and k >= links) or d == 0.0:
+                continue
+            worst = max(worst, abs(wrong))
+            share = wrong / d / (int(mobile[i]) + int(mobile[j]))
+            if mobile[i]:
+                xy[i, 0] -= share * dx
+                xy[i, 1] -= share * dy
+            if mobile[j]:
+                xy[j, 0] += share * dx
+                xy[j, 1] += share * dy
         if worst <= clear:
             break
     return worst
@@ -212,90 +200,118 @@ def followed(t: np.ndarray, xy: np.ndarray, sigma: float, period: float = 0.0) -
     that frame, if their tracks are much smoother so, the next two frames included: a body that is hit strays, too.
     Source: Crocker & Grier 1996, J. Colloid Interface Sci. 179, 298 (linking); Munkres 1957 (assignment).
     """
-    out, smoother = np.array(xy), current().windows.starts.smoother
-    put_back = left_out = 0
-    second = np.hypot(*np.moveaxis(np.diff(out, n=2, axis=0), -1, 0))
+    criteria = current().windows.starts
+    second = np.hypot(*np.moveaxis(np.diff(xy, n=2, axis=0), -1, 0))
     found = np.isfinite(second)
     if not found.any():
-        return out, 0, 0
+        return np.array(xy), 0, 0
     # the second difference of a body's motion is mostly below this; of one that is hardly seen, as of all
     common = float(np.median(second[found]))
-    usual = np.array([np.median(c[f]) if f.sum() > 4 else common for c, f in zip(second.T, found.T, strict=True)])
-    far = np.maximum(12.0 * sigma, 5.0 * np.maximum(usual, common))
+    enough = criteria.sightings
+    usual = np.array([np.median(c[f]) if f.sum() > enough else common for c, f in zip(second.T, found.T, strict=True)])
+    far = np.maximum(criteria.far[0] * sigma, criteria.far[1] * np.maximum(usual, common))
+    linking = _Linking(t, np.array(xy), period, far)
+    for k in range(1, len(t)):
+        linking.frame(k)
+    return linking.out, linking.put_back, linking.left_out
 
-    def turns(away: np.ndarray) -> np.ndarray:
+
+class _Linking:
+    """Tracks that are put right frame by frame, see ``followed``.
+
+    out : (T, n, 2) [m];  far : (n,) how far from where it is led a body may be a step later [m]
+    last, before : (n, 2) the last two sightings [m], at ``when`` and ``earlier`` (n,) [s];  known : (n,) seen so far
+    column : (n,) whose label each body has;  put_back, left_out : how many labels, how many sightings
+    """
+
+    def __init__(self, t: np.ndarray, out: np.ndarray, period: float, far: np.ndarray) -> None:
+        self.t, self.out, self.period, self.far = t, out, period, far
+        self.last, self.before = out[0].copy(), np.full_like(out[0], np.nan)
+        self.when, self.earlier = np.full(out.shape[1], t[0]), np.full(out.shape[1], np.nan)
+        self.known = np.isfinite(self.last[:, 0])
+        self.column = np.arange(out.shape[1])
+        self.put_back = self.left_out = 0
+
+    def turns(self, away: np.ndarray) -> np.ndarray:
         """Whole periods in a distance (..., 2): a body that is followed across a seam may stand any number on."""
-        if not period:
+        if not self.period:
             return np.zeros_like(away)
-        whole = period * np.round(np.nan_to_num(away[..., 0]) / period)
+        whole = self.period * np.round(np.nan_to_num(away[..., 0]) / self.period)
         return np.stack([whole, np.zeros(away.shape[:-1])], axis=-1)
 
-    last, before = out[0].copy(), np.full_like(out[0], np.nan)
-    when, earlier = np.full(out.shape[1], t[0]), np.full(out.shape[1], np.nan)
-    known = np.isfinite(last[:, 0])
-    column = np.arange(out.shape[1])  # whose label each body has
-
-    def path(body: int, label: int, k: int, after: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def path(self, body: int, label: int, k: int, after: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Times (p,) and places (p, 2): the last two sightings of a body, and three from ``k`` on under a label.
 
         ``after``: the label of the last two of these, if another.
         """
-        ahead = np.arange(k, min(k + 3, len(t)))
+        ahead = np.arange(k, min(k + 3, len(self.t)))
         labels = [label, *[label if after is None else after] * (len(ahead) - 1)]
-        times = np.array([earlier[body], when[body], *t[ahead]])
-        places = np.concatenate([before[[body]], last[[body]], out[ahead, labels]])
-        places -= turns(places - last[body])
+        times = np.array([self.earlier[body], self.when[body], *self.t[ahead]])
+        places = np.concatenate([self.before[[body]], self.last[[body]], self.out[ahead, labels]])
+        places -= self.turns(places - self.last[body])
         good = np.isfinite(places[:, 0]) & np.isfinite(times)
         return times[good], places[good]
 
-    for k in range(1, len(t)):
-        here = out[k, column]
+    def frame(self, k: int) -> None:
+        """Put frame k right, all before it are."""
+        t, last, before = self.t, self.last, self.before
+        here = self.out[k, self.column]
         seen = np.isfinite(here[:, 0])
-        v = np.where(np.isfinite(before), (last - before) / (when - earlier)[:, None], 0.0)
-        guess = last + v * (t[k] - when)[:, None]
-        here = here - turns(here - guess)
+        v = np.where(np.isfinite(before), (last - before) / (self.when - self.earlier)[:, None], 0.0)
+        guess = last + v * (t[k] - self.when)[:, None]
+        here = here - self.turns(here - guess)
         off = np.hypot(*(here - guess).T)
-        gone = np.where(np.isfinite(before[:, 0]), (t[k] - when) / (when - earlier), 2.0)
-        wide = far * np.clip(gone, 1.0, 4.0)
-        odd = np.flatnonzero(seen & known & (off > wide))
+        gone = np.where(np.isfinite(before[:, 0]), (t[k] - self.when) / (self.when - self.earlier), 2.0)
+        wide = self.far * np.clip(gone, 1.0, 4.0)
+        odd = np.flatnonzero(seen & self.known & (off > wide))
         if len(odd) > 1:
-            away = here[odd][None] - guess[odd][:, None]
-            away -= turns(away)
-            _, best = linear_sum_assignment(np.hypot(*np.moveaxis(away, -1, 0)))
-            former = column[odd].copy()
-            for ring in _rings(best):
-                mine, others = odd[ring], former[best[ring]]
-                now = np.sum([_bend(*path(b, column[b], k)) for b in mine])
-                then = np.sum([_bend(*path(b, c, k)) for b, c in zip(mine, others, strict=True)])
-                once = np.sum([_bend(*path(b, c, k, column[b])) for b, c in zip(mine, others, strict=True)])
-                if min(then, once) < smoother * now:
-                    if then < once:  # who has another's label keeps it until shown otherwise
-                        column[mine] = others
-                    else:
-                        put_back += len(mine)
-                    here[mine] = guess[mine] + away[ring, best[ring]]
-                    off[mine] = np.hypot(*(here[mine] - guess[mine]).T)
-        lost = np.flatnonzero(known & ~seen)
+            self._exchange(k, odd, here, guess)
+            off[odd] = np.hypot(*(here[odd] - guess[odd]).T)
+        lost = np.flatnonzero(self.known & ~seen)
         for b in odd[off[odd] > wide[odd]]:
             if len(lost):
                 away = here[b] - guess[lost]
-                if (np.hypot(*(away - turns(away)).T) < wide[lost]).any():
+                if (np.hypot(*(away - self.turns(away)).T) < wide[lost]).any():
                     here[b] = np.nan  # stands where one that is not seen should be: wait for the next frame
                     continue
-            times, places = path(b, column[b], k)
-            rest = times != t[k]
-            if rest.sum() >= 4 and _bend(times[rest], places[rest]) < smoother**2 * _bend(times, places):
-                here[b] = np.nan  # one sighting apart from a smooth track
-                left_out += 1
-        out[k] = here
+            if self._strays(k, int(b)):
+                here[b] = np.nan
+                self.left_out += 1
+        self.out[k] = here
         seen = np.isfinite(here[:, 0])
-        before[seen], earlier[seen] = last[seen], when[seen]
-        last[seen], when[seen] = here[seen], t[k]
-        fresh = seen & ~known
-        before[fresh] = np.nan
-        known |= seen
-        put_back += int(np.sum((column != np.arange(len(column))) & seen))
-    return out, put_back, left_out
+        before[seen], self.earlier[seen] = last[seen], self.when[seen]
+        last[seen], self.when[seen] = here[seen], t[k]
+        before[seen & ~self.known] = np.nan
+        self.known |= seen
+        self.put_back += int(np.sum((self.column != np.arange(len(self.column))) & seen))
+
+    def _exchange(self, k: int, odd: np.ndarray, here: np.ndarray, guess: np.ndarray) -> None:
+        """Give bodies that are elsewhere in frame k to each other where their tracks are much smoother so."""
+        column, smoother = self.column, current().windows.starts.smoother
+        away = here[odd][None] - guess[odd][:, None]
+        away -= self.turns(away)
+        _, best = linear_sum_assignment(np.hypot(*np.moveaxis(away, -1, 0)))
+        former = column[odd].copy()
+        for ring in _rings(best):
+            mine, others = odd[ring], former[best[ring]]
+            now = np.sum([_bend(*self.path(b, column[b], k)) for b in mine])
+            then = np.sum([_bend(*self.path(b, c, k)) for b, c in zip(mine, others, strict=True)])
+            once = np.sum([_bend(*self.path(b, c, k, column[b])) for b, c in zip(mine, others, strict=True)])
+            if min(then, once) < smoother * now:
+                if then < once:  # who has another's label keeps it until shown otherwise
+                    column[mine] = others
+                else:
+                    self.put_back += len(mine)
+                here[mine] = guess[mine] + away[ring, best[ring]]
+
+    def _strays(self, k: int, body: int) -> bool:
+        """Whether a body's sighting in frame k is a single one apart from a smooth track."""
+        criteria = current().windows.starts
+        times, places = self.path(body, self.column[body], k)
+        rest = times != self.t[k]
+        if rest.sum() < criteria.sightings:
+            return False
+        return _bend(times[rest], places[rest]) < criteria.smoother**2 * _bend(times, places)
 
 
 def _rings(best: np.ndarray) -> list[np.ndarray]:
@@ -313,7 +329,7 @@ def _rings(best: np.ndarray) -> list[np.ndarray]:
 
 def _bend(t: np.ndarray, places: np.ndarray) -> float:
     """Sum of squares [m^2] that x0 + v s + a s^2/2 leaves of places (p, 2); infinite with less than four."""
-    if len(t) < 4:
+    if len(t) < current().windows.starts.sightings:
         return math.inf
     s = (t - t[0]) / (t[-1] - t[0])
     design = np.stack([np.ones_like(s), s, s**2], axis=1)

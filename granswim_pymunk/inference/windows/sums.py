@@ -12,17 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..criteria import current
 from .starts import Posterior
 
-NEAR = 3.0e-3  # m between the surfaces of a grain and the swimmer: two diameters
 # of grains near and of grains far; "alike": all that surely move count alike, "fast": by the square of their speed
 MOMENTS = (
     "mean dx", "mean dy", "along, alike", "along", "along, fast", "across, alike", "across", "across, fast",
     "stretch x", "stretch y", "shear x", "shear y", "size across", "spread",
 )  # fmt: skip
-FEWEST = 3  # grains that make a moment
-FEWEST_CELL = 2  # grains that make a mean about one disk
-SURE = 2.0  # sigma: a displacement is not known better than that
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +50,7 @@ class Sums:
     def sure(self, moved: np.ndarray, sigma: float) -> np.ndarray:
         """Weights (L - 1, g) [m^-2] from members' displacements (m, L - 1, g, 2) [m]; sigma [m] of a sighting."""
         scatter = np.nan_to_num(moved).var(axis=0, ddof=1).mean(axis=-1)
-        return 1.0 / (scatter + (SURE * sigma) ** 2)
+        return 1.0 / (scatter + (current().windows.sums.sure * sigma) ** 2)
 
     def of(self, moved: np.ndarray) -> np.ndarray:
         """(L - 1, size) of displacements (L - 1, g, 2) [m] since the seen start: moments of grains near, the same of
@@ -82,7 +79,7 @@ class Sums:
         size = np.sqrt((self.speed * across**2) @ parts / np.maximum(self.speed @ parts, 1e-300))
         spread = np.sqrt(np.maximum(np.sum(d**2, axis=1) @ parts / np.maximum(count, 1.0) - np.sum(mean**2, axis=0), 0))
         moments = np.concatenate([moments, size[None], spread[None]])
-        moments[:, count < FEWEST] = np.nan
+        moments[:, count < current().windows.sums.grains] = np.nan
         return np.concatenate([moments.T.ravel(), self._cells(d, q, valid).ravel()])
 
     def _cells(self, d: np.ndarray, q: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -91,7 +88,7 @@ class Sums:
         total, count = (np.bincount(cell, weight, 2 * self.disks) for weight in (q, valid.astype(float)))
         added = np.stack([np.bincount(cell, q * d[:, k], 2 * self.disks) for k in (0, 1)], axis=-1)
         means = added / np.maximum(total, 1e-300)[:, None]
-        means[count < FEWEST_CELL] = np.nan
+        means[count < current().windows.sums.about] = np.nan
         return means.reshape(2, self.disks, 2)
 
 
@@ -112,6 +109,7 @@ def sums_of(
 
     seen : (n,) bool, in that frame;  rows, grains : of disks and grains;  radius : (n,) [m];  period [m] along x, or 0
     """
+    criteria = current().windows.sums
     start = posterior.mean[grains, 0].copy()
     start[~seen[grains]] = np.nan
     v = posterior.mean[grains, 1]
@@ -130,6 +128,6 @@ def sums_of(
     if known.any():
         distance[known], nearest[known] = cKDTree(images).query(places[known])
     nearest %= len(rows)
-    near = known & (distance < radius[grains] + radius[rows[nearest]] + NEAR)
+    near = known & (distance < radius[grains] + radius[rows[nearest]] + criteria.near)
     along = v / np.maximum(speed, 1e-12)[:, None]
-    return Sums(start, along, speed, speed > 3.0 * error, near, nearest, len(rows), place)
+    return Sums(start, along, speed, speed > criteria.moving * error, near, nearest, len(rows), place)

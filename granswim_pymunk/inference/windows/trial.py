@@ -111,7 +111,8 @@ def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
     Each chi2 carries the bed's chaos: the lowest of several would flatter. Without a minimum: the lowest point.
     """
     best = min(chi2, key=lambda s: chi2[s])
-    near = sorted((s for s in chi2 if best == 0.0 or 0.35 * best <= s <= 2.2 * best), key=lambda s: abs(s - best))
+    low, high = (part * best for part in current().windows.search.about)
+    near = sorted((s for s in chi2 if best == 0.0 or low <= s <= high), key=lambda s: abs(s - best))
     if len(near) < 3:
         near = sorted(chi2, key=lambda s: abs(s - best))[:3]
     if len(near) >= 3:

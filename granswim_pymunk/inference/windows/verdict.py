@@ -22,7 +22,7 @@ from .candidates import LawAdder
 from .hidden import NAME
 from .likelihood import Prediction, WindowLikelihood
 from .trial import BedTrial
-from .windows import HALF, BedCase, BedPredictor, placed
+from .windows import BedCase, BedPredictor, placed
 
 
 def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
@@ -95,8 +95,8 @@ def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws
     for trial in laws:
         hypothesis, values = hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
     scene, camera = hypothesis.scene(bed.case, values)
-    xy, v = BedPredictor(bed, cut=False).start_at(HALF, (3, 0), camera)
-    start = float(bed.film.t[HALF])
+    xy, v = BedPredictor(bed, cut=False).start_at(bed.half, (3, 0), camera)
+    start = float(bed.film.t[bed.half])
     spacing = float(np.median(np.diff(bed.film.t)))
     changed = {k: x for k, x in camera.items() if x != NO_CAMERA[k]}
     return handed_over(

@@ -279,7 +279,7 @@ def remains_in(
                 body = found.bed.scene.bodies[int(row)].id
                 size[body] = max(size.get(body, -math.inf), float(excess))
     worst = max(size.values())
-    bodies = tuple(b for b, excess in size.items() if excess > 0.5 * worst) or tuple(size)
+    bodies = tuple(b for b, excess in size.items() if excess > current().verdict.bodies * worst) or tuple(size)
     floor = scores.floor.mean(axis=0)
     most = int(np.argmax(np.array(list(scores.sums.values())) / np.maximum(floor, 1e-12)))
     places = [(bed, int(w)) for bed, chosen in zip(likelihood.beds, windows, strict=True) for w in chosen]

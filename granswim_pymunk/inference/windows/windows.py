@@ -28,16 +28,8 @@ from ..threads import ContextPool
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
 from .radii import Sized, with_radii
-from .starts import HALF, Shapes, draw, followed, local_quadratic, take_apart
+from .starts import Shapes, draw, followed, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
-from .work import BODY_START, BODY_STEP
-
-LENGTH = 0.016  # s, of a window
-MEMBERS = 3
-MOST_WINDOWS = 45  # of one recording: a second of film
-FEWEST = 5
-COARSE = 3.5  # times the advised step: four steps in the shortest contact. Windows start from states with errors of
-# their own, and replicates are as coarse; restitution shifts by less than 0.01 (benchmarks/cut_out.py)
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 POOL = ContextPool(max_workers=THREADS, thread_name_prefix="granswim-bed")
@@ -100,6 +92,11 @@ class BedCase:
         return self.film.t[self.starts]
 
     @property
+    def half(self) -> int:
+        """Frames on either side that a start is told from: the first that a replicate has."""
+        return current().windows.starts.half
+
+    @property
     def span(self) -> float:
         """Length of a window [s]."""
         return float(self.film.t[self.looks[-1]] - self.film.t[0])
@@ -131,17 +128,18 @@ class BedCase:
 
 
 def bed_case(
-    recording: Recording, *, held_out: bool = False, split: bool = True, seed: int = 0, most: int = MOST_WINDOWS
+    recording: Recording, *, held_out: bool = False, split: bool = True, seed: int = 0, most: int | None = None
 ) -> BedCase:
-    """Cut a recording into windows that share no frame. Raises InputError where there are too few."""
-    scene = recording.scene
+    """Cut a recording into windows that share no frame, ``most`` at the most. Raises InputError for too few."""
+    scene, plan, half = recording.scene, current().windows.plan, current().windows.starts.half
+    most = plan.most if most is None else most
 
     def fault(message: str) -> InputError:
         return InputError(message, file=recording.folder, where=f"recording {recording.name}")
 
     if not scene.chains:
         raise fault("has no swimmer to follow through the bed")
-    if recording.xy.size == 0 or len(recording.t) < 12:
+    if recording.xy.size == 0 or len(recording.t) < plan.frames:
         raise fault("has too few frames for windows in a bed")
     unwrapped = recording.unwrapped().xy
     sigma = recording.position_noise
@@ -161,30 +159,30 @@ def bed_case(
     scene = recording.scene
     case = prepare(recording, held_out=held_out, split=split, clean=False)
     spacing = float(np.median(np.diff(recording.t)))
-    reach = max(round(LENGTH / spacing), HALF + 2)
+    reach = max(round(plan.length / spacing), half + 2)
     # a frame that the start is made of says nothing new, but for its place among its neighbours
-    looks = np.unique([0, max(round(reach / 2), HALF + 1), reach])
+    looks = np.unique([0, max(round(reach / 2), half + 1), reach])
     # replicates of a recording begin at its third frame and have no earlier ones; they need a while to settle
-    first, last = 2 * HALF + 2, len(recording.t) - 1 - reach
-    size = HALF + reach + 1
+    first, last = 2 * half + 2, len(recording.t) - 1 - reach
+    size = half + reach + 1
     count = (last - first) // size + 1
-    if count < FEWEST:
+    if count < plan.windows:
         raise fault(
-            f"only {max(count, 0)} windows of {1e3 * LENGTH:g} ms fit in; {FEWEST} are needed (film longer, or "
-            "with more frames a second)"
+            f"only {max(count, 0)} windows of {1e3 * plan.length:g} ms fit in; {plan.windows} are needed "
+            "(film longer, or with more frames a second)"
         )
     starts = first + size * np.arange(count)
     if count > most:
-        starts = starts[np.unique(np.round(np.linspace(0, count - 1, max(most, FEWEST))).astype(int))]
+        starts = starts[np.unique(np.round(np.linspace(0, count - 1, max(most, plan.windows))).astype(int))]
     training = np.full(len(starts), not held_out)
     if split and not held_out:
         training = recording.t[starts + reach] <= end
-    seen = np.isfinite(full[..., 0]).sum(axis=0) > 4
+    seen = np.isfinite(full[..., 0]).sum(axis=0) > current().windows.starts.sightings
     rows = np.array([k for chain in scene.chains for k in chain if seen[k]], dtype=np.int64)
     if not len(rows):
         raise fault("no disk of the swimmer is seen in five frames")
     grains = [k for k, b in enumerate(scene.bodies) if b.role == "grain" and seen[k] and k < listed]
-    dt = max(scene.time.dt or 0.0, COARSE * advise_dt(placed(scene, np.nan_to_num(full[first]), None)))
+    dt = max(scene.time.dt or 0.0, plan.coarse * advise_dt(placed(scene, np.nan_to_num(full[first]), None)))
     steps = max(int(np.ceil(spacing / dt)), 10)
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
@@ -224,7 +222,7 @@ def off_by(scene: Scene, recording: Recording, rng: np.random.Generator) -> Scen
 
 def _plain(camera: Mapping[str, Any]) -> bool:
     """Whether places are shown as they are."""
-    return camera["scale"] == 1.0 and camera["tilt"] == 0.0 and not any(camera["bias"])
+    return camera["scale"] == 1 and camera["tilt"] == 0.0 and not any(camera["bias"])
 
 
 def _unseen(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
@@ -246,7 +244,7 @@ class BedPredictor:
     """
 
     def __init__(
-        self, bed: BedCase, film: Film | None = None, members: int = MEMBERS, store: Store | None = None,
+        self, bed: BedCase, film: Film | None = None, members: int | None = None, store: Store | None = None,
         cut: bool = True,
     ) -> None:  # fmt: skip
         self.bed = bed
@@ -257,7 +255,7 @@ class BedPredictor:
         if self.cut is not None:
             self.free = np.isin(bed.grains, self.cut.inside)
         self.store = store
-        self.members = members
+        self.members = members or current().windows.plan.members
         self._lock = threading.Lock()
         self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
         self._paths: dict[int, np.ndarray] = {}
@@ -278,22 +276,21 @@ class BedPredictor:
     def member_cost(self) -> float:
         """Seconds of a core [s] that a member of a window takes, about."""
         bodies = len(self.bed.scene.bodies) if self.cut is None else len(self.cut.rows)
-        return bodies * (BODY_START + BODY_STEP * self.bed.span / self.bed.dt)
+        work = current().work
+        return bodies * (work.body_start + work.body_step * self.bed.span / self.bed.dt)
 
     @property
     def film_cost(self) -> float:
         """Seconds of a core [s] that the whole film of a replicate takes, about."""
-        return len(self.bed.scene.bodies) * BODY_STEP * float(np.ptp(self.bed.film.t)) / self.bed.dt
+        return len(self.bed.scene.bodies) * current().work.body_step * float(np.ptp(self.bed.film.t)) / self.bed.dt
 
     def pace(self) -> np.ndarray:
         """(2,) rms speed [m/s] at the starts of training windows, of the swimmer's disks and of the grains."""
         bed, frames = self.bed, self.bed.starts[self.bed.training]
         if not len(frames):
             frames = bed.starts
-        t = self.film.t
-        v = (self.film.xy[frames + HALF] - self.film.xy[frames - HALF]) / (t[frames + HALF] - t[frames - HALF])[
-            :, None, None
-        ]
+        after, before, t = frames + bed.half, frames - bed.half, self.film.t
+        v = (self.film.xy[after] - self.film.xy[before]) / (t[after] - t[before])[:, None, None]
         squares = np.sum(v**2, axis=-1)
         means = [np.nanmean(squares[:, rows]) if len(rows) else 0.0 for rows in (bed.rows, bed.grains)]
         return np.sqrt(np.nan_to_num(np.array(means)))
@@ -543,8 +540,8 @@ class BedPredictor:
         shapes = bed.shapes if scene.bodies == bed.scene.bodies else Shapes.of(scene)
         rng = np.random.default_rng((bed.seed, 7, number))
         first = self.start_at(int(bed.starts[0]), (0, 0), shapes=shapes)
-        xy, v = self.start_at(HALF, (3, number), camera, shapes=shapes)
-        t = bed.film.t[HALF:]
+        xy, v = self.start_at(bed.half, (3, number), camera, shapes=shapes)
+        t = bed.film.t[bed.half :]
         offset = float(camera["time_offset"])
         try:
             simulation = Simulation(placed(scene, *first), dt=bed.dt)
@@ -553,8 +550,8 @@ class BedPredictor:
         except (InputError, SimulationError) as error:
             raise Failed(str(error)) from None
         seen = np.full(bed.film.xy.shape, np.nan)
-        seen[HALF:] = _shown(true, camera)
-        seen[HALF:] += rng.normal(0.0, bed.film.sigma, true.shape)
+        seen[bed.half :] = _shown(true, camera)
+        seen[bed.half :] += rng.normal(0.0, bed.film.sigma, true.shape)
         seen[~np.isfinite(bed.film.xy)] = np.nan
         return Film(bed.film.t, seen, bed.film.sigma)
 

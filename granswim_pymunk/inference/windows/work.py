@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-CORES = 2  # idle ones, that a budget is meant for
-BODY_STEP = 1.4e-8  # s of a core that a step of one body takes, about
-BODY_START = 1e-5  # s of a core that a body's start takes: estimated, drawn, taken apart from its neighbours
-
 
 @dataclass
 class Work:
