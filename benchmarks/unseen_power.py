@@ -19,7 +19,8 @@ import numpy as np
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.packings.model import Packings
 from granswim_pymunk.inference.packings.response import Means, covariances
-from granswim_pymunk.inference.packings.search import Search, columns_of, model_of
+from granswim_pymunk.inference.packings.screening import columns_of, model_of
+from granswim_pymunk.inference.packings.state import Search
 from granswim_pymunk.recording import Recording, read_recording
 
 FOLDS = 5

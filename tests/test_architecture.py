@@ -45,20 +45,15 @@ WIDE = {
 # numbers that stand outside inference/criteria: constants of a module, and literals that something is compared with
 # (others than 0 to 3). Some are of the arithmetic (where doubles end, a division by nearly nothing) and decide nothing
 CONSTANTS = {
-    "inference.hypothesis": 2, "inference.kept": 1, "inference.noise": 1, "inference.packings.model": 2,
-    "inference.packings.runs": 8, "inference.packings.search": 3, "inference.packings.summaries": 4,
-    "inference.significance": 1, "inference.swimmer_terms": 1, "inference.tracks.innovations": 1,
+    "inference.hypothesis": 2, "inference.noise": 1, "inference.swimmer_terms": 1, "inference.tracks.innovations": 1,
 }  # fmt: skip
 LITERALS = {
-    "inference.data": 3, "inference.entry": 1, "inference.linear": 3, "inference.noise": 2,
-    "inference.packings.checks": 1, "inference.packings.conclude": 3, "inference.packings.model": 1,
-    "inference.packings.response": 4, "inference.packings.runs": 2, "inference.packings.search": 6,
-    "inference.packings.summaries": 6, "inference.start": 1, "inference.tracks.blocks": 4, "inference.tracks.choose": 1,
-    "inference.tracks.fit": 3, "inference.tracks.held_out": 3, "inference.tracks.innovations": 2,
-    "inference.tracks.intervals": 3, "inference.tracks.model": 3, "inference.tracks.name": 5,
-    "inference.tracks.nulls": 2, "inference.tracks.pairs": 2, "inference.tracks.score_test": 1,
-    "inference.tracks.segments": 2, "inference.tracks.signatures": 6, "inference.tracks.solve": 3,
-    "inference.tracks.study": 2,
+    "inference.data": 3, "inference.entry": 1, "inference.noise": 2, "inference.start": 1, "inference.tracks.blocks": 4,
+    "inference.tracks.choose": 1, "inference.tracks.fit": 3, "inference.tracks.held_out": 3,
+    "inference.tracks.innovations": 2, "inference.tracks.intervals": 3, "inference.tracks.model": 3,
+    "inference.tracks.name": 5, "inference.tracks.nulls": 2, "inference.tracks.pairs": 2,
+    "inference.tracks.score_test": 1, "inference.tracks.segments": 2, "inference.tracks.signatures": 6,
+    "inference.tracks.solve": 3, "inference.tracks.study": 2,
 }  # fmt: skip
 
 

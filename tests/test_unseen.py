@@ -16,36 +16,22 @@ from granswim_pymunk.engine import Simulation, softened
 from granswim_pymunk.engine.advice import contact_duration
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import current
+from granswim_pymunk.inference.criteria.packings import Sizes
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Free
 from granswim_pymunk.inference.packings import diagnose_unseen
+from granswim_pymunk.inference.packings.amounts import Amount, amount_jobs
 from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
 from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
+from granswim_pymunk.inference.packings.recalibrate import begin, recalibrate
+from granswim_pymunk.inference.packings.refitting import anchored, goodness, refit, run_at, stiffer
 from granswim_pymunk.inference.packings.response import Means, Model, add, covariances, fit
-from granswim_pymunk.inference.packings.runs import SOFTER, Job, Runner, softness, time_step
-from granswim_pymunk.inference.packings.search import (
-    LEAST_SHOWN,
-    MOST_SHOWN,
-    NAIVE,
-    Amount,
-    Bank,
-    Sizes,
-    amount_jobs,
-    anchored,
-    begin,
-    goodness,
-    jobs_for,
-    label_of,
-    recalibrate,
-    refit,
-    rounded,
-    run_at,
-    screen,
-    stiffer,
-)
+from granswim_pymunk.inference.packings.runs import Job, Runner, softness, time_step
+from granswim_pymunk.inference.packings.screening import Bank, screen
+from granswim_pymunk.inference.packings.state import NAIVE, jobs_for, label_of, rounded
 from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of
 from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
@@ -240,7 +226,8 @@ def test_an_amount_between_too_little_and_too_much_is_found():
         amount = Amount(factor=first)
         while not amount.settled and len(amount.tried) < current().packings.probes:
             amount.add(response(amount.factor), False)
-        assert amount.settled and LEAST_SHOWN <= response(amount.best) <= MOST_SHOWN, first
+        shown = current().packings.amounts
+        assert amount.settled and shown.least <= response(amount.best) <= shown.most, first
     bound = Amount()
     bound.add(0.7, True)
     assert bound.settled and bound.best == 1.0
@@ -262,9 +249,9 @@ def test_softer_contacts_keep_the_restitution():
         return float(sim.state().v[1, 0] - sim.state().v[0, 0]) / 0.2
 
     scene = toy_scene(F)
-    assert rebound(softened(scene, SOFTER)) == pytest.approx(rebound(scene), rel=0.01)
-    stiffness = softened(scene, SOFTER).laws_named("contact_linear")[0].values["stiffness"]
-    assert stiffness == 2.2e2 / SOFTER
+    assert rebound(softened(scene, current().packings.runs.softer)) == pytest.approx(rebound(scene), rel=0.01)
+    stiffness = softened(scene, current().packings.runs.softer).laws_named("contact_linear")[0].values["stiffness"]
+    assert stiffness == 2.2e2 / current().packings.runs.softer
 
 
 def test_every_candidate_can_be_put_into_the_scene_and_known_ones_are_no_candidates():
@@ -396,7 +383,7 @@ def test_contacts_are_softened_as_far_as_a_stroke_allows():
     paper = toy_scene(9.0).with_parameter("contact_linear.stiffness", 2.2e3)
     paper = pack(replace(paper.with_parameter("contact_linear.damping", 1e4), seed=3))
     soft = pack(replace(toy_scene(14.0), seed=3))
-    assert softness(paper) == SOFTER and 1.0 < softness(soft) < 4.0
+    assert softness(paper) == current().packings.runs.softer and 1.0 < softness(soft) < 4.0
     # a contact of the toy bed still lasts less than a four hundredth of a cycle
     assert contact_duration(softened(soft, softness(soft))) < 1 / (400 * 14.0)
     assert time_step(paper, True) > 4 * time_step(paper, False)
@@ -695,7 +682,7 @@ def test_a_force_that_no_law_gives_is_unmodelled_or_left_as_incomplete(world, mo
     """A law that is not among the candidates: what comes closest is not named where it leaves most of the misfit."""
     films = filmed({"resting_curvature at joint 2": [0.2]}, 5)
     alone = ("head_force along the axis", "linear_drag", "camera_scale")
-    monkeypatch.setattr("granswim_pymunk.inference.packings.search.candidates_of",
+    monkeypatch.setattr("granswim_pymunk.inference.packings.amounts.candidates_of",
                         lambda c: [x for x in candidates_of(c) if x.label in alone])  # fmt: skip
     verdict = diagnose_unseen(films).verdict
     assert verdict["verdict"] == "unmodelled" and not verdict["complete"]
@@ -753,7 +740,7 @@ def few_candidates(monkeypatch):
     def chosen(conditions):
         return [x for x in candidates_of(conditions) if x.label in wanted]
 
-    monkeypatch.setattr("granswim_pymunk.inference.packings.search.candidates_of", chosen)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.amounts.candidates_of", chosen)
 
 
 def test_dry_friction_is_named_and_the_files_are_there(few_candidates, tmp_path):

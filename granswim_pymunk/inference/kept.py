@@ -16,7 +16,7 @@ from ..storage import cache_folder
 
 log = logging.getLogger("granswim")
 
-CODE = 4  # part of every key: a new number forgets what older code computed
+CODE = "4"  # part of every key: a new number forgets what older code computed
 
 
 def load_array(file: Path, shape: tuple[int, ...] | None = None) -> np.ndarray | None:

@@ -18,10 +18,10 @@ def basis(columns: np.ndarray) -> np.ndarray:
     if columns.shape[1] > current().fits.many:
         # many starts hardly depend on one another: the roots of their normal equations do
         values, vectors = np.linalg.eigh(columns.T @ columns)
-        kept = values > 1e-10 * values[-1]
+        kept = values > current().rounding.eigenvalue * values[-1]
         return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return u[:, s > 1e-7 * s[0]]
+    return u[:, s > current().rounding.singular * s[0]]
 
 
 def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > 0] / size[size > 0]
         values, turned = np.linalg.eigh(columns.T @ columns)
-        kept = values > 1e-10 * values[-1]
+        kept = values > current().rounding.eigenvalue * values[-1]
         inner = turned[:, kept].T @ (columns.T @ vectors) / values[kept, None]
         return np.asarray(columns @ (turned[:, kept] @ inner))
     q = basis(columns)

@@ -10,8 +10,6 @@ from scipy import stats
 
 from .criteria import current
 
-SMALLEST = 1e-300  # where doubles end
-
 
 def rank(value: float, sample: np.ndarray) -> float:
     """p of a value among replicates: (1 + how many reach it)/(replicates + 1), never below 1/(replicates + 1)."""
@@ -48,7 +46,7 @@ def price(candidates: int, numbers: int = 1) -> float:
 
 def normal_score(p: float) -> float:
     """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
-    return float(stats.norm.isf(min(max(p, SMALLEST), 1.0 - 1e-15)))
+    return float(stats.norm.isf(min(max(p, current().rounding.nothing), 1.0 - 1e-15)))
 
 
 def after_looks(p_one: float, looked: int) -> tuple[float, float]:
@@ -58,5 +56,5 @@ def after_looks(p_one: float, looked: int) -> tuple[float, float]:
     Source: Šidák 1967, J. Am. Stat. Assoc. 62, 626.
     """
     p = -math.expm1(max(looked, 1) * math.log1p(-min(p_one, 1.0 - 1e-16)))
-    p = max(p, SMALLEST)
+    p = max(p, current().rounding.nothing)
     return normal_score(p), p

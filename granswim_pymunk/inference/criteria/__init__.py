@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+from .arithmetic import RoundingCriteria
 from .beds import RadiiCriteria
 from .general import (
     BlockCriteria,
@@ -45,6 +46,7 @@ class Criteria:
     """
 
     noise: NoiseCriteria = field(default_factory=NoiseCriteria)
+    rounding: RoundingCriteria = field(default_factory=RoundingCriteria)
     work: WorkCriteria = field(default_factory=WorkCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)

@@ -2,12 +2,117 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many packings are run of each kind, for every recording; see ``planned_sizes``. Choices.
+
+    true : of the naive scene with its own contacts;  soft : with softer ones: the spread needs them
+    adjustable : of each adjustable;  screen : of every candidate;  more : beside those, of the candidates in question
+    leader : at a leader's fitted amount;  final : of the revised scene with its own contacts
+    leaders : laws that are refitted;  duel : of the best two, where they are near each other
+    spread : of the naive scene in all training films together, where ``soft`` are fewer
+    """
+
+    true: int = 8
+    soft: int = 20
+    adjustable: int = 4
+    screen: int = 1
+    more: int = 3
+    leader: int = 6
+    final: int = 4
+    leaders: int = 5
+    duel: int = 12
+    spread: int = 0
+
+    def times(self, factor: float) -> Sizes:
+        """More, or fewer, of everything."""
+        least = {"true": 3, "soft": 3, "adjustable": 2, "leader": 2, "final": 2, "leaders": 3, "duel": 4, "screen": 1}
+        return replace(self, **{
+            f.name: max(round(getattr(self, f.name) * (min(factor, 1.2) if f.name == "leaders" else factor)),
+                        least.get(f.name, 0))
+            for f in fields(self) if f.name != "spread"
+        })  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RunCriteria:
+    """How a scene is run in other packings.
+
+    softer : times, by which contacts are softer at most in runs that only give differences; restitution stays. Choice
+    stroke : contacts that a cycle of the drive is long, at least, where they are softer. Choice
+    per_contact : steps that a soft contact lasts;  own : of the advised step, where contacts are the scene's: 10 steps
+        a contact;  coarser : the step of all other laws where contacts are soft: 25 a period of the union. Choices: the
+        spread between packings is some per cent
+    first_seed : of the packings. Choice: unlikely to be that of a simulated recording
+    apart : of the sum of radii, between which linked disks keep their distance in a run that counts. Choice
+    """
+
+    softer: float = 25.0
+    stroke: float = 450.0
+    per_contact: float = 10.0
+    own: float = 1.5
+    coarser: float = 4.0
+    first_seed: int = 700_001
+    apart: tuple[float, float] = (0.7, 1.5)
+
+
+@dataclass(frozen=True)
+class SummaryCriteria:
+    """What is compared of a recording whose bed is not seen.
+
+    harmonics : of the angles. Theory: a straight symmetric swimmer has no even ones;  higher : cycles from which more
+        than the first is told. Choice
+    cycles : below which nothing can be told about harmonics;  frames : of a disk, the fewest
+    straight [rad] : off the axis, up to which a swimmer is straight
+    curve [s] : what a curve's speed leaves out (contract);  least [s] : that it has to last beyond;  end [s] : of one
+        that does not say how long it was;  look [s] : between two looks at a simulated swimmer of a curve
+    speeds : of a curve, from which every third is held out. Choice
+    """
+
+    harmonics: tuple[int, ...] = (1, 3)
+    higher: float = 1.9
+    cycles: float = 1.2
+    frames: int = 16
+    straight: float = 0.1
+    curve: float = 0.5
+    least: float = 0.1
+    end: float = 1.1
+    look: float = 2e-3
+    speeds: int = 6
+
+
+@dataclass(frozen=True)
+class AmountCriteria:
+    """How much of a candidate is run.
+
+    least, most : of its shift, in what two packings differ by;  wanted : of it. Theory: where it is r, its direction is
+        known to a cosine of sqrt(1 - 1/r^2), 0.87 at the least
+    grow : times the amount where it shows too little;  gone : where no run survives it. Choices
+    """
+
+    least: float = 2.0
+    most: float = 9.0
+    wanted: float = 4.0
+    grow: float = 6.0
+    gone: float = 0.2
 
 
 @dataclass(frozen=True)
 class PackingCriteria:
     """All that decides where statistics over packings are compared.
+
+    minutes : what a diagnosis may take where nothing is said;  sizes : how many packings are run;  runs : how
+    summaries : what is compared;  amounts : how much of a candidate is run
+    step : of an adjustable's range, and ``slope``: of a number's scale, by which derivatives step. Choice
+    moved : of such a step, and ``moved_errors``: of its standard error, from which an adjustable is run again where it
+        is. Choice;  chord : of its scale, from which a number's slope is the chord to where it was run. Choice
+    led : of the best gain, from which a candidate is refitted, ``led_apparatus`` one of the apparatus;  sharper : from
+        which it is run in more packings, at most ``sharpened``;  rival : from which it is told beside. Choices
+    arc : of the largest, above which a phase is of the place of a mismatch. Choice
+    falls : of the objective, below which a step of its fit is none, and the last one. Choice
 
     survives : of a signature, below which recalibration imitates it. Choice
     visible : a signature has to stand out of the runs' own noise by this factor. Choice
@@ -24,13 +129,29 @@ class PackingCriteria:
     settled : of a number's standard error, or of the number, by how much it may be off where it was run. Choice
     reach : standard deviations of the runs' error, from which a law that is behind cannot be the best. Theory: 1 in 700
     behind : of the best gain, within which a law is run where it is fitted before it is left behind. Choice
-    cycles : below which nothing can be told about harmonics
     films : that the budget of a diagnosis is meant for; fewer take their part of it
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
     pairs : cost of a candidate's run in those of the naive scene. Measured: 1.3 over all candidates
     spread : packings of the naive scene that tell the spread of some forty numbers, at the least
     """
 
+    minutes: float = 15.0
+    sizes: Sizes = field(default_factory=Sizes)
+    runs: RunCriteria = field(default_factory=RunCriteria)
+    summaries: SummaryCriteria = field(default_factory=SummaryCriteria)
+    amounts: AmountCriteria = field(default_factory=AmountCriteria)
+    step: float = 0.15
+    slope: float = 0.05
+    moved: float = 0.25
+    moved_errors: float = 0.5
+    chord: float = 0.1
+    led: float = 0.3
+    led_apparatus: float = 0.15
+    sharper: float = 0.3
+    sharpened: int = 8
+    rival: float = 0.2
+    arc: float = 0.5
+    falls: tuple[float, float] = (1e-9, 1e-4)
     survives: float = 0.02
     visible: float = 2.0
     replicates: int = 299
@@ -47,7 +168,6 @@ class PackingCriteria:
     behind: float = 0.2
     aside: float = 0.4
     lean: float = 4.0
-    cycles: float = 1.2
     films: int = 4
     probed: float = 1.5
     pairs: float = 1.3

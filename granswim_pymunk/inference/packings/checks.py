@@ -13,12 +13,14 @@ from ...laws import has_role
 from ..criteria import current
 from ..model import Proposal
 from ..places import Place, Span
-from ..significance import SMALLEST, normal_score
+from ..significance import normal_score
+from .amounts import amount_jobs, amount_label
 from .conclude import Finding, extra_of
 from .local import near, scatter_of, wilder_there
+from .refitting import anchored
 from .response import Fit, Means, Point, add, fit, spread_of
 from .runs import Job
-from .search import NAIVE, Search, Trial, amount_jobs, amount_label, anchored, jobs_for, label_of, rounded
+from .state import NAIVE, Search, Trial, jobs_for, label_of, rounded
 from .summaries import Condition, View
 
 # ---- the revised scene with its own contacts ------------------------------------------------------
@@ -178,7 +180,7 @@ def locate(f: Finding, verdict: str) -> dict[int | None, Place]:
             found[j if j < joints else None] = p
     if not found:
         # nothing stands out by itself: the swimmer as a whole
-        found[None] = max(s.p_recalibration if verdict == "recalibrate" else s.p_search, SMALLEST)
+        found[None] = max(s.p_recalibration if verdict == "recalibrate" else s.p_search, current().rounding.nothing)
     return {joint: _place(f, base, joint, p) for joint, p in found.items()}
 
 
@@ -249,7 +251,7 @@ def _arc(z: np.ndarray) -> tuple[float, float]:
     """The part of the cycle (0..1) around the maximum in which z stays above half of it."""
     n = len(z)
     top = int(np.argmax(z))
-    high = z > 0.5 * z[top]
+    high = z > current().packings.arc * z[top]
     if high.all():
         return 0.0, 1.0
     first = last = top

@@ -16,20 +16,10 @@ from ..mechanisms import UNKNOWN
 from ..significance import at_alarm, price
 from ..simpler import all_absent, ended_at_bound, special_cases
 from .candidates import Candidate
+from .refitting import arrived, refit
 from .response import Fit, fit, spread_of, whitened
-from .search import (
-    NAIVE,
-    Bank,
-    Search,
-    Trial,
-    arrived,
-    base_point,
-    counts,
-    extended,
-    model_of,
-    refit,
-    rounded,
-)
+from .screening import Bank, counts, extended, model_of
+from .state import NAIVE, Search, Trial, base_point, rounded
 
 
 @dataclass(frozen=True)
@@ -106,7 +96,7 @@ def named_laws(
     criteria = current().packings
     leaders = _refitted_leaders(s, open_)
     assert s.nulls is not None
-    threshold = max(at_alarm(s.nulls.best), 8.0)
+    threshold = max(at_alarm(s.nulls.best), current().verdict.noticed)
     leaders = [t for t in leaders if sensible(s, t)]
     if not leaders or leaders[0].worth < threshold:
         return [], None, []
@@ -121,7 +111,7 @@ def named_laws(
     curves = all(c.any_view.curve for c in s.training)
     rivals = [
         (t, _alike(s, chosen, t) or (curves and t.gain > criteria.of_a_class * chosen.gain))
-        for t in leaders if t.mechanism not in names and t.gain > 0.2 * chosen.gain
+        for t in leaders if t.mechanism not in names and t.gain > criteria.rival * chosen.gain
     ]  # fmt: skip
     if curves:
         # a few speeds say one thing only: whatever explains it to first order is of the same class
@@ -134,8 +124,9 @@ def named_laws(
 
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     """What comes near the best, refitted by simulation, best first; signatures are not linear."""
-    best = open_[0].gain
-    leaders = [t for t in open_ if t.gain > 0.3 * best or (t.candidate.apparatus and t.gain > 0.15 * best)]
+    criteria, best = current().packings, open_[0].gain
+    least = {False: criteria.led * best, True: criteria.led_apparatus * best}
+    leaders = [t for t in open_ if t.gain > least[t.candidate.apparatus] or t.gain > least[False]]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))

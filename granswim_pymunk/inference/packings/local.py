@@ -15,7 +15,8 @@ from ..criteria import current
 from .candidates import Candidate
 from .response import Fit, Means, Model, Point, Sum, add
 from .runs import Job
-from .search import Search, columns_of, jobs_for, label_of, rounded
+from .screening import columns_of
+from .state import Search, jobs_for, label_of, rounded
 from .summaries import Condition
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...recording import Recording
 from ...scene import Scene
 from ..criteria import current
+from ..criteria.packings import Sizes
 from ..explained import Explained
 from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
@@ -19,6 +20,7 @@ from ..places import Place
 from ..result import Diagnosis, Progress, Table, Used, mechanism_entry
 from ..significance import Null
 from ..swimmer_terms import equation
+from .amounts import more_runs, try_all
 from .candidates import candidates_of
 from .checks import (
     confirm,
@@ -34,13 +36,13 @@ from .checks import (
     shifted,
 )
 from .conclude import Curve, Finding, explained, named_laws
+from .recalibrate import begin, recalibrate
+from .refitting import goodness
 from .runs import Runner, workers
-from .search import NAIVE, Sizes, Trial, base_point, begin, goodness, more_runs, recalibrate, screen, try_all
+from .screening import screen
+from .state import NAIVE, Trial, base_point
 from .summaries import Condition, conditions_of
 from .verdict import curve_text, parameters_of, revised_scene, tables_of, used_of
-
-MINUTES = 15.0  # what a diagnosis may take on CORES idle cores, where nothing is said
-CORES = 2
 
 
 class Packings(ObservationModel):
@@ -62,7 +64,8 @@ class Packings(ObservationModel):
         self.progress = progress
         conditions = conditions_of(recordings, hold_out, seed)
         runner = Runner(seed=seed, workers=workers())
-        chosen = sizes or planned_sizes(conditions, runner, MINUTES if minutes is None else minutes)
+        minutes = current().packings.minutes if minutes is None else minutes
+        chosen = sizes or planned_sizes(conditions, runner, minutes)
         self.state = begin(conditions, runner, chosen, np.random.default_rng(seed), progress)
         self.notes = self.state.notes
         self.near: list[tuple[Trial, bool]] = []
@@ -82,8 +85,9 @@ class Packings(ObservationModel):
         self.bank = screen(s, self.candidates)
         open_ = self._open()
         if s.p_search <= current().packings.more and open_ and s.sizes.more:
-            chosen = [t.candidate for t in open_ if t.gain > 0.3 * open_[0].gain and not t.candidate.apparatus][:8]
-            more_runs(s, chosen, 0.6)
+            least = current().packings.sharper * open_[0].gain
+            chosen = [t.candidate for t in open_ if t.gain > least and not t.candidate.apparatus]
+            more_runs(s, chosen[: current().packings.sharpened], 0.6)
             self.bank = screen(s, self.candidates)
 
     def _open(self) -> list[Trial]:
@@ -286,7 +290,7 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
     a film, whose own packing is one draw, by hardly a fifth however many they are.
     """
     known = current().packings
-    usual = replace(Sizes(), spread=known.spread)
+    usual = replace(known.sizes, spread=known.spread)
     training = [c for c in conditions if c.view is not None]
     candidates = sum(len(x.design) for x in candidates_of(training))
     adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
@@ -298,13 +302,14 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
         screened = known.probed * candidates * part[training[0].name] * known.pairs
         runs = z.soft + adjustables * z.adjustable + 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
         runs += 2 * (1 + adjustables) * z.leader  # near what was found
-        parts = known.pairs * (candidates * z.screen + 8 * z.more) + max(z.spread / len(training) - z.soft, 0.0)
+        parts = known.pairs * (candidates * z.screen + known.sharpened * z.more)
+        parts += max(z.spread / len(training) - z.soft, 0.0)
         held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
         inside = sum(soft[c.name] * runs + part[c.name] * parts + true[c.name] * (z.true + z.final) for c in training)
         outside = sum(true[c.name] * held[0] + soft[c.name] * held[1] for c in conditions if c.view is None)
         return screened + inside + outside
 
-    budget = 60 * minutes * CORES * min(len(conditions) / known.films, 1.0)
+    budget = 60 * minutes * current().work.cores * min(len(conditions) / known.films, 1.0)
     factors = (3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
     return next((z for z in map(usual.times, factors) if seconds(z) <= budget), usual.times(factors[-1]))
 

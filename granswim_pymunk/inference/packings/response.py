@@ -76,6 +76,7 @@ class Means:
                 if rows:
                     values[label, soft] = np.array(rows)
             several = [y for (label, _), y in values.items() if label == "naive" and len(y) > 1]
+            least = current().rounding.nothing
             usual = np.mean([y.var(axis=0, ddof=1) for y in several], axis=0) if several else None
             left, dof = [], 0
             for point, y in values.items():
@@ -84,7 +85,7 @@ class Means:
                     continue
                 apart = _apart(y)
                 # a law that makes the motion wilder says nothing about the spread of the scene without it
-                if usual is None or float(np.mean(apart**2 / np.maximum(usual, 1e-300))) < current().packings.wild:
+                if usual is None or float(np.mean(apart**2 / np.maximum(usual, least))) < current().packings.wild:
                     left.append(apart)
                     dof += len(y) - 1
             if not left:
@@ -279,6 +280,7 @@ def fit(
             logs += 2 * float(np.log(np.diag(factor)).sum())
         return chi2 + logs, chi2
 
+    falls = current().packings.falls
     left, spreads = evaluate(u)
     best = value(left, spreads)
     covariance = np.zeros((len(u), len(u)))
@@ -289,7 +291,7 @@ def fit(
             base, _ = model.predict(means, c, u)
             jacobian = []
             for k in range(len(u)):
-                step = 0.05 * steps[k] * (-1.0 if u[k] + 0.05 * steps[k] > high[k] else 1.0)
+                step = stride(u[k], steps[k], high[k])
                 moved = u.copy()
                 moved[k] += step
                 jacobian.append((model.predict(means, c, moved)[0] - base) / step)
@@ -304,9 +306,9 @@ def fit(
             tried = np.clip(u + share * change, low, high)
             l2, s2 = evaluate(tried)
             now = value(l2, s2)
-            if now[0] < best[0] - 1e-9:
+            if now[0] < best[0] - falls[0]:
                 took = True
-                moved_far = best[0] - now[0] > 1e-4
+                moved_far = best[0] - now[0] > falls[1]
                 u, left, spreads, best = tried, l2, s2, now
                 break
         if not took or not moved_far:
@@ -316,6 +318,12 @@ def fit(
     # weights from few runs are not the best ones: the numbers scatter more than the formula says
     covariance = covariance * (1 + count / max(len(conditions), 1) / max(dof, 1))
     return Fit(model, u, covariance, best[0], best[1], {k: (left[k], spreads[k]) for k in left}, count, dof)
+
+
+def stride(value: float, scale: float, high: float) -> float:
+    """By how much a number is moved for a derivative: away from its upper bound."""
+    step = current().packings.slope * scale
+    return -step if value + step > high else step
 
 
 def _bounded(a: np.ndarray, b: np.ndarray, u, low, high, size) -> np.ndarray:

@@ -19,18 +19,12 @@ from ...errors import InputError, SimulationError
 from ...packing import pack
 from ...scene import Scene
 from ...storage import cache_folder
+from ..criteria import current
 from ..kept import load_array, store_array
 from ..threads import ContextPool
 from .summaries import Condition
 
-SOFTER = 25.0  # contacts are softer by this at most in runs that only give differences; restitution stays the same
-STROKE = 450.0  # contacts that a cycle of the drive is long, at least, where they are softer
-FIRST_SEED = 700_001  # of the packings of a diagnosis: unlikely to be that of a simulated recording
-CODE = 3  # part of the cache's key
-PER_CONTACT = 10.0  # steps that a contact lasts
-BODY_STEP = 1.4e-8  # s of a core that a step of one body takes, about
-START_UP = 0.15  # s of a core that a run takes to begin
-COARSER = 4.0  # than advised, the step of all other laws where contacts are soft: 25 a period of the union
+CODE = "3"  # part of the cache's key
 
 Change = Callable[[Scene], Scene]
 
@@ -83,7 +77,8 @@ class Runner:
         """Seconds of a run on one core, about: told from its size, so that plans repeat; ``part``: see ``Job``."""
         scene = self.packed(condition, 0)
         duration = float(condition.frames[condition.learnt - 1 if part else -1]) - scene.time.start
-        return START_UP + BODY_STEP * len(scene.bodies) * duration / self.time_step(condition, soft)
+        work = current().work
+        return work.start_up + work.body_step * len(scene.bodies) * duration / self.time_step(condition, soft)
 
     def do(self, jobs: Sequence[Job], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
         """Do what is not done yet. Ctrl-C keeps what is finished."""
@@ -164,7 +159,7 @@ class Runner:
             found = self._packed.get(key)
         if found is not None:
             return found
-        seed = FIRST_SEED + 1000 * self.seed + number
+        seed = current().packings.runs.first_seed + 1000 * self.seed + number
         scene = replace(condition.scene, seed=seed)
         if any(b.role == "grain" for b in scene.bodies):
             # the packing is known: what differs between runs is what chaos makes of the last digits
@@ -205,7 +200,8 @@ def _whole(xy: np.ndarray, scene: Scene, condition: Condition) -> None:
     """Raise SimulationError where the swimmer came apart or left the bed: such a run says nothing."""
     radius = np.array([scene.bodies[k].radius for k in condition.rows])
     apart = np.hypot(*np.moveaxis(np.diff(xy, axis=1), -1, 0)) / (radius[1:] + radius[:-1])
-    if apart.min() < 0.7 or apart.max() > 1.5:
+    least, most = current().packings.runs.apart
+    if apart.min() < least or apart.max() > most:
         raise SimulationError("the swimmer came apart")
     y, edge = xy[..., 1], radius.max()
     if scene.bed is not None and (y.min() < -edge or y.max() > scene.bed.height + edge):
@@ -213,12 +209,13 @@ def _whole(xy: np.ndarray, scene: Scene, condition: Condition) -> None:
 
 
 def softness(scene: Scene) -> float:
-    """How much softer contacts may be where runs only give differences: short beside a stroke, at most SOFTER."""
+    """How much softer contacts may be where runs only give differences: short beside a stroke, see ``RunCriteria``."""
+    criteria = current().packings.runs
     duration = contact_duration(scene)
     if duration is None:
         return 1.0
     frequency = float(scene.laws_as("stroke")[0].values["frequency"])
-    return float(min(max((1 / (STROKE * frequency) / duration) ** 2, 1.0), SOFTER))
+    return float(min(max((1 / (criteria.stroke * frequency) / duration) ** 2, 1.0), criteria.softer))
 
 
 def _soft(scene: Scene) -> Scene:
@@ -229,11 +226,12 @@ def _soft(scene: Scene) -> Scene:
 
 def time_step(scene: Scene, soft: bool) -> float:
     """Step [s] of a run whose numbers are compared with a spread between packings of some per cent."""
+    criteria = current().packings.runs
     if not soft:
-        return 1.5 * advise_dt(scene)  # 10 steps a contact
+        return criteria.own * advise_dt(scene)
     contact = contact_duration(_soft(scene))
     others = replace(scene, laws=tuple(u for u in scene.laws if u.law.role != "contact" or u.law.kind != "pair"))
-    return min(COARSER * advise_dt(others), contact / PER_CONTACT if contact is not None else 1e-3)
+    return min(criteria.coarser * advise_dt(others), contact / criteria.per_contact if contact is not None else 1e-3)
 
 
 def workers() -> int:

@@ -19,11 +19,6 @@ from ...scene import LawUse, Scene
 from ..criteria import current
 from ..data import choose_held_out, estimate_noise
 
-HARMONICS = (1, 3)  # of the angles; a straight symmetric swimmer has no even ones
-CURVE_START = 0.5  # s, what a curve's speed leaves out (contract)
-CURVE_END = 1.1  # s, where the recording does not say how long it was
-FRAME = 2e-3  # s, between two looks at a simulated swimmer of a curve
-
 
 @dataclass(frozen=True)
 class Number:
@@ -75,7 +70,8 @@ class View:
 
     @property
     def harmonics(self) -> tuple[int, ...]:
-        return HARMONICS if self.cycles >= 1.9 else (1,)
+        criteria = current().packings.summaries
+        return criteria.harmonics if self.cycles >= criteria.higher else (1,)
 
     def numbers(self) -> tuple[Number, ...]:
         """What ``observe`` returns, in its order."""
@@ -365,7 +361,7 @@ def _start(recording: Recording, xy: np.ndarray) -> tuple[Scene, bool]:
         place = xy[whole[0]]
         step = np.diff(place, axis=0)
         angle = np.arctan2(step[:, 1], step[:, 0])
-        straight = float(np.abs(angle).max()) < 0.1
+        straight = float(np.abs(angle).max()) < current().packings.summaries.straight
         head = place[0]
     else:
         bed = scene.bed
@@ -387,7 +383,7 @@ def _start(recording: Recording, xy: np.ndarray) -> tuple[Scene, bool]:
 
 
 def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.Generator) -> Condition:
-    criteria = current().packings
+    criteria = current().packings.summaries
     scene = recording.scene
     columns = [recording.column(scene.bodies[k].id) for k in scene.chains[0]]
     xy = recording.unwrapped().xy[:, columns]
@@ -433,10 +429,12 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
                 where=recording.name,
             )
         few = np.isfinite(xy[looked.keep]).all(axis=2).sum(axis=0)
-        if few.min() < 16:
+        if few.min() < criteria.frames:
             row = scene.chains[0][int(np.argmin(few))]
-            raise InputError(f"is seen in {few.min()} of the frames that count; 16 are needed", file=recording.folder,
-                             where=f"body {scene.bodies[row].id}")  # fmt: skip
+            raise InputError(
+                f"is seen in {few.min()} of the frames that count; {criteria.frames} are needed",
+                file=recording.folder, where=f"body {scene.bodies[row].id}",
+            )  # fmt: skip
         measured.append((looked.observe(xy, noise), looked.noise_covariance(xy, noise, rng)))
     start = replace(placed, time=replace(placed.time, start=float(t[0])), adjustable=())
     return Condition(
@@ -475,11 +473,13 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
     scene, _ = _start(recording, np.zeros((0, 7, 2)))
     curve = recording.curve
     assert curve is not None
-    end = float(scene.time.duration or CURVE_END)
-    if not end > CURVE_START + 0.1:
-        raise InputError("a curve's speed is that after 0.5 s: it has to last 0.6 s or more", file=recording.folder,
+    criteria = current().packings.summaries
+    end, first = float(scene.time.duration or criteria.end), criteria.curve
+    if not end > first + criteria.least:
+        needed = f"it has to last {first + criteria.least:g} s or more"
+        raise InputError(f"a curve's speed is that after {first:g} s: {needed}", file=recording.folder,
                          where="time.duration")  # fmt: skip
-    frames = np.arange(0.0, end + 0.5 * FRAME, FRAME)
+    frames = np.arange(0.0, end + 0.5 * criteria.look, criteria.look)
     masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])
     result, stroke = [], scene.laws_as("stroke")[0]
     for k, row in enumerate(curve):
@@ -489,12 +489,12 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
             own = own.with_parameter(f"{item.name}.layers", layers)
         own = replace(own, adjustable=(), time=replace(own.time, start=0.0))
         phase = float(stroke.values["phase"])
-        view = View(frames, frames >= CURVE_START - 1e-9, f, phase, masses, curve=True)
+        view = View(frames, frames >= first - current().rounding.time, f, phase, masses, curve=True)
         sem = float(row["speed_sem"])
         speed = np.array([float(row["speed"])])
         error = np.array([[sem**2 * _few(float(row["n"])) if math.isfinite(sem) else 0.0]])
         # every third speed tests what the others said
-        test = held or (split and len(curve) >= 6 and k % 3 == 1)
+        test = held or (split and len(curve) >= criteria.speeds and k % 3 == 1)
         name = f"{recording.name}, {f:g} Hz" + (f", {layers:g} layers" if math.isfinite(layers) else "")
         none, empty = np.zeros(0), np.zeros((0, 0))
         result.append(

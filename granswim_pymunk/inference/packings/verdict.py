@@ -12,7 +12,7 @@ from ...scene import Scene
 from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, handed_over
 from ..swimmer_terms import reported_parameters
 from .conclude import Finding
-from .search import Search, Trial, change_of
+from .state import Search, Trial, change_of
 from .summaries import Condition
 
 

@@ -1,0 +1,209 @@
+"""Signatures of the candidates, what each gains to first order, and the same search in nulls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..criteria import current
+from ..significance import rank
+from .amounts import amount_label
+from .candidates import Candidate
+from .response import Model, add, fit, stride
+from .state import NAIVE, Nulls, Search, Trial, bears_on
+
+
+def model_of(s: Search, candidates: Sequence[Candidate]) -> Model | None:
+    """The recalibrated model with these candidates added, linear through their first points; None where not run."""
+    base = s.base.model
+    anchor = {c.name: base.sums(c.name, s.base.u) for c in s.training}
+    model = Model(" + ".join(x.label for x in candidates), base.free, s.base.u.copy(), anchor, base.slopes, base.camera)
+    for x in candidates:
+        points = [amount_label(x, row) for row in x.design]
+        if any((p, True) not in s.means.mean[c.name] for p in points for c in s.training if bears_on(x.term, c)):
+            return None
+        model = extended(s, model, x, model.centre)
+    return model
+
+
+def extended(s: Search, model: Model, x: Candidate, u: np.ndarray) -> Model:
+    """A model with one more candidate, absent at its centre; ``u``: the values of the others there.
+
+    Slopes are those of the naive scene: differences of soft runs, so that softness drops out.
+    """
+    free, slopes, camera = list(model.free), list(model.slopes), list(model.camera)
+    if x.apparatus:
+        free.append(x.term.free[0])
+        slopes.append({})
+        camera.append(x.term.free[0].name.removeprefix("camera."))
+    else:
+        inverse = np.linalg.inv(x.design)
+        points = [amount_label(x, row) for row in x.design]
+        for k, f in enumerate(x.term.free):
+            # du_k: sum over the points of inverse[k, i] (mean_i - naive)
+            slopes.append({
+                c.name: add(*[
+                    (float(inverse[k, i]), {(p, True): 1.0, (NAIVE, True): -1.0}) for i, p in enumerate(points)
+                ])
+                for c in s.training if bears_on(x.term, c)
+            })  # fmt: skip
+            free.append(replace(f, scale=float(np.abs(x.design[:, k]).max())))
+            camera.append(None)
+    centre = np.concatenate([u, x.neutral])
+    anchor = {c.name: model.sums(c.name, u) for c in s.training}
+    return Model(f"{model.name} + {x.label}", tuple(free), centre, anchor, tuple(slopes), tuple(camera))
+
+
+@dataclass
+class Bank:
+    """Whitened signatures around the recalibrated fit."""
+
+    factors: dict[str, np.ndarray]
+    left: np.ndarray
+    adjust: np.ndarray  # orthonormal basis of the adjustables
+    columns: dict[str, np.ndarray]  # of each candidate, adjustables projected out
+    directions: dict[str, np.ndarray]  # orthonormal
+    signs: dict[str, tuple[float, float]]  # of single numbers: on which side of neutral there is room
+    surviving: dict[str, float]
+    visible: dict[str, float]
+
+
+def bank_of(s: Search, candidates: Sequence[Candidate]) -> Bank:
+    factors, left = {}, []
+    for c in s.training:
+        r, v = s.base.left[c.name]
+        factors[c.name] = np.linalg.cholesky(v)
+        left.append(np.linalg.solve(factors[c.name], r))
+    r = np.concatenate(left)
+    adjust = np.zeros((len(r), 0))
+    if s.base.model.free:
+        adjust = _basis(columns_of(s, s.base.model, s.base.u, factors))
+    bank = Bank(factors, r, adjust, {}, {}, {}, {}, {})
+    n = len(s.base.u)
+    for x in candidates:
+        model = model_of(s, [x])
+        if model is None:
+            continue
+        a = columns_of(s, model, model.centre, factors)[:, n:]
+        after = a - adjust @ (adjust.T @ a)
+        scale = np.array([f.scale for f in model.free[n:]])
+        before, behind = float(np.linalg.norm(a * scale)), float(np.linalg.norm(after * scale))
+        bank.columns[x.label] = after
+        bank.directions[x.label] = _basis(after * scale)
+        bank.surviving[x.label] = behind / before if before > 0 else 0.0
+        # how long a signature of nothing would be: the noise of the means that it is made of
+        noise = 0.0
+        for c in s.training:
+            for k in range(n, len(model.free)):
+                total = model.slopes[k].get(c.name, {})
+                variance = sum(q * q / s.means.mean[c.name][p][1] for p, q in total.items())
+                solved = np.linalg.solve(factors[c.name], s.means.covariance[c.name])
+                size = float(np.trace(np.linalg.solve(factors[c.name], solved.T)))
+                noise += variance * size * model.free[k].scale ** 2
+        bank.visible[x.label] = before / math.sqrt(noise) if noise > 0 else math.inf
+        f = x.term.free[0]
+        bank.signs[x.label] = (f.low - f.neutral, f.high - f.neutral)
+    return bank
+
+
+def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
+    """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; none on the side that a bound forbids."""
+    left = r - bank.adjust @ (bank.adjust.T @ r)
+    directions = bank.directions[candidate.label]
+    if not directions.shape[1]:
+        return np.zeros(r.shape[1])
+    found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
+    if candidate.size == 1:
+        amount = bank.columns[candidate.label][:, 0] @ left
+        low, high = bank.signs[candidate.label]
+        found = np.where(((amount > 0) & (high <= 0)) | ((amount < 0) & (low >= 0)), 0.0, found)
+    return found
+
+
+def _basis(a: np.ndarray) -> np.ndarray:
+    criteria = current().rounding
+    u, w, _ = np.linalg.svd(a, full_matrices=False)
+    return u[:, w > criteria.direction * max(w[0], criteria.nothing)] if len(w) else u
+
+
+def columns_of(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(n, k) whitened derivatives of the prediction by the model's numbers."""
+    blocks = []
+    for c in s.training:
+        base, _ = model.predict(s.means, c, u)
+        columns = []
+        for k, f in enumerate(model.free):
+            step = stride(u[k], f.scale, f.high)
+            moved = u.copy()
+            moved[k] += step
+            columns.append((model.predict(s.means, c, moved)[0] - base) / step)
+        blocks.append(np.linalg.solve(factors[c.name], np.array(columns).T))
+    return np.concatenate(blocks)
+
+
+def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
+    """Runs seen as if they were the recording: what two packings do, mixed in a random proportion, and tracking noise.
+
+    Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
+    runs. Where there are several recordings each gets its own.
+    """
+    replicates = current().packings.replicates
+    drawn = []
+    for c in s.training:
+        residuals = s.means.residuals[c.name]
+        _, variance = s.base.model.predict(s.means, c, s.base.u)
+        own = (0.0 if c.averaged else 1.0) + variance
+        # a recording took no part in the estimate of the spread by which it is weighed; these runs did
+        own *= s.means.inflation[c.name]
+        first, second = s.rng.integers(len(residuals), size=(2, replicates))
+        turn = s.rng.uniform(0.0, 2 * math.pi, (replicates, 1))
+        chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(own)
+        if np.any(np.diag(c.error) > 0):
+            values, vectors = np.linalg.eigh(c.error)
+            chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        drawn.append(np.linalg.solve(bank.factors[c.name], chosen.T))
+    r = np.concatenate(drawn)
+    alive = [x for x in candidates if counts(bank, x)]
+    best = np.zeros(replicates)
+    for x in alive:
+        best = np.maximum(best, gains(bank, x, r) - 2 * (x.size - 1))
+    along = np.sum((bank.adjust.T @ r) ** 2, axis=0) if bank.adjust.shape[1] else np.zeros(replicates)
+    whole = np.sum(r**2, axis=0)
+    return Nulls(whole, along, best, whole - along, r.T)
+
+
+def counts(bank: Bank, x: Candidate) -> bool:
+    criteria = current().packings
+    there = x.label in bank.directions and bank.surviving[x.label] > criteria.survives
+    return there and bank.visible[x.label] > criteria.visible
+
+
+def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
+    """First-order gains of all candidates, and the nulls of that search."""
+    # the spread is better known now than before the candidates were run
+    s.naive = fit(s.naive.model, s.means, s.training)
+    s.base = fit(s.base.model, s.means, s.training) if s.adjust else s.naive
+    bank = bank_of(s, candidates)
+    s.trials = [t for t in s.trials if t.reason and not t.fit and t.candidate.label not in bank.directions]
+    for x in candidates:
+        if x.label not in bank.directions:
+            s.trials.append(Trial(x, 0.0, 0.0, None, 0, "not run everywhere"))
+            continue
+        reason = ""
+        if bank.surviving[x.label] <= current().packings.survives:
+            reason = "recalibration imitates it"
+        elif bank.visible[x.label] <= current().packings.visible:
+            reason = "no amount of it shows in these recordings"
+        gain = 0.0 if reason else float(gains(bank, x, bank.left[:, None])[0])
+        s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
+    s.nulls = draw_nulls(s, bank, candidates)
+    apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
+    along = bank.adjust.T @ apart
+    s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
+    top = max((t.gain - 2 * (t.candidate.size - 1) for t in s.trials if not t.reason), default=0.0)
+    s.p_search = rank(top, s.nulls.best)
+    s.trials.sort(key=lambda t: -t.worth)
+    return bank
