@@ -30,6 +30,7 @@ from granswim_pymunk.inference.tracks.intervals import with_limits
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, try_candidates, unstuck
 from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
 from granswim_pymunk.inference.tracks.segments import Impact, make_segments
+from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.signatures import Signature, make_bank
 from granswim_pymunk.inference.tracks.steps import shifts
 from granswim_pymunk.inference.tracks.verdict import Told
@@ -794,11 +795,12 @@ def test_a_third_law_that_leaves_one_of_two_nothing_to_do_takes_its_place():
     third = Trial(drag, all_three, 1.0, 1.0)
     idle = _idle(two, all_three, 0, 1.0)
     assert [t.mechanism for t in idle] == ["coulomb_substrate"]
-    found, fit = _in_place(idle, two, third, wrong, base, fitter, inner, {})
+    search = SetSearch(base, fitter, [], [case], inner, {}, np.random.default_rng(0), [])
+    found, fit = _in_place(search, idle, two, third, wrong)
     assert [t.mechanism for t in found] == ["uniform_force", "linear_drag"]
     assert fit.values == pytest.approx([0.05, 0.0, 0.006], abs=2e-3)
     # where it does worse in that place, the two stay
-    assert _in_place(idle, two, third, replace(fit, chi2=0.0), base, fitter, inner, {})[0] is two
+    assert _in_place(search, idle, two, third, replace(fit, chi2=0.0))[0] is two
 
 
 def bounces(restitution: float, height: float, t: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ from granswim_pymunk.inference.threads import ContextPool
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import InnerSplit
 from granswim_pymunk.inference.tracks.segments import cut_by_growth, find_impacts, make_segments
-from granswim_pymunk.inference.tracks.solve import Blocks, descend
+from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
@@ -303,7 +303,7 @@ def test_least_squares_finds_shared_and_own_numbers_within_bounds():
     def solve(low, high):
         begin = (np.zeros(2), [np.zeros(3), np.zeros(3)])
         loss = lambda vectors: sum(float(v @ v) for v in vectors)  # noqa: E731
-        return descend(evaluate, differentiate, loss, begin, (low, high), stale=False, evaluations=20)
+        return descend(Problem(evaluate, differentiate, loss), begin, (low, high), stale=False, evaluations=20)
 
     values, starts = solve(np.full(2, -np.inf), np.full(2, np.inf))
     np.testing.assert_allclose(values, truth, atol=1e-3)

@@ -33,7 +33,6 @@ def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     signatures = tuple(Signature(t, np.zeros((4, 1)), 0.5, 1e4) for t in (each, both))
     monkeypatch.setattr(pairs, "make_bank", lambda *a: SimpleNamespace(signatures=signatures))
     monkeypatch.setattr(pairs, "refit", lambda fitter, fit, signature, stages: fits[signature.term.label])
-    monkeypatch.setattr(pairs, "spread_of", lambda *a: 500.0)
     monkeypatch.setattr(pairs, "noise_of", lambda *a: None)
     monkeypatch.setattr(pairs, "search_nulls", lambda *a: SimpleNamespace(p=0.001))
     inner = SimpleNamespace(score=lambda fit: (fit.score, {"r": fit.score}), slack=0.0)
@@ -41,5 +40,9 @@ def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     free = Free("linear_drag.c", "kg/s", 0.0, math.inf, 0.0, 1.0)
     drag = Term("linear_drag", "linear_drag", (free,), lambda *a: None)
     found = [Trial(Signature(drag, np.zeros((4, 1)), 1.0, 1e6), base, 1e6, 900.0)]
-    _, _, second = pairs._one_more(found, base, base, fitter, [both, each], inner, np.random.default_rng(1), [])
+    search = SimpleNamespace(
+        base=base, fitter=fitter, inner=inner, rng=np.random.default_rng(1), spread=lambda fit: 500.0,
+        as_in=lambda fit, laws: laws,
+    )  # fmt: skip
+    _, _, second = pairs._one_more(search, found, base, [both, each])
     assert second is not None and second.label == "joint_drag"

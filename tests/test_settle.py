@@ -11,13 +11,15 @@ from scipy.integrate import solve_ivp
 from two_arms import two_arms
 
 from granswim_pymunk.inference.candidates import named_terms, scaled_like
-from granswim_pymunk.inference.data import prepare
-from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.data import Case, prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.inference.start import describe_starts
 from granswim_pymunk.inference.tracks.blocks import _step
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter
-from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.fitted import Fit
+from granswim_pymunk.inference.tracks.name import InnerSplit, Trial
+from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
     apparatus_beside,
     in_names_of_apparatus,
@@ -52,6 +54,11 @@ def swing(kind: str, t: np.ndarray, *, quadratic=0.0, mu=0.0, drag=0.0, push=0.0
     scene = Scene((body,), (use("gravity"), law), gravity=(0.0, -G))
     xy = np.full((len(t), 1, 2), np.nan)
     return Recording("swing", scene, t, ("arm",), xy, seen[:, None], angle_noise=1e-4, sampling=1 / (t[1] - t[0]))
+
+
+def search_of(base: Fit, fitter: Fitter, terms: list[Term], case: Case) -> SetSearch:
+    inner = InnerSplit.make([case], fitter.predictor, lambda: False)
+    return SetSearch(base, fitter, terms, [case], inner, {}, np.random.default_rng(0), [])
 
 
 def fitted(recording: Recording, *names: str):
@@ -100,7 +107,7 @@ def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected
     recording = swing(kind, np.arange(0.0, 6.0, 0.03), **effects)
     fitter, case, base, terms, found, fit = fitted(recording, *labels)
     assert fit.chi2 < 1.4 * fit.count
-    now, revised, told = in_names_of_apparatus(found, fit, base, fitter, terms, [case])
+    now, revised, told = in_names_of_apparatus(search_of(base, fitter, terms, case), found, fit)
     assert [t.mechanism for t in now] == expected
     assert revised.chi2 == pytest.approx(fit.chi2, abs=1.0)
     assert {e.gave_way.mechanism for e in told} == set(labels) - set(expected)
@@ -140,7 +147,7 @@ def test_a_stream_at_rest_beside_another_law_is_told_as_a_drag():
     for wind, expected in ((0.0, "linear_drag"), (0.5, "ambient_flow")):
         film = dropped(4e-3, 0.0, 1.03, wind)
         fitter, case, base, terms, found, revised = fitted(film, "ambient_flow", "camera_scale")
-        told, fit = without_idle_numbers(found, revised, base, fitter, terms, [case])
+        told, fit = without_idle_numbers(search_of(base, fitter, terms, case), found, revised)
         assert [t.mechanism for t in told] == [expected, "camera_scale"]
         assert told[0].fit is fit and abs(fit.values[0] - 4e-3) < 2e-4
 
@@ -173,13 +180,13 @@ def test_a_scale_beside_a_drag_that_leaves_more_than_noise_is_no_fault_that_was_
 def test_a_joint_that_does_not_drag_gets_no_entry():
     """Two arms hung from one another; only the first axle drags, and both are fitted."""
     seen = two_arms(np.arange(0.0, 2.0, 0.02))
-    fitter, case, base, _, found, fit = fitted(seen, "joint_drag (each body)")
+    fitter, case, base, terms, found, fit = fitted(seen, "joint_drag (each body)")
     assert len(fit.values) == 2
-    now, revised, dropped = that_earn_their_place(found, fit, base, fitter, [case])
+    now, revised, dropped = that_earn_their_place(search_of(base, fitter, terms, case), found, fit)
     assert list(dropped) == ["arm2"] and [f.name for f in revised.hypothesis.free] == ["joint_drag.c[arm1]"]
     assert abs(revised.values[0] - 6e-4) < 4 * math.sqrt(revised.covariance[0, 0])
     # what is needed stays
-    again = that_earn_their_place(now, revised, base, fitter, [case])
+    again = that_earn_their_place(search_of(base, fitter, terms, case), now, revised)
     assert again[1] is revised and not again[2]
 
 

@@ -143,7 +143,8 @@ def _scatter(t: np.ndarray, values: np.ndarray) -> float:
         left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)
         sums = np.sum(left**2, axis=1)
         found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
-    return next((now for now, then in pairwise(found) if then > 0.9 * now), found[-2])
+    falls = current().noise.degree
+    return next((now for now, then in pairwise(found) if then > falls * now), found[-2])
 
 
 def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = True) -> Case:
@@ -165,7 +166,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         for axis, kind in enumerate("xy"):
             column = xy[:, k, axis]
             seen = np.isfinite(column)
-            if seen.sum() < 4:
+            if seen.sum() < current().noise.sightings:
                 continue
             if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
@@ -177,7 +178,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
             columns.append(column)
             sigmas.append(sigma)
         # the angle of a free disk says nothing about forces without spin
-        if angle is not None and body in pinned and np.isfinite(angle).sum() >= 4:
+        if angle is not None and body in pinned and np.isfinite(angle).sum() >= current().noise.sightings:
             seen = np.isfinite(angle)
             column = angle.copy()
             column[seen] = np.unwrap(angle[seen])

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files import claimed
 from ..recording import Recording, read_recording, resolve_recording
-from .criteria import Criteria, using
+from .criteria import Criteria, current, using
 from .packings import diagnose_unseen
 from .result import Diagnosis
 from .together import diagnose_together
@@ -63,7 +63,7 @@ class ProgressLine:
 
     def __call__(self, text: str, share: float) -> None:
         spent = time.monotonic() - self.began
-        left = spent * (1 - share) / share if share > 0.05 else None
+        left = spent * (1 - share) / share if share > current().budget.foretold else None
         line = f"[{100 * share:3.0f} %] {text}, {spent:.0f} s" + (f", about {left:.0f} s left" if left else "")
         if self.terminal:
             end = "\n" if share >= 1 else ""

@@ -171,9 +171,6 @@ def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> s
     return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
-ESCAPED = 1e9  # m: squares of what is farther off may overflow
-
-
 class Failed(Exception):
     """A run that could not be finished: a reason, never a number in the likelihood."""
 
@@ -187,14 +184,19 @@ class End:
 
 
 @dataclass(frozen=True)
-class _Beginning:
-    """With what a run begins, and the start that comes after it; see ``Predictor.run``."""
+class Beginning:
+    """With what a run begins, and the start that comes after it.
+
+    starts, numbers : description of the start, and its free numbers;  t0 [s] : when it is
+    following : time [s] and description of a start that comes after;  spin : (n,) of the scene's bodies to begin with
+    [rad/s], none where not given
+    """
 
     starts: tuple[StartBody, ...]
     numbers: np.ndarray
     t0: float
-    following: tuple[float, tuple[StartBody, ...]] | None
-    spin: np.ndarray | None
+    following: tuple[float, tuple[StartBody, ...]] | None = None
+    spin: np.ndarray | None = None
 
 
 @dataclass
@@ -218,39 +220,26 @@ class Predictor:
         t: np.ndarray,
     ) -> np.ndarray:
         """Predicted channels (T, c) at frame times ``t``, the first of which is ``t0``. Raises Failed."""
-        return self.run(hypothesis, case, values, starts, numbers, t0, t)[0]
+        return self.run(hypothesis, case, values, Beginning(starts, numbers, t0), t)[0]
 
     def run(
-        self,
-        hypothesis: Hypothesis,
-        case: Case,
-        values: Sequence[float] | np.ndarray,
-        starts: tuple[StartBody, ...],
-        numbers: np.ndarray,
-        t0: float,
-        t: np.ndarray,
-        following: tuple[float, tuple[StartBody, ...]] | None = None,
-        spin: np.ndarray | None = None,
+        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray, begin: Beginning, t: np.ndarray
     ) -> tuple[np.ndarray, End | None]:
-        """Predicted channels (T, c) at frame times ``t``, and the start that the run ends with. Raises Failed.
-
-        following : time [s] and description of a start that comes after;  spin : (n,) of the scene's bodies to begin
-        with [rad/s], none where not given
-        """
-        after = () if following is None else following[1]
-        numbered = [np.asarray(part, dtype=float).tobytes() for part in (values, numbers, () if spin is None else spin)]
+        """Predicted channels (T, c) at frame times ``t``, and the start that the run ends with. Raises Failed."""
+        when, after = begin.following or (None, ())
+        spin = () if begin.spin is None else begin.spin
+        numbered = [np.asarray(part, dtype=float).tobytes() for part in (values, begin.numbers, spin)]
         terms = tuple(map(id, hypothesis.terms))
-        when = (t0, hash(t.tobytes()), following and following[0], self.dt[case.name])
-        key = (id(case), id(starts), id(after), *terms, *when, *numbered)
+        times = (begin.t0, hash(t.tobytes()), when, self.dt[case.name])
+        key = (id(case), id(begin.starts), id(after), *terms, *times, *numbered)
         known = self._kept.get(key)
         if known is None:
-            begin = _Beginning(starts, numbers, t0, following, spin)
             known = self._ran(hypothesis, case, values, begin, t)
-            self._kept.put(key, (case, hypothesis.terms, starts, after), known)
+            self._kept.put(key, (case, hypothesis.terms, begin.starts, after), known)
         return known[0].copy(), known[1]
 
     def _ran(
-        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray, begin: _Beginning, t: np.ndarray
+        self, hypothesis: Hypothesis, case: Case, values: Sequence[float] | np.ndarray, begin: Beginning, t: np.ndarray
     ) -> tuple[np.ndarray, End | None]:
         """As ``run``, by a simulation."""
         starts, numbers, t0 = begin.starts, begin.numbers, begin.t0
@@ -278,8 +267,8 @@ class Predictor:
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
-        if not (np.abs(xy) < ESCAPED).all():  # so also where one is not a number
-            why = f"a body is not within {ESCAPED:g} m"
+        if not (np.abs(xy) < current().fits.escaped).all():  # so also where one is not a number
+            why = f"a body is not within {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
         seen = see(xy, **{key: value for key, value in camera.items() if key != "time_offset"})
@@ -343,9 +332,6 @@ def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[Sta
     return End(numbers_at(starts, scene, state.xy + v * ahead, v), np.array(state.spin))
 
 
-KEPT = 2**25  # bytes of predictions
-
-
 class _Kept:
     """The last runs: a fit begins where another ended, and ends where its derivatives were taken."""
 
@@ -365,7 +351,7 @@ class _Kept:
             if key not in self._runs:
                 self._runs[key] = held, run
                 self._bytes += run[0].nbytes
-            while self._bytes > KEPT:
+            while self._bytes > current().work.predictions:
                 self._bytes -= self._runs.pop(next(iter(self._runs)))[1][0].nbytes
 
 

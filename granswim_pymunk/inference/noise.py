@@ -157,15 +157,16 @@ def timing(
     missing = seen.shape[1] - count
     off = math.log(current().stamps.stated_off if known else current().stamps.unstated_off)
 
+    wider = current().stamps.scale  # Student's t of unit scale is wider than the Gaussian that it stands for
+
     def loss(a: float, tau: float) -> float:
         variances = a**2 + tau**2 * along
         half = np.sum(np.log(variances), axis=1) - 2 * missing * math.log(a)
         distance = np.sum(squares / variances, axis=1)
         told = half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)
         # where the stamps hide the white part, it is as large as was believed, within what that may be off
-        return float(np.sum(told)) + (math.log(a * WIDER) / off) ** 2
+        return float(np.sum(told)) + (math.log(a * wider) / off) ** 2
 
-    # Student's t of unit scale is wider than the Gaussian that it stands for: the size that is likeliest is rescaled
     sizes = np.geomspace(0.02, 5.0, 70)
     alone = min(loss(float(a), 0.0) for a in sizes)
     fastest = math.sqrt(float(np.quantile(along.sum(axis=1) / count, 0.9)))
@@ -175,12 +176,12 @@ def timing(
     table = np.array([[loss(float(a), float(tau)) for tau in taus] for a in sizes])
     i, j = np.unravel_index(int(np.argmin(table)), table.shape)
     if stated:
-        told = [loss(float(a), stated / WIDER) for a in sizes]
+        told = [loss(float(a), stated / wider) for a in sizes]
         if min(told) < table[i, j] + current().stamps.refuted:
-            return stated, float(sizes[int(np.argmin(told))]) * WIDER
+            return stated, float(sizes[int(np.argmin(told))]) * wider
     if table[i, j] > alone - current().stamps.sure:
         return 0.0, 1.0
-    return float(taus[j]) * WIDER, float(sizes[i]) * WIDER
+    return float(taus[j]) * wider, float(sizes[i]) * wider
 
 
 def _left_of_middles(t: np.ndarray, values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -209,9 +210,6 @@ def _left_of_middles(t: np.ndarray, values: np.ndarray, sigma: np.ndarray) -> tu
     return left, spread
 
 
-WIDER = 1.09  # scale of Student's t with six degrees of freedom that Gaussian noise is fitted by, the other way round
-
-
 def periodogram(series: np.ndarray) -> np.ndarray:
     """|FFT|^2/n of a series (n,) at the frequencies 1/n to 1/2 per frame."""
     return np.asarray(np.abs(np.fft.rfft(series)[1 : len(series) // 2 + 1]) ** 2 / len(series))
@@ -227,7 +225,7 @@ def _spectra(residuals: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
     """Periodograms over the level of their fast half, which no fit of something slow has touched, and its size."""
     found = []
     for r in residuals:
-        if len(r) < 12:
+        if len(r) < current().noise.spectrum:
             continue
         power = periodogram(r)
         fast = power[len(power) // 2 :]
@@ -328,7 +326,7 @@ def _levelled(seen: Seen) -> Seen:
     for c in range(len(roots)):
         column = seen.residuals[:, c]
         column = column[np.isfinite(column)]
-        if len(column) >= 12:
+        if len(column) >= current().noise.spectrum:
             power = periodogram(column)
             roots[c] = math.sqrt(believable(power[len(power) // 2 :]))
     by = roots[:, None]

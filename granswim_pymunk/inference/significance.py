@@ -44,6 +44,11 @@ def price(candidates: int, numbers: int = 1) -> float:
     return 2 * math.log(max(candidates, 1) / current().verdict.by_chance) + 2 * (numbers - 1)
 
 
+def half_interval(variance: float) -> float:
+    """Half the central 95 % of a normal number with that variance, in its unit."""
+    return current().intervals.normal * math.sqrt(max(variance, 0.0))
+
+
 def normal_score(p: float) -> float:
     """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
     return float(stats.norm.isf(min(max(p, current().rounding.nothing), 1.0 - 1e-15)))

@@ -13,6 +13,7 @@ import numpy as np
 from ..joints import angles_of, hanging
 from ..joints import place as placed
 from ..scene import Body, Scene
+from .criteria import current
 from .data import Case
 
 Camera = Mapping[str, float]
@@ -355,7 +356,7 @@ def _local_fit(t: np.ndarray, values: np.ndarray, t0: float, sigma: float) -> Es
     if len(seen) < 2:
         return (float(values[seen[0]]) if len(seen) else 0.0), 0.0, sigma, 1.0
     s = t[seen] - t0
-    degree = 2 if len(seen) >= 5 else 1
+    degree = 2 if len(seen) >= current().fits.curved else 1
     design = np.vander(s, degree + 1, increasing=True)
     coefficients, *_ = np.linalg.lstsq(design, values[seen], rcond=None)
     covariance = np.linalg.pinv(design.T @ design) * sigma**2

@@ -16,8 +16,7 @@ from ..errors import InputError
 from ..laws import Law, all_laws
 from ..scene import Scene, use
 from .hypothesis import Free, Term, equation_with
-
-INTERVAL = 1.96  # standard deviations on either side: the central 95 %
+from .significance import half_interval
 
 
 def swimmer_terms(scenes: Sequence[Scene]) -> list[Term]:
@@ -147,8 +146,8 @@ def reported_parameters(
         else:
             along = values / size
             across = np.array([-along[1], along[0]])
-            wide = INTERVAL * math.sqrt(max(float(along @ covariance @ along), 0.0))
-            turn = min(INTERVAL * math.sqrt(max(float(across @ covariance @ across), 0.0)) / size, math.pi)
+            wide = half_interval(float(along @ covariance @ along))
+            turn = min(half_interval(float(across @ covariance @ across)) / size, math.pi)
             found["force"] = (size, max(size - wide, 0.0), size + wide, unit)
             found["angle"] = (angle, angle - turn, angle + turn, "rad")
     else:
@@ -161,7 +160,7 @@ def reported_parameters(
                     low.append(None)
                     high.append(None)
                     continue
-                half = INTERVAL * math.sqrt(max(float(covariance[r, r]), 0.0))
+                half = half_interval(float(covariance[r, r]))
                 low.append(max(float(values[r]) - half, f.low))
                 high.append(min(float(values[r]) + half, f.high))
             numbers = [float(values[r]) for r in rows]

@@ -16,6 +16,7 @@ from typing import Any
 from ..errors import InputError
 from ..recording import Recording
 from ..scene import LawUse
+from .criteria import current
 from .hypothesis import equation_with
 from .mechanisms import APPARATUS
 from .result import MODELS, Diagnosis, Progress, Table, empty_verdict
@@ -174,7 +175,7 @@ def combined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, A
     def spread(p: Mapping[str, Any]) -> float | None:
         if not all(isinstance(p[k], int | float) for k in ("value", "low", "high")):
             return None
-        half = (p["high"] - p["low"]) / 2 / 1.96
+        half = (p["high"] - p["low"]) / 2 / current().intervals.normal
         return float(half) if half > 0 and math.isfinite(half) else None
 
     a, b = spread(first), spread(second)
@@ -183,7 +184,7 @@ def combined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, A
     weight = 1 / a**2 + 1 / b**2
     value = (first["value"] / a**2 + second["value"] / b**2) / weight
     birge = max(abs(first["value"] - second["value"]) / math.hypot(a, b), 1.0)
-    half = 1.96 * birge / math.sqrt(weight)
+    half = current().intervals.normal * birge / math.sqrt(weight)
     return {"value": value, "low": value - half, "high": value + half, "unit": first["unit"]}
 
 

@@ -13,6 +13,8 @@ class RoundingCriteria:
     eigenvalue : of the largest, below which one of normal equations is none;  singular : the same of a singular value
     direction : of the largest, below which a direction of signatures is none;  column : of its length, to which columns
         depend on one another
+    told : of the largest, below which what is told of a direction is nothing
+    bound : of its scale, within which a number is at its bound
     time [s] : two times nearer than this are one
     """
 
@@ -21,4 +23,6 @@ class RoundingCriteria:
     singular: float = 1e-7
     direction: float = 1e-8
     column: float = 1e-9
+    told: float = 1e-12
+    bound: float = 1e-6
     time: float = 1e-9

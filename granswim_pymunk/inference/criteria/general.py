@@ -14,6 +14,11 @@ class NoiseCriteria:
     alarm : probability of noise below which what is left is said to be more than noise. Choice: one in 200
     stated_off : ln of stated over estimated noise from which the estimate is believed. Choice: the estimate of 100
         frames is good to a tenth, and laboratories state sizes that are off by two
+    sightings : of a coordinate, the fewest that are looked at. Theory: a parabola has three numbers
+    degree : of the scatter about a polynomial, to which one degree more has to lower it to be taken. Choice
+    spectrum : numbers of a series, from which its spectrum is told;  correlated : the same of its correlation time;
+        frequencies : above which its fast half tells the white part. Choices
+    anew : frames between two segments, for a memory that ends where one begins. Theory: far beyond ``memory_most``
     frames : of a channel, from which its noise can be told. Theory: the relative error of a size is 1/sqrt(2 n), a
         ninth;  refutes : over sqrt(2 n) of the n frames of all channels, how far off in ln a stated noise has to be as
         well to be refuted. Theory: 3.5 standard errors, that of ``data.estimate_noise`` is 1.35/sqrt(2 n)
@@ -39,6 +44,12 @@ class NoiseCriteria:
     memory_most: float = 30.0
     alarm: float = 0.005
     stated_off: float = 0.25
+    sightings: int = 4
+    degree: float = 0.9
+    spectrum: int = 12
+    correlated: int = 8
+    frequencies: int = 6
+    anew: int = 1_000_000
     frames: int = 40
     refutes: float = 4.7
     outlier: float = 6.0
@@ -78,7 +89,8 @@ class StampCriteria:
 
     window : frames, through which polynomials of fifth degree tell the noise of the middle one. Choice
     sightings : that a speed is told from, by a cubic. Theory: its error is that of a line through six
-    tail : degrees of freedom of Student's t. Choice: impacts and single outliers make no error of stamps
+    tail : degrees of freedom of Student's t. Choice: impacts and single outliers make no error of stamps;  scale : by
+        which Gaussian noise is larger than that of the t that is fitted to it. Theory: where its likelihood is largest
     sure : of -2 ln L, by which an error has to be likelier than none. Theory: chance gives as much one time in six
         hundred (chi2 of one number), and a wrong model of the noise often more
     refuted : of -2 ln L, by which the likeliest error has to be ahead of a stated one. Theory: three standard errors
@@ -92,6 +104,7 @@ class StampCriteria:
     window: int = 9
     sightings: int = 11
     tail: float = 6.0
+    scale: float = 1.09
     sure: float = 10.0
     refuted: float = 9.0
     frames: int = 40

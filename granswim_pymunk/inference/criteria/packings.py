@@ -88,8 +88,8 @@ class SummaryCriteria:
 class AmountCriteria:
     """How much of a candidate is run.
 
-    least, most : of its shift, in what two packings differ by;  wanted : of it. Theory: where it is r, its direction is
-        known to a cosine of sqrt(1 - 1/r^2), 0.87 at the least
+    least : of its shift, in what two packings differ by;  most : of the same;  wanted : of it. Theory: where it is r,
+        its direction is known to a cosine of sqrt(1 - 1/r^2), 0.87 at the least
     grow : times the amount where it shows too little;  gone : where no run survives it. Choices
     """
 

@@ -71,6 +71,7 @@ class SegmentCriteria:
     tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: each by a larger factor than
         the one before, until what a segment leaves open is nothing beside what it tells
     closer : the same before candidates are compared. Choice: steps of five
+    gaps : frames in which a gap is seen, from which its minima are told. Theory: a minimum has two neighbours
     joins : with which chance narrower steps raise chi2 as much, before looser ones stay. Choice: one in twenty
     rivals : laws of impacts with which closer joints are tried, by first order. Choice
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
@@ -93,6 +94,7 @@ class SegmentCriteria:
     robust: float = 4.0
     tighter: tuple[float, ...] = (0.2, 0.008, 6.4e-5)
     closer: tuple[float, ...] = (0.2, 0.04, 0.008)
+    gaps: int = 5
     joins: float = 0.05
     rivals: int = 3
     same_valley: float = 0.2
@@ -105,7 +107,11 @@ class FitCriteria:
     rough : of chi2, a fall at which a fit ends that only leads to another one;  fine : of the mean square of the
         residuals, the same for one that counts. Choice: a hundredth of what one number gains by chance
     enough : of chi2, a fall that no decision hangs on. Choice: a two-hundredth of ``VerdictCriteria.same``
-    damping : of the diagonal, to begin with (Levenberg-Marquardt)
+    damping : of the diagonal, to begin with (Levenberg-Marquardt);  least : to which it falls;  again : from which it
+        grows where a step was bad;  stiff : beyond which nothing is found;  good : of the promised fall, from which it
+        falls. Choices
+    curved : sightings from which a start has a curvature. Theory: two more than its numbers
+    escaped [m] : beyond which a body is lost. Theory: squares of what is farther off may overflow
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
     straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
         by a secant; ``updates``: how often, until they are taken anew. Choice
@@ -123,6 +129,12 @@ class FitCriteria:
     fine: float = 0.01
     enough: float = 0.02
     damping: float = 1e-3
+    least: float = 1e-9
+    again: float = 1e-3
+    stiff: float = 1e8
+    good: float = 0.5
+    curved: int = 5
+    escaped: float = 1e9
     renewed: float = 0.25
     straight: float = 0.1
     updates: int = 3
@@ -145,6 +157,11 @@ class SignatureCriteria:
         differences are good to 1e-4
     rounding : of the longest column of numbers with the same unit, below which one is what rounding left. Theory: paths
         are good to 1e-12 of their length, and that is 1e8 standard deviations at most
+    moves : standard deviations, between which the largest change is that a derivative is told from. Choice: above
+        rounding, and near enough to be linear;  aim : that is gone for below it;  longest : times a scale, beyond which
+        no step goes;  farther : times a step that moves nothing (``nothing``), tried next
+    leaves : of a signature, what starts have to leave to be told from rounding;  beside : of a direction, what another
+        law has to leave for both to be told. Choices
     surviving : share that recalibration leaves of a signature, below which it imitates the law. Choice: gains are then
         a millionth;  shows : from which a law is tried beside others, or looked for in what is left. Choice
     directions : the least share that is told from rounding
@@ -154,6 +171,13 @@ class SignatureCriteria:
 
     same_column: float = 1e-4
     rounding: float = 1e-6
+    moves: tuple[float, float] = (1e-3, 10.0)
+    aim: float = 0.1
+    longest: float = 1e6
+    farther: float = 1e3
+    nothing: float = 1e-9
+    leaves: float = 1e-5
+    beside: float = 1e-3
     surviving: float = 1e-3
     shows: float = 0.02
     directions: float = 1e-4
@@ -172,6 +196,9 @@ class RefitCriteria:
         ``variants`` forms of one law. Choice
     first_share : of the misfit, that a first beginning has to take away for others not to be tried;  noise : times the
         degrees of freedom, below which chi2 of the scene without it asks for no other. Choice
+    staged : frames, beyond which fits take in a part of them first, ``stages``: shares of them. Choice
+    evaluations : of a refit, ``few_evaluations`` of a law of more than ``many`` numbers. Choice
+    unstuck : of chi2, by which a scene without a law has to do better from where one ended to have been stuck. Choice
     leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts
     foreseen : of the fall of chi2 that first order promises, which a good search finds. Choice
     heat : of the frames, over which candidates are compared first;  heat_frames : from which that is worth it. Choice
@@ -190,6 +217,12 @@ class RefitCriteria:
     variants: int = 2
     first_share: float = 0.5
     noise: float = 1.5
+    staged: int = 150
+    stages: tuple[float, ...] = (0.1, 0.35, 1.0)
+    evaluations: int = 20
+    few_evaluations: int = 8
+    many: int = 12
+    unstuck: float = 1.0
     leaders: int = 4
     foreseen: float = 0.5
     heat: float = 0.35
@@ -260,6 +293,7 @@ class IntervalCriteria:
     """Intervals of numbers that are known only together, or unevenly: profiles of chi2.
 
     alone : share of its information that a number keeps beside the others, below which it is not known alone. Choice
+    normal : standard deviations on either side of a number. Theory: the central 95 % of a normal one
     level : rise of chi2 at the ends. Theory: 95 % of chi2 of one number
     at_first : of a number's distance from neutral, the longest first step along it
     growth : of steps along a valley that were good;  most : steps to either side, after which there is no end but the
@@ -273,6 +307,7 @@ class IntervalCriteria:
     """
 
     alone: float = 1e-3
+    normal: float = 1.96
     level: float = 3.84
     at_first: float = 0.1
     growth: float = 2.0
@@ -332,7 +367,7 @@ class BudgetCriteria:
     fits : a fit ends with the best it has;  candidates : that are refitted;  forms : without a name;  memory : of the
         noise;  pairs : of laws;  exchanges : of one of several, and fewer nulls;  settling : the names of the
         apparatus, entries, intervals, shorter steps;  experiment : the proposal, and where a held-out error comes from
-    remains : what is left of unseen data
+    remains : what is left of unseen data;  foretold : after which it is said how much time is left
     """
 
     fits: float = 0.9
@@ -344,3 +379,4 @@ class BudgetCriteria:
     settling: float = 0.75
     experiment: float = 0.9
     remains: float = 0.95
+    foretold: float = 0.05

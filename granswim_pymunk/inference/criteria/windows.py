@@ -181,8 +181,8 @@ class BedSearchCriteria:
         chaos, and had a tenth of the gain), yet near linear (three times as far as need be, they had a tenth, too)
     tries_amount : amounts of a signature that are tried;  inside : of the way to a bound, how far;  failed : of the
         amount, tried where the run did not survive it;  weaker : of ``response``, below which the amount is made
-        ``grow[1]`` times as large, else ``grow[0]`` times;  stronger : the same above it, ``shrink``;  as_tried : of
-        the amount, a change that is none;  back : of it, the least on the other side of neutral. Choices
+        larger by the second factor of ``grow``, else by the first;  stronger : the same above it, of ``shrink``
+    as_tried : of the amount, a change that is none;  back : of it, the least on the other side of neutral. Choices
     rough : of the amounts so far, simulated when a leader is refitted;  fine : the same once more, in all windows
     led : of the best first-order gain, from which a law is refitted;  kept : of the best gain in few windows, from
         which it is refitted in all;  beside : of what nulls gain, from which a law is tried beside another. Choice

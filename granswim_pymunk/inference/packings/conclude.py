@@ -68,7 +68,7 @@ class Finding:
             at += t.candidate.size
         n = trial.candidate.size
         f = self.revised
-        student = float(stats.t.ppf(0.975, max(f.dof, 2))) / 1.96
+        student = float(stats.t.ppf(0.975, max(f.dof, 2))) / current().intervals.normal
         return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
 
 

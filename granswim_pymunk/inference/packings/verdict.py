@@ -9,6 +9,7 @@ import numpy as np
 
 from ...laws import has_role
 from ...scene import Scene
+from ..criteria import current
 from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, handed_over
 from ..swimmer_terms import reported_parameters
 from .conclude import Finding
@@ -32,16 +33,16 @@ def parameters_of(f: Finding, trial: Trial) -> dict[str, tuple[Any, Any, Any, st
     values, covariance = f.own(trial)
     x = trial.candidate
     if has_role(x.name, "medium"):
-        c, push = float(values[0]), values[1:]
+        c, push, half = float(values[0]), values[1:], current().intervals.normal
         root = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         found: dict[str, tuple[Any, Any, Any, str]] = {
-            "c": (c, max(c - 1.96 * float(root[0]), 0.0), c + 1.96 * float(root[0]), "kg/s")
+            "c": (c, max(c - half * float(root[0]), 0.0), c + half * float(root[0]), "kg/s")
         }
         if c > 0:
             # u = push/c, to first order in both
             u = push / c
             own, with_c = np.diag(covariance)[1:], covariance[0, 1:]
-            wide = 1.96 * np.sqrt(np.maximum(own - 2 * u * with_c + u**2 * covariance[0, 0], 0.0)) / c
+            wide = half * np.sqrt(np.maximum(own - 2 * u * with_c + u**2 * covariance[0, 0], 0.0)) / c
             found["u"] = (u.tolist(), (u - wide).tolist(), (u + wide).tolist(), "m/s")
         return found
     return reported_parameters(x.term, values, covariance)

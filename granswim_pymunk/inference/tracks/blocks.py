@@ -121,7 +121,7 @@ def without(fit: Fit, block: Block) -> np.ndarray:
         information += values.T @ values
         gradient += values.T @ fit.used(name)[keep]
     size = np.sqrt(np.diag(information))
-    told = (size**2 > current().blocks.told * np.maximum(all_told, 1e-300)) | (prior > 0)
+    told = (size**2 > current().blocks.told * np.maximum(all_told, current().rounding.nothing)) | (prior > 0)
     told[fit.hypothesis.believed] = False
     if not told.any():
         return fit.values
@@ -158,7 +158,7 @@ def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: 
     still make up for a step that it did not take.
     """
     size, axes = np.linalg.eigh(information)
-    kept = size > 1e-8 * size.max()
+    kept = size > current().rounding.direction * size.max()
     root = np.sqrt(size[kept])
     matrix, wanted = root[:, None] * axes[:, kept].T, (axes[:, kept].T @ gradient) / root
     step = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
@@ -272,12 +272,12 @@ def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor,
     frames = np.flatnonzero(block.frames)
     first, rest = block.start[frames], block.rest[frames]
     seen = np.isfinite(case.values[block.frames])
-    if not np.isfinite(here[seen]).all() or np.abs(here[seen]).max(initial=0.0) >= 1e6:
+    if not np.isfinite(here[seen]).all() or np.abs(here[seen]).max(initial=0.0) >= current().fits.hopeless:
         raise Failed("a block could not be predicted")
     by_start = np.stack(columns, axis=-1) if columns else np.zeros((*here.shape, 0))
     j1, j2 = by_start[first][seen[first]], by_start[rest][seen[rest]]
     u, s, vt = np.linalg.svd(j1, full_matrices=False)
-    kept = s > 1e-9 * s.max(initial=0.0)
+    kept = s > current().rounding.column * s.max(initial=0.0)
     inverse = (vt[kept].T / s[kept]) @ u[:, kept].T  # pseudo-inverse of J_1
     errors = vt[kept].T / s[kept]
     left, size, axes = np.linalg.svd(j2 @ errors, full_matrices=False)

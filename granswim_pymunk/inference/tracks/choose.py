@@ -85,7 +85,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
     if not trials:
         return None
-    if spread <= 1.0:
+    if spread <= 1:
         best = max(trials, key=lambda t: worth(t, spread))
         same = [t for t in trials if worth(best, spread) - worth(t, spread) < verdict.same]
         # the best of several richer laws gains by chance more than one of them would

@@ -20,7 +20,7 @@ from ..threads import ContextPool
 from .fitted import Fit, huber, information_of, weight_roots
 from .follow import POOL, Follower, Slow
 from .segments import Segment, limits_of
-from .solve import Blocks, Secant, descend
+from .solve import Blocks, Problem, Secant, descend
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
 _FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
@@ -179,7 +179,7 @@ class Fitter(Follower):
             x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return self._finish(hypothesis, x, numbers, fixed, known)
         for share in stages:
-            if share == 1.0 and near is not None and not fixed and self.of_many_numbers:
+            if share == 1 and near is not None and not fixed and self.of_many_numbers:
                 active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
                 x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
             else:
@@ -259,7 +259,7 @@ class Fitter(Follower):
         try:
             with np.errstate(all="ignore"):
                 part, starts = descend(
-                    evaluate, differentiate, loss, begin, (low[at], high[at]), stale=bool(known),
+                    Problem(evaluate, differentiate, loss), begin, (low[at], high[at]), stale=bool(known),
                     evaluations=evaluations, stop=self.stop,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
@@ -327,7 +327,7 @@ class Fitter(Follower):
 
     def _part(self, case: Case, share: float) -> np.ndarray:
         frames = self.frames[case.name]
-        if share >= 1.0:
+        if share >= 1:
             return frames
         rows = np.flatnonzero(frames)
         part = np.zeros_like(frames)
@@ -395,7 +395,7 @@ class Fitter(Follower):
             secant.anew(z, seen, result)
             return result
 
-        rough = self.rough or share < 1.0
+        rough = self.rough or share < 1
         z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
         fall = current().fits.rough if rough else max(current().fits.fine / rows[-1], 1e-7)
         # the solver wants to begin strictly inside the bounds

@@ -12,8 +12,9 @@ from scipy import stats
 
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Hypothesis, Predictor
+from ..hypothesis import Beginning, Hypothesis, Predictor
 from ..linear import project
+from ..significance import half_interval
 from ..start import StartBody
 from .segments import Segment, limits_of
 
@@ -80,13 +81,13 @@ class Fit:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]
         value = float(self.values[k])
-        more = 0.0 if self.believed is None else 1.96**2 * max(float(self.believed[k, k]), 0.0)
+        more = 0.0 if self.believed is None else half_interval(float(self.believed[k, k]))
         if k in self.limits:
             low, high = self.limits[k]
         else:
-            half = 1.96 * float(np.sqrt(max(self.covariance[k, k], 0.0) * inflation))
+            half = half_interval(float(self.covariance[k, k]) * inflation)
             low, high = value - half, value + half
-        low, high = value - math.hypot(value - low, math.sqrt(more)), value + math.hypot(high - value, math.sqrt(more))
+        low, high = value - math.hypot(value - low, more), value + math.hypot(high - value, more)
         return value, max(low, free.low), min(high, free.high)
 
     def used(self, case: str) -> np.ndarray:
@@ -139,11 +140,9 @@ def spin_at(predictor: Predictor, fit: Fit, case: Case, t0: float) -> np.ndarray
         if segment.until is None or segment.until > t0:
             break
         mine, numbers = numbers[: segment.size], numbers[segment.size :]
-        begin = case.t[segment.frames][:1]
-        _, end = predictor.run(
-            fit.hypothesis, case, fit.values, segment.starts, mine, float(begin[0]), begin,
-            (segment.until, after.starts), spin,
-        )  # fmt: skip
+        t = case.t[segment.frames][:1]
+        begin = Beginning(segment.starts, mine, float(t[0]), (segment.until, after.starts), spin)
+        _, end = predictor.run(fit.hypothesis, case, fit.values, begin, t)
         spin = None if end is None else end.spin
     return spin
 

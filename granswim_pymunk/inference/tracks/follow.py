@@ -10,7 +10,7 @@ import numpy as np
 
 from ..criteria import SegmentCriteria, current
 from ..data import Case
-from ..hypothesis import Failed, Free, Hypothesis, Predictor
+from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
 from ..start import StartBody, first_numbers, number_scales
 from ..threads import ContextPool
 from .fitted import Fit
@@ -155,10 +155,8 @@ class Follower:
         following = None if after is None else (after[0], after[1].starts)
         nothing = np.zeros(0)
         try:
-            predicted, end = self.predictor.run(
-                hypothesis, case, values, segment.starts, part.numbers, t0, case.t[part.frames], following,
-                part.spin,
-            )  # fmt: skip
+            begin = Beginning(segment.starts, part.numbers, t0, following, part.spin)
+            predicted, end = self.predictor.run(hypothesis, case, values, begin, case.t[part.frames])
         except Failed:
             lost = nothing if after is None else np.full(after[1].size, current().fits.hopeless)
             return Run(part, np.where(np.isfinite(seen), current().fits.hopeless, np.nan), lost, None)
@@ -218,10 +216,10 @@ class Follower:
             t0 = float(case.t[part.segment.frames][0])
             following = None if part.follower is None else (part.follower[0], part.follower[1].starts)
             if part.frames.any():
+                begin = Beginning(part.segment.starts, part.numbers, t0, following, spin)
                 out[part.frames], end = self.predictor.run(
-                    fit.hypothesis, case, fit.values, part.segment.starts, part.numbers, t0, case.t[part.frames],
-                    following, spin,
-                )  # fmt: skip
+                    fit.hypothesis, case, fit.values, begin, case.t[part.frames]
+                )
                 spin = end.spin if end is not None and fit.hypothesis.turns(case) else None
         return out
 

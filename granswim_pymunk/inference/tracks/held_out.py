@@ -256,7 +256,8 @@ def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Genera
     both = np.hstack(fit.jacobian[case.name])
     size = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
     told, turned = np.linalg.eigh((both / size).T @ (both / size))
-    told = np.where(told > 1e-12 * told.max(initial=0.0), told, np.inf)  # what shows in nothing changes nothing
+    # what shows in nothing changes nothing
+    told = np.where(told > current().rounding.told * told.max(initial=0.0), told, np.inf)
     low, high = fit.hypothesis.bounds
     try:
         runs = [fitter.predict(fit, case, case.scored)[case.scored]]
@@ -311,10 +312,11 @@ def window_errors(
     """
     t = case.t[rows]
     count = max(int(np.floor((t[-1] - t[0]) / length + 1e-6)), 1)
+    same = current().rounding.time
     found = []
     for k in range(count):
         begin = t[0] + k * length
-        mine = rows[(t >= begin - 1e-9) & (t < begin + length - 1e-9)]
+        mine = rows[(t >= begin - same) & (t < begin + length - same)]
         first, rest = np.zeros(len(case.t), dtype=bool), np.zeros(len(case.t), dtype=bool)
         cut_at = max(math.ceil(share * len(mine)), current().blocks.start_frames)
         first[mine[:cut_at]] = True

@@ -55,7 +55,7 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
     memory = []
     for series in series_of(fit, cases, white=True):
         n = len(series)
-        if n < 12:
+        if n < current().noise.spectrum:
             continue
         s = series - series.mean()
         power = float(s @ s)
@@ -71,9 +71,6 @@ def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:
     p_memory = float(stats.chi2.sf(q, max(lags - free, 1))) if lags else 1.0
     p = min(1.0, 2 * min(p_size, p_memory))
     return Whiteness(z, float(np.mean(memory)) if memory else 1.0, p)
-
-
-ANEW = 1_000_000  # frames between two segments, for a memory that ends where one begins
 
 
 def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -> Noise:
@@ -103,7 +100,7 @@ def seen_by(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -
         count = int(seen.sum())
         spread_out = [np.full((*residuals.shape, by.shape[1]), np.nan) for by in (by_value, by_start)]
         begins = [case.t[s.frames][0] for s in fit.segments[case.name]]
-        frames = case.numbers + ANEW * np.searchsorted(begins, case.t, side="right")
+        frames = case.numbers + current().noise.anew * np.searchsorted(begins, case.t, side="right")
         for k, by in enumerate((by_value, by_start)):
             spread_out[k][seen] = by[:count]
             spread_out[k] = np.nan_to_num(coloured(spread_out[k], frames, case.noise))
@@ -151,11 +148,12 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
     size = 0
     for case in fitter.cases:
         at = np.flatnonzero(fitter.frames[case.name])
-        size = max(len(at) // pieces, 8)
+        least = current().noise.correlated
+        size = max(len(at) // pieces, least)
         for first in range(0, len(at) - size // 2, size):
             part = np.zeros(len(case.t), dtype=bool)
             part[at[first : first + size]] = True
-            if part.sum() < 8:
+            if part.sum() < least:
                 continue
             inner = Fitter([case], fitter.predictor, {case.name: part}, fitter.stop)
             found = inner.fit(fit.hypothesis, fit.values, fixed=True, evaluations=8)

@@ -18,6 +18,7 @@ from ..criteria import current
 from ..data import Case
 from ..linear import project
 from ..noise import averaged
+from ..significance import half_interval
 from .believed import error_name, with_error
 from .fit import Fitter
 from .fitted import Fit, information_of
@@ -48,16 +49,16 @@ def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Calla
             continue
         free = fit.hypothesis.free[k]
         least = current().intervals.at_first * (abs(float(fit.values[k]) - free.neutral) or free.scale)
-        step = min(1.96 / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
+        step = min(current().intervals.normal / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
         limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
     return replace(fit, limits=limits) if limits else fit
 
 
 def _lopsided(fit: Fit, k: int, ends: tuple[float, float], spread: float) -> bool:
     """Whether the ends of an interval are not where its curvature puts them, by more than a part of its half."""
-    half = 1.96 * math.sqrt(float(fit.covariance[k, k]) * spread)
+    half = half_interval(float(fit.covariance[k, k]) * spread)
     away = (float(fit.values[k]) - ends[0]) / half, (ends[1] - float(fit.values[k])) / half
-    return any(abs(part - 1.0) > current().intervals.lopsided for part in away)
+    return any(abs(part - 1) > current().intervals.lopsided for part in away)
 
 
 def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float, float] | None, Fit]:
@@ -71,7 +72,7 @@ def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float
     if not variance > 0:
         return None, best
     free, as_told = fit.hypothesis.free[k], True
-    away = 1.96 * math.sqrt(spread / variance) * fit.covariance[:, k]
+    away = current().intervals.normal * math.sqrt(spread / variance) * fit.covariance[:, k]
     bounds = np.array([(f.low, f.high) for f in fit.hypothesis.free]).T
     ends = []
     for side in (-1.0, 1.0):
@@ -98,7 +99,7 @@ def unknown_alone(information: np.ndarray) -> list[int]:
     part = (information / np.outer(size, size).clip(1e-300))[np.ix_(shown, shown)]
     # of a singular matrix the inverse of what it lacks is huge
     inverse = np.linalg.inv(part + 1e-9 * np.eye(len(part)))
-    return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * current().intervals.alone > 1.0]
+    return [int(k) for k, wide in zip(shown, np.diag(inverse), strict=True) if wide * current().intervals.alone > 1]
 
 
 def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
@@ -144,9 +145,9 @@ def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
     limits = dict(fit.limits)
     for k in range(first, p):
         value, low, high = replace(fit, believed=None).interval(k, spread)
-        below = above = 1.96 * math.sqrt(max(float(covariance[k, k]), 0.0))
+        below = above = half_interval(float(covariance[k, k]))
         if k in fit.limits:  # a profile keeps its shape
-            share = below / max(1.96 * math.sqrt(max(float(fit.covariance[k, k]) * spread, 0.0)), 1e-300)
+            share = below / max(half_interval(float(fit.covariance[k, k]) * spread), 1e-300)
             below, above = (value - low) * max(share, 1.0), (high - value) * max(share, 1.0)
         limits[k] = min(low, value + float(moved[k]) - below), max(high, value + float(moved[k]) + above)
     return replace(fit, limits=limits)
@@ -200,7 +201,7 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
                 return at
             foreseen = away * (1.0 / now - 1.0) if now > 0 else math.inf
             step = min(foreseen, step if failed else criteria.growth * step)
-            if sure and step >= abs(beyond - at) * (1.0 - criteria.fine):
+            if sure and step >= abs(beyond - at) * (1 - criteria.fine):
                 step = abs(beyond - at) / 2
         else:
             # the end, or a valley that bends more than one search can follow: such a one is lost elsewhere next time

@@ -130,7 +130,8 @@ class Tracks(ObservationModel):
         began = time.monotonic()
 
         def late(share: float) -> bool:
-            return minutes is not None and time.monotonic() - began > 60 * minutes * share
+            spent = (time.monotonic() - began) / 60
+            return minutes is not None and spent > minutes * share
 
         self.progress = progress
         self.study = study_of(recordings, hold_out, np.random.default_rng(seed), progress, late)
@@ -311,7 +312,7 @@ class Tracks(ObservationModel):
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
         cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
         spreads = {c.name: carried_on(revised, c, study.predictor, study.rng) for c in cut}
-        self.followed = {name: spread for name, spread in spreads.items() if spread < 1.0}
+        self.followed = {name: spread for name, spread in spreads.items() if spread < 1}
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
@@ -349,7 +350,7 @@ class Tracks(ObservationModel):
     def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
         study, memory = self.study, math.inf
         # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
-        if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1.0:
+        if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1:
             memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
         return held_out_errors(
             fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory,

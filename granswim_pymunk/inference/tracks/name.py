@@ -37,6 +37,11 @@ class Trial:
     inner: float
     reason: str = ""
 
+    @classmethod
+    def untried(cls, signature: Signature, reason: str = "") -> Trial:
+        """A candidate that was not refitted by itself."""
+        return cls(signature, None, 0.0, float("inf"), reason)
+
     @property
     def term(self) -> Term:
         return self.signature.term
@@ -60,7 +65,7 @@ class Trial:
             return self.numbers
         values = self.fit.values[len(self.fit.values) - self.numbers :]
         idle = sum(
-            f.neutral in (f.low, f.high) and abs(v - f.neutral) < 1e-6 * f.scale and not f.inner
+            f.neutral in (f.low, f.high) and abs(v - f.neutral) < current().rounding.bound * f.scale and not f.inner
             for v, f in zip(values, self.term.free, strict=True)
         )
         return max(self.numbers - idle, 1)
@@ -192,7 +197,7 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     for share, begin in beginnings:
         values = np.concatenate([base.values, begin])
         found = fitter.fit(
-            hypothesis, values, base.starts, stages=stages if share != 1.0 else (1.0,), evaluations=evaluations,
+            hypothesis, values, base.starts, stages=stages if share != 1 else (1.0,), evaluations=evaluations,
             near=base,
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:
@@ -234,7 +239,8 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     if shaped.any() and base.chi2 > current().signatures.far ** 2 * base.count:
         # strength and shape lie along a bent valley, and what first order says of the strength is far off
         return False, 20, [*usual, *((1.0, np.where(shaped, first, factor * first)) for factor in (20.0, 400.0))]
-    return True, 8 if len(first) > 12 else 20, usual
+    refits = current().refits
+    return True, refits.few_evaluations if len(first) > refits.many else refits.evaluations, usual
 
 
 @dataclass(frozen=True)
@@ -311,7 +317,7 @@ def try_candidates(
             # candidates come in the order of their first-order gain
             reason = "not refitted: the time was up"
         if reason:
-            return Trial(signature, None, 0.0, float("inf"), reason)
+            return Trial.untried(signature, reason)
         if run is not None and k in run.fits:
             begin = run.fits[k]
             evaluations = _beginnings(base, signature.term)[1]
@@ -375,7 +381,7 @@ def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, li
     for t in sorted(trials, key=lambda t: -t.gain)[:3]:
         if t.fit is not None and t.gain > current().verdict.noticed:
             found = fitter.fit(base.hypothesis, t.fit.values[:n], t.fit.starts)
-            best = found if found.chi2 < best.chi2 - 1.0 else best
+            best = found if found.chi2 < best.chi2 - current().refits.unstuck else best
     if best is base:
         return base, list(trials)
     moved = [t if t.fit is None else replace(t, gain=best.chi2 - t.fit.chi2) for t in trials]
@@ -431,7 +437,7 @@ def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
                 continue
             extra = b.directions - a.directions @ (a.directions.T @ b.directions)
             u, s, _ = np.linalg.svd(extra, full_matrices=False)
-            u = u[:, s > 1e-3]
+            u = u[:, s > current().signatures.beside]
             both = a.gain + float(np.sum((u.T @ rest) ** 2))
             result.append((both - max(a.gain, b.gain), i, j))
     return sorted(result, reverse=True)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..criteria import current
 from ..data import Case
 from ..significance import Null
 from .fitted import Fit
@@ -17,7 +18,7 @@ def correlation_time(series: np.ndarray) -> float:
     series = series - series.mean()
     n = len(series)
     power = float(series @ series)
-    if n < 8 or power == 0.0:
+    if n < current().noise.correlated or power == 0.0:
         return 1.0
     total = 1.0
     for lag in range(1, n // 3):
@@ -83,7 +84,7 @@ def noise_of(fit: Fit, cases: Sequence[Case], spread: float) -> list[tuple[np.nd
     is kept, counted without the numbers that were fitted, and not its spectrum.
     """
     free = max(fit.count - fit.numbers, 1)
-    if spread <= 1.0:
+    if spread <= 1:
         return 1.0 if all(c.sigma_known for c in cases) else float(np.sqrt(fit.chi2 / free))
     size = np.sqrt(fit.count / free)
     return [(fit.white[c.name] * size, len(fit.steps.get(c.name, ()))) for c in cases]

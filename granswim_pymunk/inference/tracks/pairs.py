@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -12,60 +12,52 @@ import numpy as np
 from ...laws import all_laws, has_role
 from ..candidates import fastest_of
 from ..criteria import current
-from ..data import Case
-from ..hypothesis import Predictor, Term
+from ..hypothesis import Term
 from ..significance import price
 from ..simpler import special_cases
 from .choose import choose, worth
 from .fit import Fitter
 from .fitted import Fit
-from .name import InnerSplit, Trial, is_limit, is_part, label_of, pair_gains, refit, rows_of, spread_of
+from .name import Trial, is_limit, is_part, label_of, pair_gains, refit, rows_of
 from .nulls import noise_of, search_nulls
+from .sets import SetSearch
 from .signatures import Signature, make_bank
 
 PUSHES = ("push", "medium")  # roles
 
 
-def second_law(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], rng: np.random.Generator, training: Sequence[Case],
-) -> tuple[list[Trial], Fit]:  # fmt: skip
+def second_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """Add a second law where it is significant and predicts better."""
     if not found:
         return found, revised
-    apart = [t for t in terms if not any_field(found[0].term, t, terms)]
-    found, revised, best = _one_more(found, revised, recalibrated, fitter, apart, inner, rng, training)
+    apart = [t for t in search.terms if not any_field(found[0].term, t, search.terms)]
+    found, revised, best = _one_more(search, found, revised, apart)
     if best is None or best.fit is None:
         return found, revised
     first = found[0]
-    inner_scores[label_of(first, best)] = best.inner
+    search.scores[label_of(first, best)] = best.inner
     # beside the second law another drag than the one that came first alone may do better
-    both = [replace(first, fit=best.fit, gain=recalibrated.chi2 - best.fit.chi2, inner=best.inner), best]
-    pair = _partners(both, recalibrated, fitter, terms, inner, inner_scores, training)
+    both = [*(replace(t, inner=best.inner) for t in search.as_in(best.fit, [first])), best]
+    pair = _partners(search, both)
     if pair is not both and pair[0].fit is not None:
         return pair, pair[0].fit
     return [first, best], best.fit
 
 
-def third_law(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], rng: np.random.Generator, training: Sequence[Case],
-) -> tuple[list[Trial], Fit]:  # fmt: skip
+def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """Add a third law to two where it is significant, predicts better and leaves the other two their place."""
     if len(found) != 2:
         return found, revised
-    apart = [t for t in terms if not any(any_field(f.term, t, terms) for f in found)]
-    two, alone, best = _one_more(found, revised, recalibrated, fitter, apart, inner, rng, training)
+    apart = [t for t in search.terms if not any(any_field(f.term, t, search.terms) for f in found)]
+    two, alone, best = _one_more(search, found, revised, apart)
     if best is None or best.fit is None:
         return two, alone
     fit = best.fit
-    idle = _idle(two, fit, len(recalibrated.values), spread_of(fit, training))
+    idle = _idle(two, fit, search.first, search.spread(fit))
     if idle:
         # the third does what one of the two was there for: in its place it may lead where that one could not
-        return _in_place(idle, two, best, alone, recalibrated, fitter, inner, inner_scores)
-    gain = recalibrated.chi2 - fit.chi2
-    inner_scores[label_of(*two, best)] = best.inner
-    return [replace(t, fit=fit, gain=gain, inner=best.inner) for t in (*two, best)], fit
+        return _in_place(search, idle, two, best, alone)
+    return search.scored(fit, [*two, best], best.inner), fit
 
 
 def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
@@ -80,31 +72,24 @@ def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[T
 
 
 def _in_place(
-    idle: Sequence[Trial], two: list[Trial], third: Trial, revised: Fit, recalibrated: Fit, fitter: Fitter,
-    inner: InnerSplit, inner_scores: dict[str, float],
-) -> tuple[list[Trial], Fit]:  # fmt: skip
+    search: SetSearch, idle: Sequence[Trial], two: list[Trial], third: Trial, revised: Fit
+) -> tuple[list[Trial], Fit]:
     """The third law in place of an idle one of the two, where the data then are followed more closely."""
     assert third.fit is not None
     best, fit = two, revised
-    first, values = len(recalibrated.values), third.fit.values
+    first, values = search.first, third.fit.values
     *own, last = rows_of([*two, third], first)
     for gone in idle:
         keep, rows = (two[1], own[1]) if gone is two[0] else (two[0], own[0])
         begin = [*values[:first], *values[rows], *values[last]]
-        hypothesis = recalibrated.hypothesis.with_term(keep.term, third.term)
-        found = fitter.fit(hypothesis, begin, third.fit.starts, evaluations=60)
+        hypothesis = search.scene_with(keep.term, third.term)
+        found = search.fitter.fit(hypothesis, begin, third.fit.starts, evaluations=60)
         if found.chi2 < fit.chi2:
-            score, _ = inner.score(found)
-            gain = recalibrated.chi2 - found.chi2
-            best, fit = [replace(t, fit=found, gain=gain, inner=score) for t in (keep, third)], found
-            inner_scores[label_of(*best)] = score
+            best, fit = search.scored(found, [keep, third]), found
     return best, fit
 
 
-def drag_and_push(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], training: Sequence[Case],
-) -> tuple[list[Trial], Fit]:  # fmt: skip
+def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """A stream that hardly moves told as what it is then: a drag in still air, and a steady push.
 
     -c (v - u) is -c v + c u. Where u is small beside the speeds of the bodies the law is a drag, with a correction that
@@ -116,41 +101,36 @@ def drag_and_push(
         moved = [a for p in law.parameters if p.within == "speed" for a in p.arguments] if law is not None else []
         if not moved or len(found) > 2 or any(has_role(t.mechanism, *PUSHES) for t in found if t is not stream):
             continue
-        first = len(recalibrated.values)
+        first = search.first
         rows = rows_of(found, first)
         own = zip(stream.term.free, revised.values[rows[k]], strict=True)
         speed = [float(v) for f, v in own if f.name.split(".")[-1] in moved]
-        if not speed or math.hypot(*speed) > current().sets.stream * fastest_of(training):
+        if not speed or math.hypot(*speed) > current().sets.stream * fastest_of(search.training):
             continue
         others = [t for t in found if t is not stream]
         keep = [revised.values[:first], *(revised.values[rows[n]] for n in range(len(found)) if n != k)]
-        plain = [t for t in terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
-        pushes = [t for t in terms if has_role(t.mechanism, "push") and not is_part(t, terms)]
+        plain = [t for t in search.terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
+        pushes = [t for t in search.terms if has_role(t.mechanism, "push") and not is_part(t, search.terms)]
         best: tuple[Fit, Signature, Signature] | None = None
         for term in plain if pushes else []:
-            hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), term)
-            drag = make_bank(fitter, recalibrated, [term])
-            alone = fitter.fit(hypothesis, np.concatenate([*keep, revised.values[rows[k]][:1]]), revised.starts)
-            push = make_bank(fitter, alone, pushes[:1]).signatures[0]
-            fit = refit(fitter, alone, push, (1.0,))
+            hypothesis = search.scene_with(*(t.term for t in others), term)
+            drag = make_bank(search.fitter, search.base, [term])
+            alone = search.fitter.fit(hypothesis, np.concatenate([*keep, revised.values[rows[k]][:1]]), revised.starts)
+            push = make_bank(search.fitter, alone, pushes[:1]).signatures[0]
+            fit = refit(search.fitter, alone, push, (1.0,))
             if best is None or fit.chi2 < best[0].chi2:
                 best = fit, drag.signatures[0], push
-        if best is None or (best[0].chi2 - revised.chi2) / spread_of(best[0], training) > current().verdict.same:
+        if best is None or (best[0].chi2 - revised.chi2) / search.spread(best[0]) > current().verdict.same:
             continue
         fit, drag_, push = best
-        score, _ = inner.score(fit)
-        gain = recalibrated.chi2 - fit.chi2
-        two = [Trial(replace(drag_, term=fit.hypothesis.terms[-2]), fit, gain, score), Trial(push, fit, gain, score)]
-        now = [*(replace(t, fit=fit, gain=gain, inner=score) for t in others), *two]
-        inner_scores[label_of(*now)] = score
-        return now, fit
+        two = [Trial.untried(replace(drag_, term=fit.hypothesis.terms[-2])), Trial.untried(push)]
+        return search.scored(fit, [*others, *two]), fit
     return found, revised
 
 
 def _one_more(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    rng: np.random.Generator, training: Sequence[Case],
-) -> tuple[list[Trial], Fit, Trial | None]:  # fmt: skip
+    search: SetSearch, found: list[Trial], revised: Fit, terms: Sequence[Term]
+) -> tuple[list[Trial], Fit, Trial | None]:
     """The law beside those found that is significant and predicts better, None where there is none.
 
     Also those found and their fit, which may have got free from where it was stuck.
@@ -159,51 +139,50 @@ def _one_more(
     nothing: tuple[list[Trial], Fit, None] = (found, revised, None)
     taken = {t.mechanism for t in found}
     rest = [t for t in terms if t.mechanism not in taken]
-    beside = make_bank(fitter, revised, rest)
+    beside = make_bank(search.fitter, revised, rest)
     # where something else is wrong too, a law with many numbers fits whatever that is
-    spread = spread_of(revised, training)
+    spread = search.spread(revised)
     most = max(t.numbers for t in found)
-    open_ = [s for s in beside.signatures if spread <= 1.0 or len(s.term.free) <= max(most, sets.numbers)]
+    open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
     order = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)[: sets.seconds]
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     trials = []
     for signature in order:
-        fit = refit(fitter, revised, signature, (1.0,))
+        fit = refit(search.fitter, revised, signature, (1.0,))
         trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
     if not trials:
         return nothing
     best_fit = min((t.fit for t in trials if t.fit), key=lambda f: f.chi2)
-    spread = spread_of(best_fit, training)
-    base_inner, base_by = inner.score(revised)
+    spread = search.spread(best_fit)
+    base_inner, base_by = search.inner.score(revised)
     scored = []
     for t in trials:
         if worth(t, spread) > current().verdict.noticed:
             assert t.fit is not None
-            score, by_case = inner.score(t.fit)
+            score, by_case = search.inner.score(t.fit)
             better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
             scored.append((replace(t, inner=score), float(better)))
     good = (
         [t for t, better in scored if t.inner < sets.better * base_inner and better > sets.recordings]
-        if spread > 1.0
-        else [t for t, _ in scored if t.inner < base_inner + inner.slack]
+        if spread > 1
+        else [t for t, _ in scored if t.inner < base_inner + search.inner.slack]
     )
     # what may as well be absent stands in the way of no other: of joints of their own one may have none
     good = [t for t in good if t.fit is not None and _away_from_absent(t.fit, t, spread)] or good
-    best = choose(good, spread, base_inner + inner.slack) if good else None
+    best = choose(good, spread, base_inner + search.inner.slack) if good else None
     if best is None or best.fit is None:
         return nothing
     null = search_nulls(
-        beside, noise_of(best.fit, fitter.cases, spread),
+        beside, noise_of(best.fit, search.fitter.cases, spread),
         np.array([s.surviving > current().signatures.shows for s in beside.signatures]),
-        best.gain, sets.replicates_second, rng,
+        best.gain, sets.replicates_second, search.rng,
     )  # fmt: skip
     if null.p > current().verdict.alarm:
         return nothing
     # those found may only have been stuck: refitted alone from where all ended
-    alone = fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
+    alone = search.fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
     if alone.chi2 < revised.chi2:
-        gain = recalibrated.chi2 - alone.chi2
-        found, revised = [replace(t, fit=alone, gain=gain) for t in found], alone
+        found, revised = search.as_in(alone, found), alone
     gain = (revised.chi2 - best.fit.chi2) / spread
     if gain < price(len(beside.signatures), best.numbers) or not _away_from_absent(best.fit, best, spread):
         return found, revised, None
@@ -222,76 +201,65 @@ def _shows(signature: Signature, spread: float, fit: Fit) -> bool:
     return signature.gain > max(least, criteria.verdict.noticed)
 
 
-def pair_of(
-    base: Fit, fitter: Fitter, terms: Sequence[Term], alive: Sequence[Trial], inner: InnerSplit,
-    inner_scores: dict[str, float], best: float, predictor: Predictor, rng: np.random.Generator,
-    training: Sequence[Case], stop: Callable[[], bool],
-) -> list[Trial]:  # fmt: skip
+def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Trial]:
     """Two laws that explain together what neither does alone, none where there is no such pair.
 
     ``alive``: laws fitted alone, beside which others are looked for.  ``best``: the inner score that they have to beat.
     """
     sets = current().sets
     winner: list[Trial] = []
-    begun = chain(
-        _from_the_first_third(base, fitter, terms, predictor, stop), _beside_each(alive, fitter, terms, training)
-    )
+    begun = chain(_from_the_first_third(search), _beside_each(search, alive))
     for a, b, fit in begun:
-        gain = base.chi2 - fit.chi2
-        spread = spread_of(fit, training)
+        gain = search.base.chi2 - fit.chi2
+        spread = search.spread(fit)
         if gain / spread < sets.both + 2 * len(fit.hypothesis.free):
             continue
-        score, _ = inner.score(fit)
+        score, _ = search.inner.score(fit)
         # the first pair has to beat what there is by a margin, the next ones only that pair
         if not score < (best if winner else sets.clearly * best):
             continue
-        whole = make_bank(fitter, base, [a.term, b.term])
-        noise, wanted = noise_of(fit, fitter.cases, spread), np.ones(2, dtype=bool)
-        null = search_nulls(whole, noise, wanted, gain, sets.replicates_pair, rng)
+        whole = make_bank(search.fitter, search.base, [a.term, b.term])
+        noise, wanted = noise_of(fit, search.fitter.cases, spread), np.ones(2, dtype=bool)
+        null = search_nulls(whole, noise, wanted, gain, sets.replicates_pair, search.rng)
         if null.p <= current().verdict.alarm:
             best = score
-            winner = [Trial(a, fit, gain, score), Trial(b, fit, gain, score)]
-            inner_scores[label_of(*winner)] = score
+            winner = search.scored(fit, [Trial.untried(a), Trial.untried(b)], score)
     if winner and winner[0].fit is not None:
         # strength and shape of a law lie along a valley: walk it to its end
         fit = winner[0].fit
-        fit = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
-        winner = [replace(t, fit=fit, gain=base.chi2 - fit.chi2) for t in winner]
-        winner = _partners(winner, base, fitter, terms, inner, inner_scores, training)
+        fit = search.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
+        winner = _partners(search, search.as_in(fit, winner))
     return winner
 
 
-def _from_the_first_third(
-    base: Fit, fitter: Fitter, terms: Sequence[Term], predictor: Predictor, stop: Callable[[], bool]
-) -> Iterator[tuple[Signature, Signature, Fit]]:
+def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signature, Fit]]:
     """Two laws that help only together (a repulsion at a distance and a drag), best first.
 
     Signatures of the first third of each track rank the pairs, where the prediction is still linear in them;
     the best are refitted on growing parts.
     """
     third = {}
-    for case in fitter.cases:
-        rows = np.flatnonzero(fitter.frames[case.name])
+    for case in search.fitter.cases:
+        rows = np.flatnonzero(search.fitter.frames[case.name])
         third[case.name] = np.zeros(len(case.t), dtype=bool)
         third[case.name][rows[: max(len(rows) // 3, min(12, len(rows)))]] = True
-    short = Fitter(fitter.cases, predictor, third, stop).tightened(fitter.closeness)
-    start = short.fit(base.hypothesis, base.values)
-    bank = make_bank(short, start, [t for t in terms if len(t.free) <= 2])
+    whole = search.fitter
+    short = Fitter(whole.cases, whole.predictor, third, whole.stop).tightened(whole.closeness)
+    start = short.fit(search.base.hypothesis, search.base.values)
+    bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2])
     tried: set[tuple[str, str]] = set()
     for extra, i, j in pair_gains(bank):
         a, b = bank.signatures[i], bank.signatures[j]
         names = (a.term.mechanism, b.term.mechanism)
         if extra <= current().sets.together or len(tried) == current().sets.pairs:
             return
-        if names not in tried and not any_field(a.term, b.term, terms):  # the best of their variants comes first
+        if names not in tried and not any_field(a.term, b.term, search.terms):  # the best of their variants comes first
             tried.add(names)
-            hypothesis = base.hypothesis.with_term(a.term, b.term)
-            yield a, b, fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
+            hypothesis = search.scene_with(a.term, b.term)
+            yield a, b, search.fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
 
 
-def _beside_each(
-    alive: Sequence[Trial], fitter: Fitter, terms: Sequence[Term], training: Sequence[Case]
-) -> Iterator[tuple[Signature, Signature, Fit]]:
+def _beside_each(search: SetSearch, alive: Sequence[Trial]) -> Iterator[tuple[Signature, Signature, Fit]]:
     """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first."""
     sets, firsts = current().sets, list[Trial]()
     for t in alive:
@@ -301,9 +269,10 @@ def _beside_each(
     ranked = []
     for first in firsts:
         assert first.fit is not None
-        spread = spread_of(first.fit, training)
-        others = [t for t in terms if t.mechanism != first.mechanism and not any_field(first.term, t, terms)]
-        bank = make_bank(fitter, first.fit, others)
+        spread = search.spread(first.fit)
+        others = [t for t in search.terms if t.mechanism != first.mechanism]
+        others = [t for t in others if not any_field(first.term, t, search.terms)]
+        bank = make_bank(search.fitter, first.fit, others)
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
         ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside]
     tried: set[frozenset[str]] = set()
@@ -314,7 +283,7 @@ def _beside_each(
         if names not in tried:
             tried.add(names)
             assert first.fit is not None
-            yield first.signature, second, refit(fitter, first.fit, second, (1.0,))
+            yield first.signature, second, refit(search.fitter, first.fit, second, (1.0,))
 
 
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
@@ -329,10 +298,7 @@ def _is_damping(term: Term) -> bool:
     return len(term.free) == 1 and law is not None and law.damping
 
 
-def _partners(
-    pair: list[Trial], base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], training: Sequence[Case],
-) -> list[Trial]:  # fmt: skip
+def _partners(search: SetSearch, pair: list[Trial]) -> list[Trial]:
     """The pair with its drag (a law of one strength on single bodies) exchanged for every other, the best of them.
 
     The signatures that found the pair were those of a short first part, where one drag looks like another.
@@ -340,31 +306,29 @@ def _partners(
     """
     best, fit = pair, pair[0].fit
     assert fit is not None
-    offset = len(base.values)
+    offset = search.first
     for which in (0, 1):
         term, keep = pair[which].term, pair[1 - which]
         if not _is_damping(term):
             continue
         own = rows_of(pair, offset)
         at, rows = own[which].start, own[1 - which]
-        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases]) * fit.values[at]
-        others = [t for t in terms if _is_damping(t) and t.label != term.label]
+        moved = np.concatenate([fit.jacobian[c.name][0][:, at] for c in search.fitter.cases]) * fit.values[at]
+        others = [t for t in search.terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
-        for other in make_bank(fitter, fit, others).signatures:
-            alone = fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
-            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in fitter.cases])
+        for other in make_bank(search.fitter, fit, others).signatures:
+            alone = search.fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
+            column = np.concatenate([alone.jacobian[c.name][0][:, -1] for c in search.fitter.cases])
             power = float(column @ column)
             if power == 0.0:
                 continue
             amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
-            hypothesis = base.hypothesis.with_term(keep.term, other.term)
+            hypothesis = search.scene_with(keep.term, other.term)
             begin = [*fit.values[:offset], *fit.values[rows], amount]
-            found = fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
-            gain = base.chi2 - found.chi2
-            if gain > best[0].gain + current().verdict.same * spread_of(found, training):
-                score, _ = inner.score(found)
-                best = [replace(keep, fit=found, gain=gain, inner=score), Trial(other, found, gain, score)]
-                inner_scores[label_of(*best)] = score
+            found = search.fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
+            gain = search.base.chi2 - found.chi2
+            if gain > best[0].gain + current().verdict.same * search.spread(found):
+                best = search.scored(found, [keep, Trial.untried(other)])
     return best
 
 
@@ -388,26 +352,24 @@ class Exchange:
     ahead: float
 
 
-def exchanges(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], spread: float
-) -> list[Exchange]:
+def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Exchange]:
     """Laws in place of one of the two found, the best of each name, best first.
 
     Beside the other one alone they are ranked by signatures, and those that come near are refitted.
     """
     result: dict[str, Exchange] = {}
-    first = len(recalibrated.values)
+    first, spread = search.first, search.spread(revised)
     of_first, of_second = rows_of(found, first)
     for replaced, keep, rows in ((found[1], found[0], of_first), (found[0], found[1], of_second)):
-        hypothesis = recalibrated.hypothesis.with_term(keep.term)
+        hypothesis = search.scene_with(keep.term)
         begin = np.concatenate([revised.values[:first], revised.values[rows]])
-        alone = fitter.fit(hypothesis, begin, revised.starts)
-        others = [t for t in terms if t.mechanism not in {f.mechanism for f in found}]
-        ranked = sorted(make_bank(fitter, alone, others).signatures, key=lambda s: -s.gain)
+        alone = search.fitter.fit(hypothesis, begin, revised.starts)
+        others = [t for t in search.terms if t.mechanism not in {f.mechanism for f in found}]
+        ranked = sorted(make_bank(search.fitter, alone, others).signatures, key=lambda s: -s.gain)
         lost = alone.chi2 - revised.chi2
         for signature in [s for s in ranked if s.gain > current().sets.near_partner * lost][: current().sets.partners]:
-            fit = refit(fitter, alone, signature, (1.0,))
-            trial = Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf"))
+            fit = refit(search.fitter, alone, signature, (1.0,))
+            trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
             best = result.get(trial.mechanism)
             if trial.gain > 0 and (best is None or trial.gain > best.trial.gain):
@@ -415,28 +377,23 @@ def exchanges(
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 
 
-def settled(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    inner_scores: dict[str, float], training: Sequence[Case],
-) -> tuple[list[Trial], Fit, list[Exchange]]:  # fmt: skip
+def settled(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit, list[Exchange]]:
     """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
-    score = inner_scores.get(label_of(*found), found[0].inner)
+    score = search.scores.get(label_of(*found), found[0].inner)
     others: list[Exchange] = []
     for _ in range(current().sets.rounds):
-        spread = spread_of(revised, training)
-        others = exchanges(found, revised, recalibrated, fitter, terms, spread)
-        open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, terms)]
+        others = exchanges(search, found, revised)
+        open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, search.terms)]
         better = max(open_, key=lambda e: e.ahead, default=None)
         if better is None or better.ahead <= current().verdict.same or better.trial.fit is None:
             break
-        now, _ = inner.score(better.trial.fit)
+        now, _ = search.inner.score(better.trial.fit)
         if not now < score:
             break
         score, revised = now, better.trial.fit
-        found = [replace(t, fit=revised, gain=better.trial.gain, inner=now) for t in (better.keep, better.trial)]
-        inner_scores[label_of(*found)] = now
+        found = search.scored(revised, [better.keep, better.trial], now)
         others = []
-    others = others or exchanges(found, revised, recalibrated, fitter, terms, spread_of(revised, training))
+    others = others or exchanges(search, found, revised)
     return found, revised, others
 
 

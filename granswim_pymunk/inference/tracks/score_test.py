@@ -62,7 +62,8 @@ def largest_by_chance(bank: Bank, residuals: np.ndarray, drawn: np.ndarray) -> f
 
 def _white_level(fit: Fit, cases: Sequence[Case]) -> tuple[float, int]:
     """Size of the white part in units of what was believed, from the fast half of spectra, and how many frequencies."""
-    fast = [power[len(power) // 2 :] for s in series_of(fit, cases, white=True) if len(power := periodogram(s)) > 6]
+    spectra = [periodogram(s) for s in series_of(fit, cases, white=True)]
+    fast = [power[len(power) // 2 :] for power in spectra if len(power) > current().noise.frequencies]
     if not fast:
         return 1.0, 1000
     every = np.concatenate(fast)

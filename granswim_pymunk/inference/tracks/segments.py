@@ -143,7 +143,7 @@ def _followed_for(
         curved = np.maximum(curved, np.abs((ends[0] + ends[1] - 2 * here) / case.sigma).max(axis=1))
         straight = np.maximum(straight, np.abs((ends[1] - ends[0]) / case.sigma).max(axis=1))
     # what is below the noise is no bend
-    bent = np.flatnonzero((curved > criteria.bend * straight) & (curved > 1.0))
+    bent = np.flatnonzero((curved > criteria.bend * straight) & (curved > 1))
     return max(int(bent[0]), current().segments.start_frames) if len(bent) else len(rows)
 
 
@@ -304,7 +304,7 @@ def _minima(gap: np.ndarray, near: float, spread: float) -> list[tuple[int, int]
     spread : one standard deviation of the gap [m]; between two minima it has risen by more than noise
     """
     seen = np.flatnonzero(np.isfinite(gap))
-    if len(seen) < 5:
+    if len(seen) < current().segments.gaps:
         return []
     values = gap[seen]
     steps = np.abs(np.diff(values))

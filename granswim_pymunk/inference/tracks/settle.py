@@ -11,7 +11,6 @@ from scipy import stats
 from ...laws import all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
-from ..data import Case
 from ..hypothesis import Term
 from ..linear import project
 from ..simpler import all_absent, by_chance, special_cases
@@ -19,7 +18,8 @@ from .believed import stated_terms
 from .fit import Fitter
 from .fitted import Fit
 from .intervals import with_believed_errors
-from .name import Trial, is_apparatus, rows_of, spread_of
+from .name import Trial, is_apparatus, rows_of
+from .sets import SetSearch
 from .signatures import columns_of, make_bank
 
 
@@ -33,9 +33,8 @@ class StandIn:
 
 
 def in_names_of_apparatus(
-    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
-    training: Sequence[Case],
-) -> tuple[list[Trial], Fit, list[StandIn]]:  # fmt: skip
+    search: SetSearch, found: Sequence[Trial], revised: Fit
+) -> tuple[list[Trial], Fit, list[StandIn]]:
     """Each law exchanged for the one that by its declaration stands for it in such an apparatus and does as well.
 
     Of one law, two or three. They may be the same law in other numbers, so each begins at the amount that moves the
@@ -44,20 +43,20 @@ def in_names_of_apparatus(
     found, told = list(found), list[StandIn]()
     for k in range(len(found)):
         best: StandIn | None = None
-        for term in _standing_for(found[k].term, terms):
+        for term in _standing_for(found[k].term, search.terms):
             if term.mechanism in {t.mechanism for t in found}:
                 continue
-            trial = _in_place(found, k, term, revised, recalibrated, fitter)
+            trial = _in_place(search, found, k, term, revised)
             if trial is None or trial.fit is None:
                 continue
-            ahead = (revised.chi2 - trial.fit.chi2) / spread_of(trial.fit, training)
+            ahead = (revised.chi2 - trial.fit.chi2) / search.spread(trial.fit)
             if ahead > -current().verdict.same and (best is None or ahead > best.ahead):
                 best = StandIn(trial, found[k], float(ahead))
         if best is None or best.named.fit is None:
             continue
         told.append(best)
         found[k], revised = best.named, best.named.fit
-        found = [replace(t, fit=revised, gain=best.named.gain) for t in found]
+        found = search.as_in(revised, found)
     return found, revised, told
 
 
@@ -75,18 +74,16 @@ def _standing_for(term: Term, terms: Sequence[Term]) -> list[Term]:
     return result
 
 
-def _in_place(
-    found: Sequence[Trial], k: int, term: Term, revised: Fit, recalibrated: Fit, fitter: Fitter
-) -> Trial | None:
+def _in_place(search: SetSearch, found: Sequence[Trial], k: int, term: Term, revised: Fit) -> Trial | None:
     """A law refitted in place of the ``k``-th of those found, from the amount that moves the bodies as that one does.
 
     To first order, by least squares, the starts projected out of both; None where it does not move them.
     """
-    columns = columns_of(fitter, revised, term)[0]
-    rows = rows_of(found, len(recalibrated.values))[k]
+    columns = columns_of(search.fitter, revised, term)[0]
+    rows = rows_of(found, search.first)[k]
     amount = revised.values[rows] - np.array([f.neutral for f in found[k].term.free])
     left, moved, at = [], [], 0
-    for case in fitter.cases:
+    for case in search.fitter.cases:
         by_value, by_start = revised.jacobian[case.name]
         both = np.column_stack([columns[at : at + len(by_value)], by_value[:, rows] @ amount])
         at += len(by_value)
@@ -100,14 +97,14 @@ def _in_place(
     low, high = np.array([(f.low, f.high) for f in term.free]).T
     begin = revised.values.copy()
     begin[rows] = np.clip(numbers + [f.neutral for f in term.free], low, high)
-    hypothesis = recalibrated.hypothesis.with_term(*(term if t is found[k] else t.term for t in found))
-    fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
-    (signature,) = make_bank(fitter, recalibrated, [term]).signatures
-    return Trial(replace(signature, term=term), fit, recalibrated.chi2 - fit.chi2, found[k].inner)
+    hypothesis = search.scene_with(*(term if t is found[k] else t.term for t in found))
+    fit = search.fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+    (signature,) = make_bank(search.fitter, search.base, [term]).signatures
+    return Trial(replace(signature, term=term), fit, search.base.chi2 - fit.chi2, found[k].inner)
 
 
 def that_earn_their_place(
-    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, training: Sequence[Case]
+    search: SetSearch, found: Sequence[Trial], revised: Fit
 ) -> tuple[list[Trial], Fit, dict[str, str]]:
     """The laws without the entries (of a body or joint, or one of several laws) whose numbers may as well be absent.
 
@@ -116,9 +113,9 @@ def that_earn_their_place(
     Also why each went, by the body or the law.
     """
     found, dropped = list(found), dict[str, str]()
-    first = len(recalibrated.values)
+    first = search.first
     while sum(max(len(owners(t.term)), 1) for t in found) > 1:
-        weakest = _weakest(found, fitter.sharpened(revised), first, spread_of(revised, training))
+        weakest = _weakest(found, search.fitter.sharpened(revised), first, search.spread(revised))
         if weakest is None:
             break
         k, owner, numbers = weakest
@@ -132,21 +129,17 @@ def that_earn_their_place(
             del fewer[k]
         rows = rows_of(found, first)[k]
         begin = np.delete(revised.values, [rows.start + n for n in numbers])
-        hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in fewer))
-        fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
-        rise = (fit.chi2 - revised.chi2) / spread_of(revised, training)
+        hypothesis = search.scene_with(*(t.term for t in fewer))
+        fit = search.fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+        rise = (fit.chi2 - revised.chi2) / search.spread(revised)
         if not by_chance(rise, len(numbers)):
             break
         dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
-        gain = recalibrated.chi2 - fit.chi2
-        found, revised = [replace(t, fit=fit, gain=gain) for t in fewer], fit
+        found, revised = search.as_in(fit, fewer), fit
     return found, revised, dropped
 
 
-def without_idle_numbers(
-    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term],
-    training: Sequence[Case],
-) -> tuple[list[Trial], Fit]:  # fmt: skip
+def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """Each law as the one that it is where its further numbers add nothing: a stream at rest is a drag.
 
     Where chi2 without them rises no further than chance; of several laws as of one (``choose``).
@@ -156,22 +149,22 @@ def without_idle_numbers(
         names = special_cases(trial.mechanism)
         if not names or any(t.mechanism in names for t in found):
             continue
-        rows = rows_of(found, len(recalibrated.values))[k]
-        plain = [t for t in terms if t.mechanism in names and len(t.free) == 1 < trial.numbers]
+        rows = rows_of(found, search.first)[k]
+        plain = [t for t in search.terms if t.mechanism in names and len(t.free) == 1 < trial.numbers]
         best: tuple[Fit, Term] | None = None
         for term in plain:
             begin = np.concatenate([revised.values[: rows.start + 1], revised.values[rows.stop :]])
-            hypothesis = recalibrated.hypothesis.with_term(*(term if t is trial else t.term for t in found))
-            fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
+            hypothesis = search.scene_with(*(term if t is trial else t.term for t in found))
+            fit = search.fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
             best = (fit, term) if best is None or fit.chi2 < best[0].chi2 else best
         if best is None:
             continue
-        rise = (best[0].chi2 - revised.chi2) / spread_of(revised, training)
+        rise = (best[0].chi2 - revised.chi2) / search.spread(revised)
         if by_chance(rise, trial.numbers - 1):
             revised = best[0]
-            (signature,) = make_bank(fitter, recalibrated, [best[1]]).signatures
+            (signature,) = make_bank(search.fitter, search.base, [best[1]]).signatures
             found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
-            found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
+            found = search.as_in(revised, found)
     return found, revised
 
 

@@ -58,7 +58,8 @@ def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
     """d(predicted/sigma)/d(number) of a term's numbers (n, k), and scales that change the prediction by a sigma."""
-    hypothesis = fit.hypothesis.with_term(term)
+    criteria = current().signatures
+    hypothesis, (least, most) = fit.hypothesis.with_term(term), criteria.moves
     columns = []
     scales = []
     for k, free in enumerate(term.free):
@@ -83,15 +84,15 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
                     worst = max(worst, float(np.abs(difference).max(initial=0.0)))
                 at += size
             # far enough to be above rounding, near enough to be linear
-            if worst > 10.0:
+            if worst > most:
                 step *= max(1.0 / worst, 1e-4)
-            elif worst < 1e-3:
-                if abs(step) >= min(max(above, below), 1e6):
+            elif worst < least:
+                if abs(step) >= min(max(above, below), criteria.longest):
                     break
-                step *= 1e3 if worst < 1e-9 else min(0.1 / worst, 1e6)
+                step *= criteria.farther if worst < criteria.nothing else min(criteria.aim / worst, criteria.longest)
             else:
                 break
-        if worst > 0.5 * current().fits.hopeless:
+        if 2 * worst > current().fits.hopeless:
             column[:] = 0.0  # however little of it: no run that could be compared
         columns.append(column)
         rms = float(np.sqrt(np.mean(column**2)))
@@ -118,7 +119,7 @@ def _held_against(
     after_all = columns - nuisance @ (nuisance.T @ columns)
     size = float(np.linalg.norm(columns * scales))
     before, after = float(np.linalg.norm(after_starts * scales)), float(np.linalg.norm(after_all * scales))
-    surviving = after / before if before > 1e-5 * size else 0.0
+    surviving = after / before if before > current().signatures.leaves * size else 0.0
     directions = basis(after_all * scales) if surviving > current().signatures.directions else np.zeros((len(left), 0))
     gain = float(np.sum((directions.T @ left) ** 2))
     amount = np.linalg.lstsq(after_all * scales, left, rcond=1e-6)[0] * scales

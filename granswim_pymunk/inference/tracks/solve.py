@@ -58,10 +58,22 @@ class Blocks:
 Numbers = tuple[np.ndarray, list[np.ndarray]]
 
 
+@dataclass(frozen=True)
+class Problem:
+    """What is to be made small.
+
+    evaluate : of values and starts, the residuals of each recording;  loss : of these residuals, what is to fall
+    differentiate : of values, starts, residuals and whether derivatives by starts are taken anew, the blocks there,
+        each row weighted as the loss asks for (iterated weights)
+    """
+
+    evaluate: Callable[[np.ndarray, list[np.ndarray]], list[np.ndarray]]
+    differentiate: Callable[[np.ndarray, list[np.ndarray], list[np.ndarray], bool], list[Blocks]]
+    loss: Callable[[list[np.ndarray]], float]
+
+
 def descend(
-    evaluate: Callable[[np.ndarray, list[np.ndarray]], list[np.ndarray]],
-    differentiate: Callable[[np.ndarray, list[np.ndarray], list[np.ndarray], bool], list[Blocks]],
-    loss: Callable[[list[np.ndarray]], float],
+    problem: Problem,
     begin: Numbers,
     bounds: tuple[np.ndarray, np.ndarray],
     *,
@@ -72,20 +84,19 @@ def descend(
 ) -> Numbers:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
 
-    evaluate(values, starts) gives the residuals of each recording, loss(residuals) what is to fall;
-    differentiate(values, starts, residuals, starts_too) the blocks there, each row weighted as the loss asks for
-    (iterated weights), derivatives by starts anew only where ``starts_too``
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
     Ends where chi2 falls by less than ``tolerance`` of itself, or by what no decision hangs on, after ``evaluations``,
     or when told.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
     Triggs et al. 2000.
     """
+    evaluate, differentiate, loss = problem.evaluate, problem.differentiate, problem.loss
     low, high = bounds
     values, starts = np.clip(begin[0], low, high), [s.copy() for s in begin[1]]
     residuals = evaluate(values, starts)
     chi2 = loss(residuals)
-    damping, used, fresh = current().fits.damping, 1, not stale
+    criteria = current().fits
+    damping, used, fresh = criteria.damping, 1, not stale
     if stop():
         return values, starts
     blocks = differentiate(values, starts, residuals, fresh)
@@ -100,17 +111,17 @@ def descend(
         if np.isfinite(now) and now < chi2:
             fall = chi2 - now
             values, starts, residuals, chi2 = new_values, new_starts, found, now
-            damping = max(damping / 5, 1e-9) if good > 0.5 else damping
-            if fall < max(tolerance * chi2, current().fits.enough):
+            damping = max(damping / 5, criteria.least) if good > criteria.good else damping
+            if fall < max(tolerance * chi2, criteria.enough):
                 break
-            fresh = not stale or good < current().fits.renewed
+            fresh = not stale or good < criteria.renewed
             blocks = differentiate(values, starts, residuals, fresh)
         elif not fresh:
             fresh = True
             blocks = differentiate(values, starts, residuals, True)
         else:
-            damping = max(10 * damping, 1e-3)
-            if damping > 1e8 or promised < max(tolerance * chi2, current().fits.enough):
+            damping = max(10 * damping, criteria.again)
+            if damping > criteria.stiff or promised < max(tolerance * chi2, criteria.enough):
                 break
     return values, starts
 
@@ -158,7 +169,7 @@ def _bounded(
         part = part + (damping + 1e-12) * np.eye(len(part))
         step[open_] = np.linalg.lstsq(part, rest[open_] / scale[open_], rcond=1e-12)[0] / scale[open_]
         room = np.clip(values + step, *bounds) - values
-        stopped = open_ & (np.abs(room - step) > 1e-9 * np.abs(step))
+        stopped = open_ & (np.abs(room - step) > current().rounding.column * np.abs(step))
         if not stopped.any():
             break
         step[stopped] = room[stopped]

@@ -24,11 +24,8 @@ from .innovations import memory_of
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
-from .settle import (
-    in_names_of_apparatus,
-    that_earn_their_place,
-    without_idle_numbers,
-)
+from .sets import SetSearch
+from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
 from .signatures import Bank, make_bank
 from .steps import shifts, time_steps
 from .whom import whom
@@ -84,7 +81,8 @@ def study_of(
     cases = prepare_all(recordings, hold_out)
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
-    stages = (0.1, 0.35, 1.0) if max(len(c.t) for c in training) > 150 else (1.0,)
+    refits = current().refits
+    stages = refits.stages if max(len(c.t) for c in training) > refits.staged else (1.0,)
     fitter = Fitter(cases, predictor, stop=lambda: late(current().budget.fits))
     inner = InnerSplit.make(training, predictor, lambda: late(current().budget.fits))
     terms = adjustable_terms(cases), believed_terms(cases)
@@ -258,7 +256,10 @@ def explained_by(
     Also, for each body that the law was not kept for, why, and what could stand in place of what was found: True where
     these data cannot tell.
     """
-    fitter, inner, predictor, recalibrated = study.fitter, study.inner, study.predictor, tried.recalibrated
+    fitter, inner, recalibrated = study.fitter, study.inner, tried.recalibrated
+    search = SetSearch(
+        recalibrated, fitter, tried.terms, study.training, inner, tried.inner, study.rng, study.notes
+    )
     found: list[Trial] = []
     revised = recalibrated
     dropped: dict[str, str] = {}
@@ -268,9 +269,7 @@ def explained_by(
     in_time = not study.late(current().budget.pairs)
     if in_time:
         study.progress("pairs", 0.7)
-        found, revised = second_law(
-            found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
-        )
+        found, revised = second_law(search, found, revised)
     if len(found) == 1:
         # of two, whom each acts on is asked when both have their last form
         kept, dropped = prune(found[0], recalibrated, fitter, inner, study.notes)
@@ -283,33 +282,28 @@ def explained_by(
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
-    if spread_of(revised, training) > 1.0 and left > current().sets.poor:
-        pair = pair_of(
-            recalibrated, fitter, tried.terms, tried.alive, inner, scores, now, predictor, study.rng, training,
-            study.stop,
-        )  # fmt: skip
+    if spread_of(revised, training) > 1 and left > current().sets.poor:
+        pair = pair_of(search, tried.alive, now)
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
     if not study.late(current().budget.exchanges):
-        found, revised = drag_and_push(found, revised, recalibrated, fitter, tried.terms, inner, scores, training)
+        found, revised = drag_and_push(search, found, revised)
     others: list[Exchange] = []
     if len(found) == 2 and not study.late(current().budget.exchanges):
-        found, revised, others = settled(found, revised, recalibrated, fitter, tried.terms, inner, scores, training)
+        found, revised, others = settled(search, found, revised)
     if not study.late(current().budget.exchanges):
-        found, revised = third_law(
-            found, revised, recalibrated, fitter, tried.terms, inner, scores, study.rng, training
-        )
+        found, revised = third_law(search, found, revised)
     if len(found) > 1 and not study.late(current().budget.settling):
-        found, revised, dropped = whom(found, revised, recalibrated, fitter, tried.terms, inner, training, study.notes)
+        found, revised, dropped = whom(search, found, revised)
     near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
     if found and not study.late(current().budget.settling):
         if len(found) > 1:
-            found, revised = without_idle_numbers(found, revised, recalibrated, fitter, tried.terms, training)
-        found, revised, equal = in_names_of_apparatus(found, revised, recalibrated, fitter, tried.terms, training)
+            found, revised = without_idle_numbers(search, found, revised)
+        found, revised, equal = in_names_of_apparatus(search, found, revised)
         gave_way = [(e.gave_way, True) for e in equal]
         named = {t.mechanism for t in (*found, *(t for t, _ in gave_way))}
         near = [*gave_way, *(r for r in near if r[0].mechanism not in named)]
-        found, revised, gone = that_earn_their_place(found, revised, recalibrated, fitter, training)
+        found, revised, gone = that_earn_their_place(search, found, revised)
         dropped |= gone
     return found, revised, dropped, near
 

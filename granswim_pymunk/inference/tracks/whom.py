@@ -13,18 +13,13 @@ from scipy import stats
 
 from ..candidates import owners
 from ..criteria import current
-from ..data import Case
-from ..hypothesis import Term
 from .choose import prune
-from .fit import Fitter
 from .fitted import Fit
-from .name import InnerSplit, Trial, rows_of, spread_of
+from .name import Trial, rows_of
+from .sets import SetSearch
 
 
-def whom(
-    found: list[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit,
-    training: Sequence[Case], notes: list[str],
-) -> tuple[list[Trial], Fit, dict[str, str]]:  # fmt: skip
+def whom(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit, dict[str, str]]:
     """Two or more laws, each kept for the bodies whose own data ask for it, with one number where one will do.
 
     Also, for each body that a law was not kept for, why.
@@ -35,13 +30,13 @@ def whom(
     for _ in range(len(found)):
         # each in turn comes last, behind all the others; after the last turn they stand as they did
         law, *others = found
-        law, revised = _behind(law, others, revised, recalibrated, fitter)
+        law, revised = _behind(search, law, others, revised)
         if len(owners(law.term)) < 2:
             found = [*others, law]
             continue
-        base = _without_last(law, others, revised, recalibrated, fitter)
-        spread = spread_of(revised, training)
-        kept, why = prune(law, base, fitter, inner, notes)
+        base = _without_last(search, law, others, revised)
+        spread = search.spread(revised)
+        kept, why = prune(law, base, search.fitter, search.inner, search.notes)
         dropped |= why
         if kept is None or kept.fit is None:
             found, revised = others, base
@@ -49,35 +44,32 @@ def whom(
                 break
             continue
         if not why:
-            kept = _with_one_number(kept, base, fitter, terms, inner, spread)
+            kept = _with_one_number(search, kept, base, spread)
         revised, found = kept.fit or revised, [*others, kept]
-    gain = recalibrated.chi2 - revised.chi2
-    return [replace(t, fit=revised, gain=gain) for t in found], revised, dropped
+    return search.as_in(revised, found), revised, dropped
 
 
-def _behind(law: Trial, others: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> tuple[Trial, Fit]:
+def _behind(search: SetSearch, law: Trial, others: Sequence[Trial], revised: Fit) -> tuple[Trial, Fit]:
     """The same fit with the first law's numbers behind those of the others."""
-    first = len(recalibrated.values)
+    first = search.first
     mine, *theirs = rows_of([law, *others], first)
     values = np.concatenate([revised.values[:first], *(revised.values[s] for s in theirs), revised.values[mine]])
-    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others), law.term)
-    fit = fitter.fit(hypothesis, values, revised.starts, evaluations=3)
+    hypothesis = search.scene_with(*(t.term for t in others), law.term)
+    fit = search.fitter.fit(hypothesis, values, revised.starts, evaluations=3)
     return replace(law, fit=fit), fit
 
 
-def _without_last(law: Trial, others: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> Fit:
-    hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in others))
-    return fitter.fit(hypothesis, revised.values[: len(revised.values) - law.numbers], revised.starts)
+def _without_last(search: SetSearch, law: Trial, others: Sequence[Trial], revised: Fit) -> Fit:
+    hypothesis = search.scene_with(*(t.term for t in others))
+    return search.fitter.fit(hypothesis, revised.values[: len(revised.values) - law.numbers], revised.starts)
 
 
-def _with_one_number(
-    law: Trial, base: Fit, fitter: Fitter, terms: Sequence[Term], inner: InnerSplit, spread: float
-) -> Trial:
+def _with_one_number(search: SetSearch, law: Trial, base: Fit, spread: float) -> Trial:
     """The same law with the same numbers for all bodies, where their differences are no larger than their errors."""
     assert law.fit is not None
     own = dict(zip((f.name for f in law.term.free), law.fit.values[len(base.values) :], strict=True))
     best = law
-    for term in terms:
+    for term in search.terms:
         if term.mechanism != law.mechanism or len(term.free) >= law.numbers or term.bodies != law.term.bodies:
             continue
         begin = []
@@ -85,10 +77,10 @@ def _with_one_number(
             mine = [v for name, v in own.items() if name.split("[")[0] == f.name]
             begin.append(float(np.mean(mine)) if mine else f.first)
         start = [*law.fit.values[: len(base.values)], *begin]
-        found = fitter.fit(base.hypothesis.with_term(term), start, law.fit.starts)
+        found = search.fitter.fit(base.hypothesis.with_term(term), start, law.fit.starts)
         more = (found.chi2 - law.fit.chi2) / max(spread, 1.0)
         simpler = more < stats.chi2.isf(current().verdict.simpler, law.numbers - len(term.free))
         if simpler and (best is law or best.fit is None or found.chi2 < best.fit.chi2):
-            score, _ = inner.score(found)
+            score, _ = search.inner.score(found)
             best = Trial(replace(law.signature, term=term), found, base.chi2 - found.chi2, score)
     return best

@@ -18,7 +18,6 @@ from ..judge import Remains
 from ..kept import Store
 from ..places import Place
 from ..simpler import special_cases
-from ..swimmer_terms import INTERVAL
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import Chance, as_in_replicates, chance, share_of_most
 from .judge import Discrepancy, held_gain
@@ -319,7 +318,7 @@ def plainer_of(found: BedTrial, trials: Sequence[BedTrial]) -> BedTrial | None:
     flow = apply.flow(found.values, found.covariance)
     if flow is None or flow[1] is None:
         return None
-    if np.any(np.abs(flow[0][1:]) > INTERVAL * np.sqrt(np.maximum(np.diag(flow[1])[1:], 0.0))):
+    if np.any(np.abs(flow[0][1:]) > current().intervals.normal * np.sqrt(np.maximum(np.diag(flow[1])[1:], 0.0))):
         return None
     alike = [t for t in trials if t.mechanism in names and len(t.values) == 1 and t.term.bodies == found.term.bodies]
     if not alike:

@@ -19,8 +19,7 @@ from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
 from ..places import Place
 from ..result import HELD_OUT, PARTLY, TRAINING, Diagnosis, Progress, Table, Used
-from ..significance import Null, after_looks
-from ..swimmer_terms import INTERVAL
+from ..significance import Null, after_looks, half_interval
 from .driver import (
     begin,
     beyond_names,
@@ -253,7 +252,7 @@ class Windows(ObservationModel):
         answer: Answer = course.judged.claim.fit
         told = {}
         for at, f in enumerate(f for t in self.start.naive.terms for f in t.free):
-            value, half = float(answer.values[at]), INTERVAL * math.sqrt(max(float(answer.covariance[at, at]), 0.0))
+            value, half = float(answer.values[at]), half_interval(float(answer.covariance[at, at]))
             ends = (max(value - half, f.low), min(value + half, f.high)) if math.isfinite(half) else (None, None)
             told[f.name] = (value, *ends)
         return told

@@ -17,7 +17,7 @@ from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
 from ..places import Place
 from ..result import handed_over, mechanism_entry
-from ..swimmer_terms import INTERVAL, equation, reported_parameters
+from ..swimmer_terms import equation, reported_parameters
 from .candidates import LawAdder
 from .hidden import NAME
 from .likelihood import Prediction, WindowLikelihood
@@ -36,7 +36,7 @@ def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
     low: list[float | None] = [None] * 3
     high: list[float | None] = [None] * 3
     if flow[1] is not None:
-        half = INTERVAL * np.sqrt(np.maximum(np.diag(flow[1]), 0.0))
+        half = current().intervals.normal * np.sqrt(np.maximum(np.diag(flow[1]), 0.0))
         low = [max(value[0] - float(half[0]), 0.0), *(v - float(h) for v, h in zip(value[1:], half[1:], strict=True))]
         high = [v + float(h) for v, h in zip(value, half, strict=True)]
     return {
