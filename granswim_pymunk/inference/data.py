@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..joints import hinged
 from ..recording import Recording
 from ..walls import gap_to_wall
 from .criteria import current
+from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
 from .release import first_free
 
@@ -194,6 +195,8 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     values = np.column_stack(columns)
     notes, lost, tau, first = list[str](), 0, 0.0, 0
     if clean:
+        recording, told = _mended(recording, values, sigmas)
+        t = recording.t
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
         near = _meetings(recording, channels, values)
@@ -205,6 +208,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         known = known and not refuted
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
+        notes = told + notes
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
@@ -225,6 +229,31 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None,
     )  # fmt: skip
+
+
+def _mended(
+    recording: Recording, values: np.ndarray, sigmas: Sequence[float]
+) -> tuple[Recording, list[str]]:  # fmt: skip
+    """The recording with later stamps after frames that are missing though the stamps go on, and what is said of it.
+
+    Frames of ``values`` (T, c) that are there twice become NaN.
+    """
+    again = repeated(values, sigmas, [grid_of(v[np.isfinite(v)]) for v in values.T])
+    values[again] = np.nan
+    t, notes = np.array(recording.t), list[str]()
+    if again.any():
+        times = f"{again.sum()} frames, the first" if again.sum() > 1 else "a frame"
+        notes.append(f"{recording.name}: {times} at t = {t[again][0]:.4g} s, shows the picture before again: left out")
+    gaps = missing(recording.t, values, sigmas)
+    for row, count in gaps:
+        t[row:] += count * float(np.median(np.diff(recording.t)))
+    if gaps:
+        lost = ", ".join(f"{count} before t = {recording.t[row]:.4g} s" for row, count in gaps)
+        notes.append(
+            f"{recording.name}: all that moves jumps ahead along its way, as if frames were missing where the stamps "
+            f"go on ({lost}): the stamps after that are taken as so many frames later"
+        )
+    return replace(recording, t=t) if gaps else recording, notes
 
 
 def _timed_noise(

@@ -11,6 +11,7 @@ from .arithmetic import RoundingCriteria
 from .beds import RadiiCriteria
 from .general import (
     BlockCriteria,
+    LostCriteria,
     NoiseCriteria,
     ReleaseCriteria,
     SplitCriteria,
@@ -49,6 +50,7 @@ class Criteria:
     rounding: RoundingCriteria = field(default_factory=RoundingCriteria)
     work: WorkCriteria = field(default_factory=WorkCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
+    lost: LostCriteria = field(default_factory=LostCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
     split: SplitCriteria = field(default_factory=SplitCriteria)
     blocks: BlockCriteria = field(default_factory=BlockCriteria)

@@ -135,6 +135,29 @@ class ReleaseCriteria:
 
 
 @dataclass(frozen=True)
+class LostCriteria:
+    """When stamps go on evenly where frames are missing, or where a frame is there twice.
+
+    windows : (degree, half) of polynomials that bodies follow over so many frames on either side of the gap. Choice: a
+        cubic follows most motions, a fifth degree half an oscillation
+    frames : missing at one place, the most that are looked for. Choice
+    sure : of chi2, by which the way with the frames missing has to be ahead of the way without, and of a way with a
+        kink there, which a gap that is long enough follows as well. Theory: as for a kick
+    times : what the way without them leaves beyond noise over what is left with them;  most : of chi2 over its degrees
+        of freedom, that may be left with them. Choice: laboratories state noise that is off by two
+    chance : of numbers that are the same in two frames by chance, below which the picture is. Choice: once in a hundred
+        films of 10^5 frames
+    """
+
+    windows: tuple[tuple[int, int], ...] = ((3, 6), (5, 9))
+    frames: int = 30
+    sure: float = 50.0
+    times: float = 4.0
+    most: float = 4.0
+    chance: float = 1e-7
+
+
+@dataclass(frozen=True)
 class SplitCriteria:
     """What is held out where the user says nothing (contract, "Held out").
 

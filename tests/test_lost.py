@@ -1,0 +1,90 @@
+"""Frames that were dropped or shown twice while the stamps go on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.lost import missing, repeated
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.scene import Body, Scene
+
+NOISE = 3e-4  # m
+
+
+def sliding(rate: float, seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps and places (T, 3, 2) of three pucks that a drag slows down."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * rate)) / rate
+    speed, away = rng.uniform(-0.5, 0.5, (3, 2)), rng.uniform(-0.3, 0.3, (3, 2))
+    gone = (1 - np.exp(-0.3 * t)) / 0.3
+    return t, away + speed * gone[:, None, None] + NOISE * rng.normal(size=(len(t), 3, 2))
+
+
+def swinging(rate: float, seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps and places (T, 1, 2) of the bob of a pendulum of half a metre, small swings."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * rate)) / rate
+    angle = 0.5 * np.exp(-0.04 * t) * np.cos(np.sqrt(9.81 / 0.5) * t + rng.uniform(0, 6))
+    xy = 0.5 * np.stack([np.sin(angle), -np.cos(angle)], axis=1)[:, None]
+    return t, xy + NOISE * rng.normal(size=xy.shape)
+
+
+def recorded(t: np.ndarray, xy: np.ndarray) -> Recording:
+    ids = tuple(f"p{k}" for k in range(xy.shape[1]))
+    scene = Scene(tuple(Body(b, "free", 0.02, 0.05) for b in ids), ())
+    return Recording("pucks", scene, t, ids, xy, sampling=1 / (t[1] - t[0]), position_noise=NOISE)
+
+
+def flat(xy: np.ndarray) -> np.ndarray:
+    return xy.reshape(len(xy), -1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("motion", [sliding, swinging])
+def test_frames_that_are_missing_are_found_and_counted(motion, seed):
+    t, xy = motion(60.0, 4.0, seed)
+    seen = np.ones(len(t), dtype=bool)
+    seen[80:83] = seen[150] = False
+    sigmas = [NOISE] * flat(xy).shape[1]
+    assert missing(t, flat(xy), sigmas) == []
+    found = dict(missing(t[: seen.sum()], flat(xy)[seen], sigmas))
+    assert found.get(80) == 3
+    # a pendulum that turns round just then moves no farther in one frame than its noise
+    assert set(found) <= {80, 147} and found.get(147, 1) == 1
+
+
+def test_impacts_are_no_missing_frames():
+    """A kink is followed by smooth ways with a gap that is long enough: it is still a kink."""
+    rng = np.random.default_rng(3)
+    t = np.arange(240) / 240
+    for when in rng.uniform(0.2, 0.8, 10):
+        before, after = rng.uniform(-0.6, 0.6, (2, 4))
+        xy = before * np.minimum(t, when)[:, None] + after * np.maximum(t - when, 0)[:, None]
+        assert missing(t, xy + NOISE * rng.normal(size=xy.shape), [NOISE] * 4) == []
+
+
+def test_a_picture_that_is_shown_again_is_told_from_a_turning_point():
+    _, xy = swinging(60.0, 4.0, 1)
+    values = flat(xy).copy()
+    values[100] = values[99]
+    assert np.flatnonzero(repeated(values, [NOISE] * 2, [1e-6] * 2)).tolist() == [100]
+    # of whole pixels neighbouring frames are often the same
+    pixels = np.round(flat(xy) / 1e-3) * 1e-3
+    assert not repeated(pixels, [4e-4] * 2, [1e-3] * 2).any()
+
+
+def test_a_recording_is_mended_and_says_so():
+    t, xy = sliding(60.0, 4.0, 0)
+    seen = np.ones(len(t), dtype=bool)
+    seen[80:83] = False
+    whole, kept = recorded(t, xy), recorded(t[:-3], xy[seen])
+    case = prepare(kept, held_out=False, split=True)
+    assert np.allclose(case.t, t[seen], atol=1e-9) and np.array_equal(case.recording.t, case.t)
+    assert any("3 before t = 1.333 s" in note for note in case.notes)
+    again = xy.copy()
+    again[50] = again[49]
+    case = prepare(replace(whole, xy=again), held_out=False, split=True)
+    assert np.isnan(case.values[50]).all() and any("shows the picture before again" in n for n in case.notes)
+    assert not prepare(whole, held_out=False, split=True).notes
