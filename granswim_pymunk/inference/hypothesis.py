@@ -85,6 +85,12 @@ class Hypothesis:
         """Which numbers have a prior: those of the apparatus that are known, but not exactly."""
         return [k for k, f in enumerate(self.free) if f.prior]
 
+    @property
+    def owner(self) -> dict[int, str]:
+        """Of the numbers with a prior that are a radius or mass of one body, which body."""
+        of_term = [term for term in self.terms for _ in term.free]
+        return {k: of_term[k].bodies[0] for k in self.believed if len(of_term[k].bodies or ()) == 1}  # type: ignore
+
     def priors(self, case: Case, values: Sequence[float] | np.ndarray) -> np.ndarray:
         """(k,) of the numbers with a prior that bear on a recording, how far they are off it in standard deviations.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..data import Case
 from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
 from ..start import StartBody, first_numbers, number_scales
 from ..threads import ContextPool
+from .bearing import bearing, coloured, looks_around
 from .fitted import Fit
 from .segments import Segment, cut_by_growth, make_segments
 
@@ -37,12 +38,16 @@ class Part:
 
 @dataclass(frozen=True)
 class Run:
-    """A segment followed: innovations (T, c) on its frames, steps (m,) to the next start, spins (n,) it ends with."""
+    """A segment followed: innovations (T, c) on its frames, steps (m,) to the next start, spins (n,) it ends with.
+
+    predicted : (T, c) what they come of, None where the run failed
+    """
 
     part: Part
     innovations: np.ndarray
     steps: np.ndarray
     spin: np.ndarray | None
+    predicted: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -160,12 +165,15 @@ class Follower:
         except Failed:
             lost = nothing if after is None else np.full(after[1].size, current().fits.hopeless)
             return Run(part, np.where(np.isfinite(seen), current().fits.hopeless, np.nan), lost, None)
-        innovations = case.white((seen - predicted) / case.sigma, part.frames)
-        if case.name in self.weights:
-            innovations = innovations * self.weights[case.name][part.frames, None]
+        innovations = self._white(case, (seen - predicted) / case.sigma, part)
         if after is None or end is None:
-            return Run(part, innovations, nothing, None)
-        return Run(part, innovations, (after[2] - end.numbers) / after[1].tie, end.spin)
+            return Run(part, innovations, nothing, None, predicted)
+        return Run(part, innovations, (after[2] - end.numbers) / after[1].tie, end.spin, predicted)
+
+    def _white(self, case: Case, innovations: np.ndarray, part: Part) -> np.ndarray:
+        """Uncorrelated, and as much as their frames count: (T, c), linear in the innovations."""
+        white = case.white(innovations, part.frames)
+        return white * self.weights[case.name][part.frames, None] if case.name in self.weights else white
 
     @staticmethod
     def _joined(case: Case, runs: Sequence[Run], frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -279,95 +287,35 @@ class Follower:
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """d(predicted/sigma) of the vector ``here`` (n,), by all values (n, p) and by the numbers of the starts (n, q).
 
-        A number of a start moves its own segment alone, and the steps on both sides of it.
+        A number of a start moves its own segment alone, and the steps on both sides of it. Bodies that do not bear on
+        one another are moved in one run.
         """
-        frames = self.frames[case.name]
-        use = np.isfinite(case.values[frames])
-        shifts = [] if fixed else self._value_steps(case, hypothesis, values, held)
-        by_value = np.zeros((len(here), len(hypothesis.free)))
-        moved = list(POOL.map(lambda s: self.vector(case, hypothesis, s[1], numbers), shifts))
-        for (k, _, step), vector in zip(shifts, moved, strict=True):
-            by_value[:, k] = (here - vector) / step
-        by_start = np.zeros((len(here), len(numbers)))
+        p = len(hypothesis.free)
+        run = _Moved(self, case, hypothesis, np.asarray(values, dtype=float), numbers)
+        steps = np.zeros((1, p + len(numbers)))
+        for k, _, step in () if fixed else self._value_steps(case, hypothesis, values, held):
+            steps[0, k] = step
         if starts_too:
-            jobs = self._start_jobs(case, hypothesis, values, numbers, frames)
-            runs = list(POOL.map(lambda j: self._follow(case, hypothesis, values, j[2]), jobs))
-            rows = np.full(case.values.shape, -1)
-            rows[frames] = np.where(use, np.cumsum(use.ravel()).reshape(use.shape) - 1, -1)
-            ties = int(use.sum()) + np.concatenate([[0], np.cumsum([s.tie.size for s in self.segments[case.name]])])
-            for (column, step, part), run in zip(jobs, runs, strict=True):
-                innovations, steps = run.innovations, run.steps
-                mine = rows[part.frames]
-                seen = mine >= 0
-                by_start[mine[seen], column] = (here[mine[seen]] - innovations[seen]) / step
-                if len(steps):
-                    span = slice(ties[part.k + 1], ties[part.k + 2])
-                    by_start[span, column] = (here[span] - steps) / step
-                if part.k:
-                    # what was predicted for this start is fixed: the step changes with the start itself
-                    at = column - sum(s.size for s in self.segments[case.name][: part.k])
-                    row = ties[part.k] + at
-                    by_start[row, column] = -1.0 / part.segment.tie[at]
-        return by_value, by_start
-
-    def _start_jobs(
-        self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray
-    ) -> list[tuple[int, float, Part]]:
-        """For each number of a start its column, the step it is moved by, and its segment with it moved."""
-        jobs = []
-        at = 0
-        parts = self._parts(case, numbers, frames)
-        if hypothesis.turns(case):
-            # the spins that each begins with stay those of the fit
-            runs = self._through(case, hypothesis, values, parts)
-            parts = [replace(p, spin=run.spin) for p, run in zip(parts[1:], runs, strict=False)]
-            parts.insert(0, runs[0].part)
-        for part in parts:
-            for k, scale in enumerate(number_scales(part.segment.starts)):
-                moved = part.numbers.copy()
-                moved[k] += 0.1 * scale
-                jobs.append((at + k, 0.1 * scale, replace(part, numbers=moved)))
-            at += part.segment.size
-        return jobs
+            steps[0, p:] = 0.1 * self.number_scales(case.name)
+        result = run.derivatives(steps)
+        return result[:, :p], result[:, p:]
 
     def _central(self, case: Case, fit: Fit, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As ``_sensitivity``, by central differences; ``size`` (p,): of derivatives by values, in all recordings."""
-        numbers = fit.starts[case.name]
-        p = len(fit.values)
-        columns: list[int] = []
-        ends: list[tuple[np.ndarray, np.ndarray]] = []
-        spans: list[float] = []
+        numbers, p = fit.starts[case.name], len(fit.values)
+        run = _Moved(self, case, fit.hypothesis, fit.values, numbers)
+        steps = np.zeros((2, p + len(numbers)))
         for k, f in enumerate(fit.hypothesis.free):
-            if f.cases is not None and case.name not in f.cases:
-                continue
-            step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
-            low, high = (float(np.clip(fit.values[k] + side * step, f.low, f.high)) for side in (-1.0, 1.0))
-            for end in (low, high):
-                moved = fit.values.copy()
-                moved[k] = end
-                ends.append((moved, numbers))
-            columns.append(k)
-            spans.append(high - low)
-        single = len(self.segments[case.name]) == 1
-        for k, scale in enumerate(self.number_scales(case.name)) if single else ():
-            told = float(np.linalg.norm(fit.jacobian[case.name][1][:, k]))
-            step = min(1.0 / told, 0.1 * scale) if told > 0 else 0.1 * scale
-            for side in (-1.0, 1.0):
-                shifted = numbers.copy()
-                shifted[k] += side * step
-                ends.append((fit.values, shifted))
-            columns.append(p + k)
-            spans.append(2 * step)
-        seen = list(POOL.map(lambda e: self.vector(case, fit.hypothesis, e[0], e[1]), ends))
-        roots = fit.roots(case.name)
-        result = np.zeros((len(roots), p + len(numbers)))
-        for column, before, after, span in zip(columns, seen[::2], seen[1::2], spans, strict=True):
-            if span > 0:
-                result[:, column] = (before - after) / span
-        if not single:
-            here = fit.used(case.name) / roots
-            result[:, p:] = self._sensitivity(case, fit.hypothesis, fit.values, numbers, True, here)[1]
-        result *= roots[:, None]
+            if f.cases is None or case.name in f.cases:
+                step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
+                steps[:, k] = np.clip(fit.values[k] + np.array([-step, step]), f.low, f.high) - fit.values[k]
+        scales = 0.1 * self.number_scales(case.name)
+        if len(self.segments[case.name]) == 1:
+            told = np.linalg.norm(fit.jacobian[case.name][1], axis=0)
+            scales = np.where(told > 0, np.minimum(1.0 / np.maximum(told, 1e-300), scales), scales)
+            steps[0, p:] = -scales
+        steps[1, p:] = scales
+        result = run.derivatives(steps) * fit.roots(case.name)[:, None]
         return result[:, :p], result[:, p:]
 
     def _by_prior(self, hypothesis: Hypothesis, values: np.ndarray, k: int) -> np.ndarray:
@@ -376,3 +324,127 @@ class Follower:
         ends[1][k] += 1.0
         before, after = (np.concatenate([hypothesis.priors(c, v) for c in self.cases]) for v in ends)
         return np.asarray(after - before)
+
+
+@dataclass(frozen=True)
+class Move:
+    """A number that is moved: its column among the derivatives, by how much, and the body that it is of, if of one.
+
+    part : the segment whose start it belongs to, and ``at`` which of its numbers it is; None for values
+    """
+
+    column: int
+    step: float
+    owner: str | None = None
+    part: int | None = None
+    at: int = 0
+
+
+class _Moved:
+    """Runs of all segments with numbers moved, against those with none moved."""
+
+    def __init__(
+        self, follower: Follower, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray
+    ) -> None:
+        self.follower, self.case, self.hypothesis, self.values = follower, case, hypothesis, values
+        self.frames = follower.frames[case.name]
+        parts = follower._parts(case, numbers, self.frames)
+        self.before = follower._through(case, hypothesis, values, parts, together=True)
+        scene, camera = hypothesis.scene(case, values)
+        self.bears = [bearing(case, scene, camera, run.predicted) for run in self.before]
+        # a spin goes from segment to segment, and with it what a body bears on
+        self.owner = {} if hypothesis.turns(case) or looks_around(scene) else hypothesis.owner
+        use = np.isfinite(case.values[self.frames])
+        self.rows = np.full(case.values.shape, -1)
+        self.rows[self.frames] = np.where(use, np.cumsum(use.ravel()).reshape(use.shape) - 1, -1)
+        self.ties = int(use.sum()) + np.cumsum([0, *(s.tie.size for s in follower.segments[case.name])])
+
+    def derivatives(self, steps: np.ndarray) -> np.ndarray:
+        """(n, p) of the vector of innovations, steps between segments and priors, by values and numbers of the starts.
+
+        steps : (sides, p) what each is moved by, on one side or on two; 0: not at all
+        """
+        free = len(self.values)
+        result = np.zeros((self.ties[-1] + len(self.hypothesis.priors(self.case, self.values)), steps.shape[1]))
+        for side in steps:
+            groups = self._values([Move(int(k), side[k], self.owner.get(int(k))) for k in np.flatnonzero(side[:free])])
+            groups += self._starts(free, side[free:]) if side[free:].any() else []
+            for move, runs in self._all(groups):
+                self._add(move, runs, result[:, move.column])
+        return result / np.maximum(np.abs(steps).sum(axis=0), np.finfo(float).tiny)
+
+    def _values(self, moves: Sequence[Move]) -> list[list[Move]]:
+        """Values in groups that are moved in one run: those of single bodies that do not bear on one another."""
+        single = [m for m in moves if m.owner is not None]
+        felt = [[b.of(m.owner) for b in self.bears] for m in single if m.owner is not None]
+        return [[m] for m in moves if m.owner is None] + [[single[k] for k in g] for g in coloured(felt)]
+
+    def _starts(self, first: int, steps: np.ndarray) -> list[list[Move]]:
+        """Numbers of all starts, whose columns begin at ``first``, in such groups."""
+        groups: list[list[Move]] = []
+        at = 0
+        for k, run in enumerate(self.before):
+            owners = _owners(run.part.segment.starts)
+            moves = [Move(first + at + j, steps[at + j], owner, k, j) for j, owner in enumerate(owners)]
+            groups += [[moves[j] for j in g] for g in coloured([[self.bears[k].of(owner)] for owner in owners])]
+            at += len(owners)
+        return groups
+
+    def _all(self, groups: Sequence[list[Move]]) -> Iterator[tuple[Move, dict[int, Run]]]:
+        """Every move with its runs by segment; one by one where a run of several fails."""
+        # the compiled loops release the GIL; threads change no bit of the result
+        for group, runs in zip(groups, POOL.map(self._run, groups), strict=True):
+            lost = len(group) > 1 and any(run.predicted is None for run in runs.values())
+            for move in group:
+                yield move, self._run([move]) if lost else runs
+
+    def _run(self, group: Sequence[Move]) -> dict[int, Run]:
+        values, k = np.array(self.values, dtype=float), group[0].part
+        if k is None:
+            for move in group:
+                values[move.column] += move.step
+            parts = [run.part for run in self.before]
+            return dict(enumerate(self.follower._through(self.case, self.hypothesis, values, parts)))
+        part = self.before[k].part
+        numbers = part.numbers.copy()
+        for move in group:
+            numbers[move.at] += move.step
+        return {k: self.follower._follow(self.case, self.hypothesis, values, replace(part, numbers=numbers))}
+
+    def _add(self, move: Move, runs: Mapping[int, Run], column: np.ndarray) -> None:
+        """What a move changes, with the sign of its step, is added to a ``column`` (n,)."""
+        sign = np.sign(move.step)
+        for k, run in runs.items():
+            innovations, ties = self._change(move, k, run)
+            mine = self.rows[run.part.frames]
+            column[mine[mine >= 0]] += sign * innovations[mine >= 0]
+            if len(ties):
+                column[self.ties[k + 1] : self.ties[k + 2]] += sign * ties
+        if move.part is None:
+            shifted = np.array(self.values, dtype=float)
+            shifted[move.column] += move.step
+            before, after = (self.hypothesis.priors(self.case, v) for v in (self.values, shifted))
+            column[self.ties[-1] :] += sign * (before - after)
+        elif move.part:
+            # what was predicted for this start is fixed: the step changes with the start itself
+            tie = self.before[move.part].part.segment.tie[move.at]
+            column[self.ties[move.part] + move.at] -= abs(move.step) / tie
+
+    def _change(self, move: Move, k: int, run: Run) -> tuple[np.ndarray, np.ndarray]:
+        """Innovations (T, c) and steps (m,), before less after, of what feels the body whose number is moved."""
+        before, case, bears = self.before[k], self.case, self.bears[k]
+        ties = before.steps - run.steps
+        if move.owner is None or before.predicted is None or run.predicted is None or not bears.parted:
+            return before.innovations - run.innovations, ties
+        felt = bears.of(move.owner)
+        mine = bears.among(felt, [channel.body for channel in case.channels])
+        change = np.where(mine, (run.predicted - before.predicted) / case.sigma, 0.0)
+        change[~np.isfinite(case.values[run.part.frames])] = np.nan
+        if len(ties) and run.part.follower is not None:
+            ties = np.where(bears.among(felt, _owners(run.part.follower[1].starts)), ties, 0.0)
+        return self.follower._white(case, change, run.part), ties
+
+
+def _owners(starts: Sequence[StartBody]) -> list[str]:
+    """Of each free number of a start the body."""
+    return [s.body for s in starts for _ in range(int(s.free.sum()))]
