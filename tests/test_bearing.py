@@ -1,14 +1,18 @@
 """Which bodies bear on one another: derivatives from common runs are those from a run for each number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from granswim_pymunk.inference.criteria import Criteria, using
 from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.tracks import bearing as bearings
-from granswim_pymunk.inference.tracks import follow
+from granswim_pymunk.inference.tracks import diagnose_tracks, follow
 from granswim_pymunk.inference.tracks.believed import believed_terms
 from granswim_pymunk.inference.tracks.follow import Follower
+from granswim_pymunk.inference.tracks.segments import make_segments, shortened
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
@@ -57,6 +61,23 @@ def test_common_runs_give_the_derivatives_of_single_ones(laws, most, monkeypatch
     np.testing.assert_allclose(common, single, atol=1e-7 * np.linalg.norm(single, axis=0).max(), rtol=0)
     assert runs[0] <= most * runs[1]
     assert (runs[0] == runs[1]) == (most == 1.0)
+
+
+def test_of_more_impacts_than_can_be_fitted_the_first_ones_are():
+    recording = three_meetings()
+    (case,) = prepare_all([recording])
+    pieces = make_segments(case, case.training)
+    assert len(pieces) > 1
+    assert shortened(case) is case  # a thousand numbers are more than these
+    fewer = replace(Criteria(), segments=replace(Criteria().segments, most=pieces[0].size))
+    with using(fewer):
+        shorter = shortened(case)
+        found = diagnose_tracks([recording])
+    assert shorter.training.sum() < case.training.sum()
+    np.testing.assert_array_equal(shorter.training, pieces[0].frames)
+    np.testing.assert_array_equal(shorter.scored, case.scored)
+    assert found.verdict["verdict"] == "no_mismatch"
+    assert any("learnt from up to t = " in note for note in found.verdict["notes"])
 
 
 def paths(*ways: tuple[tuple[float, float], tuple[float, float]], frames: int = 7) -> np.ndarray:

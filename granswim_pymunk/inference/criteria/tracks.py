@@ -75,6 +75,8 @@ class SegmentCriteria:
     joins : with which chance narrower steps raise chi2 as much, before looser ones stay. Choice: one in twenty
     rivals : laws of impacts with which closer joints are tried, by first order. Choice
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
+    most : numbers of all starts of a recording that are fitted. Choice: the work of a fit grows with their square, and
+        with a thousand a diagnosis takes some minutes; ten impacts of 25 disks, or fifty of five
     """
 
     near: float = 0.03
@@ -98,6 +100,7 @@ class SegmentCriteria:
     joins: float = 0.05
     rivals: int = 3
     same_valley: float = 0.2
+    most: int = 1000
 
 
 @dataclass(frozen=True)

@@ -440,9 +440,15 @@ class _Moved:
         mine = bears.among(felt, [channel.body for channel in case.channels])
         change = np.where(mine, (run.predicted - before.predicted) / case.sigma, 0.0)
         change[~np.isfinite(case.values[run.part.frames])] = np.nan
+        if case.late is None:  # else a stamp that is off ties all numbers of a frame together
+            white = np.zeros(change.shape)
+            white[:, mine] = self.follower._white(case, change[:, mine], run.part)
+            change = white
+        else:
+            change = self.follower._white(case, change, run.part)
         if len(ties) and run.part.follower is not None:
             ties = np.where(bears.among(felt, _owners(run.part.follower[1].starts)), ties, 0.0)
-        return self.follower._white(case, change, run.part), ties
+        return change, ties
 
 
 def _owners(starts: Sequence[StartBody]) -> list[str]:

@@ -92,6 +92,25 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
     return tuple(segments)
 
 
+def shortened(case: Case) -> Case:
+    """The recording with fewer frames to learn from where so many bodies meet so often that their starts are too many.
+
+    It is learnt from up to an impact before which no more than ``criteria.segments.most`` numbers of starts are to be
+    fitted; what comes after, and is not held out, is not used, and a note says so.
+    """
+    segments = make_segments(case, case.training) if case.training.any() else ()
+    numbers = np.cumsum([s.size for s in segments])
+    kept = int(np.searchsorted(numbers, current().segments.most, side="right"))
+    if len(segments) < 2 or kept >= len(segments):
+        return case
+    until = float(case.t[segments[max(kept, 1)].frames][0])
+    note = (
+        f"{case.name}: learnt from up to t = {until:.4g} s: {len(segments)} stretches between impacts, with starts of "
+        f"{numbers[-1]} numbers in all, are more than can be fitted"
+    )
+    return replace(case, training=case.training & (case.t < until), notes=(*case.notes, note))
+
+
 Follow = Callable[[tuple[StartBody, ...], np.ndarray, np.ndarray], np.ndarray]
 
 

@@ -24,6 +24,7 @@ from .innovations import memory_of
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
+from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
 from .signatures import Bank, make_bank
@@ -78,7 +79,7 @@ def study_of(
     recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
     late: Callable[[float], bool],
 ) -> Study:  # fmt: skip
-    cases = prepare_all(recordings, hold_out)
+    cases = [shortened(case) for case in prepare_all(recordings, hold_out)]
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     refits = current().refits
