@@ -77,6 +77,8 @@ class SegmentCriteria:
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
     most : numbers of all starts of a recording that are fitted. Choice: the work of a fit grows with their square, and
         with a thousand a diagnosis takes some minutes; ten impacts of 25 disks, or fifty of five
+    path : a path between two frames is at most so many times the longest way between two of three. Choice;  spare :
+        of their radii, by which two bodies count as near each other before they touch. Choice
     """
 
     near: float = 0.03
@@ -101,6 +103,8 @@ class SegmentCriteria:
     rivals: int = 3
     same_valley: float = 0.2
     most: int = 1000
+    path: float = 1.5
+    spare: float = 0.05
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ...scene import Scene
+from ..criteria import current
 from ..data import Case
 
-PATH = 1.5  # a path between two frames is at most so many times the way between them, the longest of three
-SPARE = 0.05  # share of the radii by which two bodies count as near before they touch
 AROUND = {"r0", "mean_mass", "wall_gap"}  # what a law may see of bodies other than its own
 TIED = ("chain", "joint", "link")  # kinds of laws that tie their bodies together, wherever these are
 
@@ -76,7 +75,8 @@ def bearing(case: Case, scene: Scene, camera: Mapping[str, Any], predicted: np.n
     x, y = x / camera["scale"], y / camera["scale"]
     radius = np.array([b.radius for b in mobile])
     reach = max([0.0, *(float(scene.resolved(item)[item.law.reach]) for item in scene.laws if item.law.reach)])
-    near = _come_near(x, y, (1 + SPARE) * radius + 0.5 * reach)
+    beyond = 1.0 + current().segments.spare
+    near = _come_near(x, y, beyond * radius + 0.5 * reach)
     row = {b.id: k for k, b in enumerate(mobile)}
     for item in scene.laws:
         if item.law.kind in TIED:
@@ -88,7 +88,7 @@ def bearing(case: Case, scene: Scene, camera: Mapping[str, Any], predicted: np.n
     for b in fixed:
         at = b.initial or (0.0, 0.0)
         px, py = (np.column_stack([v, np.full(len(v), u)]) for v, u in zip((x, y), at, strict=False))
-        met = _come_near(px, py, (1 + SPARE) * np.append(radius, b.radius) + 0.5 * reach)[-1, :-1]
+        met = _come_near(px, py, beyond * np.append(radius, b.radius) + 0.5 * reach)[-1, :-1]
         beside[b.id] = frozenset(int(k) for k in label[met])
     return Bearing(cluster, beside)
 
@@ -103,7 +103,8 @@ def _come_near(x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> np.ndarray:
     longest[:-1] = np.maximum(longest[:-1], way[1:])
     # a path of length s between two places a and b away from a point passes it at (a + b - s)/2 at the nearest; the
     # segment goes on to the next frame
-    least = np.minimum(0.5 * (apart[1:] + apart[:-1] - PATH * longest).min(axis=0), apart[-1] - PATH * longest[-1])
+    longest *= current().segments.path
+    least = np.minimum(0.5 * (apart[1:] + apart[:-1] - longest).min(axis=0), apart[-1] - longest[-1])
     return np.asarray(least < radius[:, None] + radius[None, :])
 
 
