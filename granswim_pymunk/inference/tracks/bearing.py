@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from ...scene import Scene
 from ..criteria import current
 from ..data import Case
+from ..hypothesis import NO_CAMERA
 
 AROUND = {"r0", "mean_mass", "wall_gap"}  # what a law may see of bodies other than its own
 TIED = ("chain", "joint", "link")  # kinds of laws that tie their bodies together, wherever these are
@@ -66,7 +67,7 @@ def bearing(case: Case, scene: Scene, camera: Mapping[str, Any], predicted: np.n
     mobile = [b for b in scene.bodies if b.mobile]
     column = {(channel.body, channel.kind): k for k, channel in enumerate(case.channels)}
     known = all((b.id, kind) in column for b in mobile for kind in "xy")
-    bent = camera["distortion"] != 0.0 or camera["foreshortening"] != 1.0
+    bent = any(camera[name] != NO_CAMERA[name] for name in ("distortion", "foreshortening"))
     tied = any(item.law.kind == "chain" for item in scene.laws)
     if len(mobile) < 3 or len(predicted) < 2 or scene.periodic_x or not known or bent or tied:
         return together(scene)
