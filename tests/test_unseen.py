@@ -801,7 +801,7 @@ def test_a_late_motor_is_found_at_the_head(few_candidates):
     assert set(late) <= named and "coulomb_substrate" not in {entry["name"]}
     assert abs(entry["parameters"][late[entry["name"]]]["value"]) == pytest.approx(6e-3, rel=0.35)
     assert verdict["mismatch"][0]["bodies"] == ["0"] and verdict["mismatch"][0]["where"]["region"] == "head"
-    assert verdict["next_experiment"]["change"] == "film a flash that the motor triggers"
+    assert verdict["next_experiment"]["change"] == "film a flash that the apparatus triggers"
 
 
 def test_a_stiffness_that_was_off_is_recalibrated(few_candidates):

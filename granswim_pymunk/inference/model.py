@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from ..scene import Scene
 from .explained import Explained
+from .hypothesis import Free
 from .judge import Claim, Judgement, Mismatch, Remains, Weighed
 from .places import Place
 from .result import Progress, Table, Used
@@ -201,12 +202,20 @@ class ObservationModel(ABC):
         """Entries of ``mechanisms``, see ``mechanism_entry``."""
 
     @abstractmethod
-    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
-        """Each adjustable's value and 95 % interval in the revised scene."""
+    def adjusted(self) -> dict[int, Free]:
+        """The adjustables, by where they lie among the numbers of a fit."""
 
     @abstractmethod
+    def interval(self, course: Course, k: int) -> tuple[float, float | None, float | None]:
+        """Value and 95 % interval of that number in the revised scene."""
+
+    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
+        """Each adjustable's value and 95 % interval in the revised scene."""
+        return {f.name: self.interval(course, k) for k, f in self.adjusted().items()}
+
     def believed(self) -> dict[str, tuple[float, float, float]]:
         """Each adjustable's value before anything was fitted, and its bounds."""
+        return {f.name: (f.first, f.low, f.high) for f in self.adjusted().values()}
 
     def false_alarm(self, course: Course) -> float:
         """Probability that nothing is missing and the recording looks like that."""

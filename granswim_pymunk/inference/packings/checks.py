@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ...laws import has_role
+from ..checks import TOOLS, of_the_apparatus
 from ..criteria import current
 from ..model import Proposal
 from ..places import Place, Span
@@ -393,26 +394,14 @@ def propose(s: Search, winner: Trial, rival: Trial) -> Proposal | None:
     were only speeds.
     """
     names = (winner.mechanism, rival.mechanism)
-    pair = set(names)
     if rival.fit is None or winner.fit is None:
         return None
-    tools = {
-        "time_offset": ("camera.time_offset", "film a flash that the motor triggers"),
-        "camera_scale": ("camera.scale", "film a ruler in the same picture"),
-        "camera_tilt": ("camera.tilt", "film a plumb line in the same picture"),
-    }
-    if pair & set(tools) and (pair & {"camera_scale", "camera_tilt"} or any(has_role(n, "late") for n in pair)):
-        tool = next(t for t in (winner, rival) if t.candidate.name in tools)
-        name = tool.candidate.name
-        change = abs(float(tool.values()[0]) - tool.candidate.neutral[0])
+    measured = {t.mechanism: t for t in (winner, rival) if t.mechanism in TOOLS}
+    if measured and (set(measured) != {"time_offset"} or any(has_role(n, "late") for n in names)):
         case = s.training[0]
-        view = case.any_view
-        if name == "time_offset":
-            resolution = 0.3 * float(np.median(np.diff(view.t)))
-        else:
-            noise = math.sqrt(max(float(case.error[-1, -1]), 1e-14))
-            resolution = max(noise / 3e-3, 1e-4)
-        return Proposal(tools[name][1], names, float(change / resolution))
+        noise = math.sqrt(max(float(case.error[-1, -1]), 1e-14))
+        changes = {name: abs(float(t.values()[0]) - float(t.candidate.neutral[0])) for name, t in measured.items()}
+        return of_the_apparatus(names, changes, case.any_view.t, lambda: max(noise / 3e-3, 1e-4))
     best: tuple[float, str] | None = None
     for curve in (False, True):
         chosen = [c for c in s.training if c.any_view.curve == curve]

@@ -65,8 +65,8 @@ class Finding:
         for t in self.found:
             if t is trial:
                 break
-            at += t.candidate.size
-        n = trial.candidate.size
+            at += t.numbers
+        n = trial.numbers
         f = self.revised
         student = float(stats.t.ppf(0.975, max(f.dof, 2))) / current().intervals.normal
         return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
@@ -77,9 +77,9 @@ def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
     at = len(s.adjust)
     result = []
     for t in found:
-        if not t.candidate.apparatus:
-            result.append((t.candidate.term, rounded(fitted.u[at : at + t.candidate.size])))
-        at += t.candidate.size
+        if not t.apparatus:
+            result.append((t.term, rounded(fitted.u[at : at + t.numbers])))
+        at += t.numbers
     return result
 
 
@@ -101,7 +101,7 @@ def named_laws(
     if not leaders or leaders[0].worth < threshold:
         return [], None, []
     same = [t for t in leaders if _alike(s, leaders[0], t)]
-    chosen = min(same, key=lambda t: (t.candidate.size, not t.candidate.apparatus, -t.gain))
+    chosen = min(same, key=lambda t: (t.numbers, not t.apparatus, -t.gain))
     chosen = plainer(s, chosen, leaders)
     found, revised = [chosen], chosen.fit
     pair = _pair(s, bank, chosen, candidates)
@@ -126,7 +126,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     """What comes near the best, refitted by simulation, best first; signatures are not linear."""
     criteria, best = current().packings, open_[0].gain
     least = {False: criteria.led * best, True: criteria.led_apparatus * best}
-    leaders = [t for t in open_ if t.gain > least[t.candidate.apparatus] or t.gain > least[False]]
+    leaders = [t for t in open_ if t.gain > least[t.apparatus] or t.gain > least[False]]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
@@ -140,7 +140,7 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     while leaders:
         # whoever comes near the best has to be known as well as the best
         near = [t for t in leaders if _in_reach(s, leaders[0], t)]
-        rest = [t for t in near[: s.sizes.leaders] if t.candidate.label not in settled]
+        rest = [t for t in near[: s.sizes.leaders] if t.label not in settled]
         if not rest:
             break
         again(s, rest[0], 0.74 + 0.04 * min(len(settled) / s.sizes.leaders, 1.0), 2, s.sizes.leader)
@@ -151,9 +151,9 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
         if leaders[0].worth - t.worth < current().verdict.same + 2 * _noise(s, leaders[0], t):
             # the error of the simulated means is what keeps these two together: more runs of both
             for one in (leaders[0], t):
-                if one.candidate.label not in dueled:
+                if one.label not in dueled:
                     again(s, one, 0.79, 1, s.sizes.duel)
-                    dueled.add(one.candidate.label)
+                    dueled.add(one.label)
     return sorted(leaders, key=lambda t: -t.worth)
 
 
@@ -170,7 +170,7 @@ def _may_yet_lead(best: Trial, other: Trial) -> bool:
 
 def _is_there(s: Search, t: Trial) -> bool:
     """Whether a law was run at the numbers that it is fitted with."""
-    if t.fit is None or t.candidate.apparatus:
+    if t.fit is None or t.apparatus:
         return True
     own = slice(len(s.adjust), None)
     off, away = np.abs(t.fit.u - t.fit.model.centre)[own], t.values() - t.candidate.neutral
@@ -189,7 +189,7 @@ def plainer(s: Search, found: Trial, leaders: Sequence[Trial]) -> Trial:
         again(s, plain, 0.8, 2, s.sizes.leader)
     if plain.fit is None or not sensible(s, plain):
         return found
-    s.notes.append(f"{found.candidate.name}: what it adds to {plain.candidate.name} is none within its intervals")
+    s.notes.append(f"{found.mechanism}: what it adds to {plain.mechanism} is none within its intervals")
     return plain
 
 
@@ -202,7 +202,7 @@ def _nested(s: Search, x: Candidate, found: Fit, at: int) -> Trial | None:
     added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.size))
     if not names or not all_absent(added):
         return None
-    return next((t for t in s.trials if t.candidate.name in names and not t.reason), None)
+    return next((t for t in s.trials if t.mechanism in names and not t.reason), None)
 
 
 def _to_first_order(s: Search, t: Trial) -> Trial:
@@ -216,13 +216,13 @@ def _to_first_order(s: Search, t: Trial) -> Trial:
 def sensible(s: Search, t: Trial) -> bool:
     """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
     assert t.fit is not None
-    ended = ended_at_bound(zip(t.candidate.term.free, map(float, t.values()), strict=True))
+    ended = ended_at_bound(zip(t.term.free, map(float, t.values()), strict=True))
     if ended is not None:
-        s.notes.append(f"{t.candidate.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
+        s.notes.append(f"{t.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
         return False
     value = float(t.values()[0])
     if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
-        s.notes.append(f"{t.candidate.label} is no explanation: {t.candidate.term.free[0].name} would be {value:.3g}")
+        s.notes.append(f"{t.label} is no explanation: {t.term.free[0].name} would be {value:.3g}")
         return False
     return True
 
@@ -264,7 +264,7 @@ def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
     """The best of each mechanism, in order."""
     best: dict[str, tuple[Trial, bool]] = {}
     for trial, same in rivals:
-        best.setdefault(trial.candidate.name, (trial, same))
+        best.setdefault(trial.mechanism, (trial, same))
     return list(best.values())
 
 
@@ -317,12 +317,12 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
     cost = price(max(len(alive), 2))
     tried: list[tuple[float, list[Candidate], Fit | None]] = []
     for x in alive:
-        if x.name == first.candidate.name or _one_and_the_same(x.name, first.mechanism):
+        if x.name == first.mechanism or _one_and_the_same(x.name, first.mechanism):
             continue
         both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
         tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.candidate, x], both))
     for gain, a, b in pair_gains(bank, alive)[:1]:
-        if first.candidate.label not in (a.label, b.label):
+        if first.label not in (a.label, b.label):
             tried.append((gain - first.gain - 2 * (a.size + b.size - 2), [a, b], None))
     tried.sort(key=lambda item: -item[0])
     for gain, pair, start in tried[:2]:
@@ -343,7 +343,7 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
         if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1) or not _earned(s, pair, found, cost):
             continue
         gains = first.fit.objective - found.objective
-        known = {t.candidate.label: t for t in s.trials}
+        known = {t.label: t for t in s.trials}
         trials = [replace(known[x.label], fit=found, gain=first.gain + gains, refitted=2) for x in pair]
         return trials, found
     return None

@@ -13,6 +13,7 @@ from ...scene import Scene
 from ..criteria import current
 from ..criteria.packings import Sizes
 from ..explained import Explained
+from ..hypothesis import Free
 from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
@@ -86,7 +87,7 @@ class Packings(ObservationModel):
         open_ = self._open()
         if s.p_search <= current().packings.more and open_ and s.sizes.more:
             least = current().packings.sharper * open_[0].gain
-            chosen = [t.candidate for t in open_ if t.gain > least and not t.candidate.apparatus]
+            chosen = [t.candidate for t in open_ if t.gain > least and not t.apparatus]
             more_runs(s, chosen[: current().packings.sharpened], 0.6)
             self.bank = screen(s, self.candidates)
 
@@ -97,7 +98,7 @@ class Packings(ObservationModel):
     def nulls(self) -> Null:
         nulls = self.state.nulls
         assert nulls is not None
-        top = max((t.gain - 2 * (t.candidate.size - 1) for t in self.state.trials if not t.reason), default=0.0)
+        top = max((t.gain - 2 * (t.numbers - 1) for t in self.state.trials if not t.reason), default=0.0)
         return Null(nulls.best, top)
 
     def search(self, null: Null | None) -> Claim:
@@ -216,8 +217,8 @@ class Packings(ObservationModel):
             entries = []
             for t in judged.claim.laws:
                 parameters = parameters_of(finding, t)
-                bodies = ids if t.candidate.apparatus else list(t.candidate.extent)
-                text = equation(t.candidate.term, parameters)
+                bodies = ids if t.apparatus else list(t.candidate.extent)
+                text = equation(t.term, parameters)
                 entries.append(mechanism_entry(t.mechanism, text, bodies, parameters, t.surviving, gain))
             return entries
         # of one film no part is unseen by the fit: its curve is told where it predicts what follows
@@ -228,12 +229,12 @@ class Packings(ObservationModel):
         bodies = ids if joint is None else [ids[joint]]
         return [mechanism_entry("unknown", curve_text(finding, joint), bodies, {}, None, self.free_gain)]
 
-    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
-        fitted = course.judged.claim.fit.revised
-        return {t.label: (float(fitted.u[k]), *fitted.interval(k)) for k, t in enumerate(self.state.adjust)}
+    def adjusted(self) -> dict[int, Free]:
+        return {k: t.free[0] for k, t in enumerate(self.state.adjust)}
 
-    def believed(self) -> dict[str, tuple[float, float, float]]:
-        return {t.label: (t.free[0].first, t.free[0].low, t.free[0].high) for t in self.state.adjust}
+    def interval(self, course: Course, k: int) -> tuple[float, float | None, float | None]:
+        fitted = course.judged.claim.fit.revised
+        return (float(fitted.u[k]), *fitted.interval(k))
 
     def false_alarm(self, course: Course) -> float:
         s, verdict = self.state, course.judged.verdict

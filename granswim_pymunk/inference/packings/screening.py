@@ -187,7 +187,7 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
     s.naive = fit(s.naive.model, s.means, s.training)
     s.base = fit(s.base.model, s.means, s.training) if s.adjust else s.naive
     bank = bank_of(s, candidates)
-    s.trials = [t for t in s.trials if t.reason and not t.fit and t.candidate.label not in bank.directions]
+    s.trials = [t for t in s.trials if t.reason and not t.fit and t.label not in bank.directions]
     for x in candidates:
         if x.label not in bank.directions:
             s.trials.append(Trial(x, 0.0, 0.0, None, 0, "not run everywhere"))
@@ -203,7 +203,7 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
     along = bank.adjust.T @ apart
     s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
-    top = max((t.gain - 2 * (t.candidate.size - 1) for t in s.trials if not t.reason), default=0.0)
+    top = max((t.gain - 2 * (t.numbers - 1) for t in s.trials if not t.reason), default=0.0)
     s.p_search = rank(top, s.nulls.best)
     s.trials.sort(key=lambda t: -t.worth)
     return bank

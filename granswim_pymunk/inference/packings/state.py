@@ -10,6 +10,7 @@ import numpy as np
 from ...scene import Scene
 from ..criteria.packings import Sizes
 from ..hypothesis import NO_CAMERA, Term
+from ..trial import Tried
 from .candidates import Candidate
 from .response import Fit, Means
 from .runs import Change, Job, Runner
@@ -20,7 +21,7 @@ NAIVE = "naive"
 Progress = Callable[[str, float], None]
 
 @dataclass
-class Trial:
+class Trial(Tried):
     """A candidate after its fit. ``gain``: fall of the objective;  ``reason``: why it was not fitted, if so."""
 
     candidate: Candidate
@@ -31,21 +32,18 @@ class Trial:
     reason: str = ""
 
     @property
-    def mechanism(self) -> str:
-        return self.candidate.name
-
-    @property
-    def label(self) -> str:
-        return self.candidate.label
+    def term(self) -> Term:
+        return self.candidate.term
 
     @property
     def worth(self) -> float:
-        return self.gain - 2 * self.candidate.size
+        """Gain less what as many numbers gain by chance (AIC)."""
+        return self.gain - 2 * self.numbers
 
     def values(self) -> np.ndarray:
         """(k,) the candidate's own numbers, those of the recalibration left out."""
         assert self.fit is not None
-        return self.fit.u[-self.candidate.size :]
+        return self.fit.u[-self.numbers :]
 
 
 @dataclass

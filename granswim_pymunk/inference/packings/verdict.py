@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from ...laws import has_role
 from ...scene import Scene
-from ..criteria import current
+from ..flow import flow_of, told_flow
 from ..result import HELD_OUT, PARTLY, TRAINING, Table, Used, handed_over
 from ..swimmer_terms import reported_parameters
 from .conclude import Finding
@@ -31,21 +29,10 @@ def used_of(s: Search) -> tuple[Used, ...]:
 def parameters_of(f: Finding, trial: Trial) -> dict[str, tuple[Any, Any, Any, str]]:
     """Name to (value, low, high, unit) of a found law."""
     values, covariance = f.own(trial)
-    x = trial.candidate
-    if has_role(x.name, "medium"):
-        c, push, half = float(values[0]), values[1:], current().intervals.normal
-        root = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        found: dict[str, tuple[Any, Any, Any, str]] = {
-            "c": (c, max(c - half * float(root[0]), 0.0), c + half * float(root[0]), "kg/s")
-        }
-        if c > 0:
-            # u = push/c, to first order in both
-            u = push / c
-            own, with_c = np.diag(covariance)[1:], covariance[0, 1:]
-            wide = half * np.sqrt(np.maximum(own - 2 * u * with_c + u**2 * covariance[0, 0], 0.0)) / c
-            found["u"] = (u.tolist(), (u - wide).tolist(), (u + wide).tolist(), "m/s")
-        return found
-    return reported_parameters(x.term, values, covariance)
+    if has_role(trial.mechanism, "medium"):
+        told = told_flow(flow_of(values, covariance), ("c", "u"))
+        return told if values[0] > 0 else {"c": told["c"]}
+    return reported_parameters(trial.term, values, covariance)
 
 
 def curve_text(f: Finding, joint: int | None) -> str:
@@ -87,8 +74,8 @@ def tables_of(s: Search) -> tuple[Table, ...]:
         state = t.reason or (f"refitted {t.refitted} times" if t.refitted else "first order")
         amount = ""
         if t.fit is not None:
-            amount = ", ".join(f"{v:.3g} {x.unit}" for v, x in zip(t.values(), t.candidate.term.free, strict=True))
-        rows.append([t.candidate.label, f"{t.surviving:.2f}", f"{t.gain:.1f}", amount, state])
+            amount = ", ".join(f"{v:.3g} {x.unit}" for v, x in zip(t.values(), t.term.free, strict=True))
+        rows.append([t.label, f"{t.surviving:.2f}", f"{t.gain:.1f}", amount, state])
     tables = [
         Table("Candidates", ["candidate", "surviving", "gain", "amount", "state"], rows, (1, 2),
               "surviving: share of the signature that recalibration cannot imitate; gain: fall of the misfit")

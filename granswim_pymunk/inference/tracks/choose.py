@@ -16,7 +16,7 @@ from ..data import Case
 from ..simpler import by_chance, ended_at_bound, special_cases
 from .fit import Fitter
 from .fitted import Fit
-from .name import InnerSplit, Trial, is_apparatus, is_part, spread_of
+from .name import InnerSplit, Trial, is_part, spread_of
 
 
 def score_inner(inner: InnerSplit, trials: list[Trial], spread: float, ahead: float = 0.0) -> list[Trial]:
@@ -64,7 +64,7 @@ def ordinary(trial: Trial) -> bool:
     """
     if trial.fit is None:
         return False
-    offset, apparatus = len(trial.fit.values) - trial.numbers, is_apparatus(trial) and not trial.term.special
+    offset, apparatus = len(trial.fit.values) - trial.numbers, trial.apparatus and not trial.term.special
     for k, free in enumerate(trial.term.free):
         away = float(trial.fit.values[offset + k]) - free.neutral
         room = current().verdict.ordinary * abs((free.high if away > 0 else free.low) - free.neutral)
@@ -110,7 +110,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # a picture's scale is off more often than the inertia of a body
     chosen = min(
         same,
-        key=lambda t: (t.used, not ordinary(t), t.term.special, ordinary(t) and not is_apparatus(t),
+        key=lambda t: (t.used, not ordinary(t), t.term.special, ordinary(t) and not t.apparatus,
                        is_part(t.term, forms), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..checks import TOOLS, of_the_apparatus
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Predictor
@@ -90,34 +91,19 @@ def propose(
 
 def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) -> Proposal | None:
     """Where no other motion separates the apparatus from physics, measure the apparatus itself."""
-    tools = {
-        "camera_scale": ("camera.scale", "film a ruler in the same frame"),
-        "camera_tilt": ("camera.tilt", "film a plumb line in the same frame"),
-        "camera_foreshortening": ("camera.foreshortening", "film a ruler along x and along y in the same frame"),
-        "time_offset": ("camera.time_offset", "film a flash that the apparatus triggers"),
-    }
-    for name in names:
-        if name not in tools:
-            continue
-        key, text = tools[name]
-        numbers = [f.name for f in fit.hypothesis.free]
-        if key not in numbers:
-            continue
-        k = numbers.index(key)
-        change = abs(float(fit.values[k]) - fit.hypothesis.free[k].neutral)
-        case = cases[0]
-        if name == "time_offset":
-            resolution = 0.3 * float(np.median(np.diff(case.t)))  # a frame, evenly distributed
-        else:
-            places = [c for c, channel in enumerate(case.channels) if channel.kind != "angle"]
-            if not places:
-                continue
-            extent = float(
-                np.max(np.nanmax(case.values[:, places], axis=0) - np.nanmin(case.values[:, places], axis=0))
-            )
-            resolution = float(np.sqrt(2) * np.max(case.sigma[places])) / extent
-        return Proposal(text, names, change / resolution)
-    return None
+    case, free = cases[0], fit.hypothesis.free
+    off = {f.name: abs(float(v) - f.neutral) for f, v in zip(reversed(free), reversed(fit.values), strict=True)}
+    changes = {name: off[key] for name, (key, _) in TOOLS.items() if key in off}
+
+    def picture() -> float | None:
+        places = [c for c, channel in enumerate(case.channels) if channel.kind != "angle"]
+        if not places:
+            return None
+        seen = case.values[:, places]
+        extent = float(np.max(np.nanmax(seen, axis=0) - np.nanmin(seen, axis=0)))
+        return float(np.sqrt(2) * np.max(case.sigma[places])) / extent
+
+    return of_the_apparatus(names, changes, case.t, picture)
 
 
 def _changed(described, numbers, faster, wider):

@@ -19,7 +19,7 @@ from ..candidates import in_contact_alone
 from ..criteria import current
 from ..data import Case
 from ..explained import Scores, explained
-from ..hypothesis import Failed
+from ..hypothesis import Failed, Free
 from ..judge import (
     Claim,
     Completeness,
@@ -461,14 +461,12 @@ class Tracks(ObservationModel):
             return [entry | {"name": UNKNOWN} for t in judged.claim.laws[:1] for entry in told.entries(t, gain)[:1]]
         return [entry for t in judged.claim.laws for entry in told.entries(t, gain)]
 
-    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
-        fit = course.judged.claim.fit
-        free = self.tried.recalibrated.hypothesis.free
-        return {f.name: fit.interval(k, self.spread) for k, f in enumerate(free) if not f.prior}
+    def adjusted(self) -> dict[int, Free]:
+        return {k: f for k, f in enumerate(self.tried.recalibrated.hypothesis.free) if not f.prior}
 
-    def believed(self) -> dict[str, tuple[float, float, float]]:
-        free = self.tried.recalibrated.hypothesis.free
-        return {f.name: (f.first, f.low, f.high) for f in free if not f.prior}
+    def interval(self, course: Course, k: int) -> tuple[float, float | None, float | None]:
+        fit: Fit = course.judged.claim.fit
+        return fit.interval(k, self.spread)
 
     def closing_notes(self, course: Course) -> list[str]:
         notes = []

@@ -14,8 +14,8 @@ from ...laws import has_role
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Predictor, Term
-from ..mechanisms import APPARATUS
 from ..simpler import special_cases
+from ..trial import Tried
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import inflation
@@ -24,7 +24,7 @@ from .signatures import Bank, Signature
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Tried):
     """A candidate after refitting.
 
     gain : fall in chi2 on the training part;  inner : how badly the part of the training data is predicted that
@@ -45,18 +45,6 @@ class Trial:
     @property
     def term(self) -> Term:
         return self.signature.term
-
-    @property
-    def mechanism(self) -> str:
-        return self.signature.term.mechanism
-
-    @property
-    def label(self) -> str:
-        return self.signature.term.label
-
-    @property
-    def numbers(self) -> int:
-        return len(self.signature.term.free)
 
     @property
     def used(self) -> int:
@@ -458,10 +446,6 @@ def is_part(term: Term, others: Iterable[Term]) -> bool:
     """Whether one of the others is the same law on these bodies and more."""
     mine = set(term.bodies or ())
     return any(o.mechanism == term.mechanism and mine < set(o.bodies or ()) for o in others)
-
-
-def is_apparatus(trial: Trial) -> bool:
-    return trial.mechanism in APPARATUS
 
 
 def spread_of(fit: Fit, cases: Sequence[Case]) -> float:

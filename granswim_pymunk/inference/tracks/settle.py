@@ -18,7 +18,7 @@ from .believed import stated_terms
 from .fit import Fitter
 from .fitted import Fit
 from .intervals import with_believed_errors
-from .name import Trial, is_apparatus, rows_of
+from .name import Trial, rows_of
 from .sets import SetSearch
 from .signatures import columns_of, make_bank
 
@@ -174,13 +174,13 @@ def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fi
     A scale, a tilt or a lens maps the picture smoothly, and so takes a part of any smooth remainder of a few tracks:
     where it leaves more than noise it is a term of a series, not a fault that was found. None where it leads itself.
     """
-    faults = [t for t in found if is_apparatus(t)]
-    laws = [t for t in found if not is_apparatus(t)]
+    faults = [t for t in found if t.apparatus]
+    laws = [t for t in found if not t.apparatus]
     if not faults or not laws:
         return []
     first = len(recalibrated.values)
     rows = rows_of(found, first)
-    kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not is_apparatus(t)]
+    kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not t.apparatus]
     hypothesis = recalibrated.hypothesis.with_term(*(t.term for t in laws))
     begin = np.concatenate([revised.values[:first], *kept])
     alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)

@@ -22,6 +22,7 @@ from ..camera_terms import camera_terms
 from ..candidates import applies
 from ..criteria import current
 from ..data import Case
+from ..flow import flow_of
 from ..hypothesis import Free, Term
 from ..mechanisms import RESTITUTION
 from ..swimmer_terms import swimmer_terms
@@ -251,15 +252,7 @@ class LawAdder:
 
     def flow(self, values: np.ndarray, covariance: np.ndarray | None):
         """(drag, flow) with their covariance, to first order, where the law has a flow; else None."""
-        if not self.pushed:
-            return None
-        c, wx, wy = (float(v) for v in values)
-        c = max(c, 1e-12)
-        u = np.array([c, wx / c + self.drift[0], wy / c + self.drift[1]])
-        if covariance is None:
-            return u, None
-        jacobian = np.array([[1.0, 0.0, 0.0], [-wx / c**2, 1 / c, 0.0], [-wy / c**2, 0.0, 1 / c]])
-        return u, jacobian @ covariance @ jacobian.T
+        return flow_of(values, covariance, self.drift) if self.pushed else None
 
 
 def _contact_damping(cases: Sequence[Case]) -> list[Term]:

@@ -13,7 +13,7 @@ from ...recording import Recording
 from ...scene import Scene
 from ..criteria import current
 from ..explained import Explained
-from ..hypothesis import Term
+from ..hypothesis import Free, Term
 from ..judge import Claim, Form, Judgement, Mismatch, Weighed
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
@@ -40,7 +40,6 @@ from .experiment import propose
 from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
 from .likelihood import Prediction, WindowLikelihood
 from .plan import Plan
-from .search import Answer
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
 from .weigh import before_of, explained_by_scale, explained_by_trial, rival_gains, weighed
@@ -248,17 +247,14 @@ class Windows(ObservationModel):
         scene = self.state.likelihood.beds[0].scene
         return [entry_of(trial, scene, course.held.gain) for trial in course.judged.claim.laws]
 
-    def adjustables(self, course: Course) -> dict[str, tuple[float, float | None, float | None]]:
-        answer: Answer = course.judged.claim.fit
-        told = {}
-        for at, f in enumerate(f for t in self.start.naive.terms for f in t.free):
-            value, half = float(answer.values[at]), half_interval(float(answer.covariance[at, at]))
-            ends = (max(value - half, f.low), min(value + half, f.high)) if math.isfinite(half) else (None, None)
-            told[f.name] = (value, *ends)
-        return told
+    def adjusted(self) -> dict[int, Free]:
+        return dict(enumerate(self.start.naive.free))
 
-    def believed(self) -> dict[str, tuple[float, float, float]]:
-        return {f.name: (f.first, f.low, f.high) for t in self.start.naive.terms for f in t.free}
+    def interval(self, course: Course, k: int) -> tuple[float, float | None, float | None]:
+        answer, f = course.judged.claim.fit, self.start.naive.free[k]
+        value, half = float(answer.values[k]), half_interval(float(answer.covariance[k, k]))
+        ends = (max(value - half, f.low), min(value + half, f.high)) if math.isfinite(half) else (None, None)
+        return (value, *ends)
 
     def false_alarm(self, course: Course) -> float:
         p = self.null.p if course.judged.claim.laws else min(self.null.p, self._p_left)

@@ -10,11 +10,12 @@ from scipy import stats
 
 from ..criteria import current
 from ..hypothesis import Term
+from ..trial import Tried
 from .signatures import BedSignature, to_values
 
 
 @dataclass(frozen=True)
-class BedTrial:
+class BedTrial(Tried):
     """A candidate, and what became of it.
 
     amounts : in units of the scales of the term's numbers, ``values`` those numbers, ``covariance`` of the values
@@ -39,17 +40,9 @@ class BedTrial:
         return self.signature.term
 
     @property
-    def mechanism(self) -> str:
-        return self.signature.term.mechanism
-
-    @property
-    def label(self) -> str:
-        return self.signature.term.label
-
-    @property
     def worth(self) -> float:
         """Gain less what as many numbers gain by chance, and less what errors of the starts lend it."""
-        return (self.linear if self.gain is None else self.gain - self.attenuation) - 2.0 * len(self.term.free)
+        return (self.linear if self.gain is None else self.gain - self.attenuation) - 2.0 * self.numbers
 
     @property
     def ahead(self) -> float:
@@ -57,11 +50,11 @@ class BedTrial:
 
         Without the window that brings most of it: a few odd ones would decide which law leads, and p.
         """
-        return float(surplus(np.array(self.jackknife / self.spread), len(self.term.free)))
+        return float(surplus(np.array(self.jackknife / self.spread), self.numbers))
 
     def gain_at(self, ahead: np.ndarray) -> np.ndarray:
         """The gains at which this trial would be so far ahead."""
-        gains: np.ndarray = self.spread * (ahead + current().windows.search.further * (len(self.term.free) - 1))
+        gains: np.ndarray = self.spread * (ahead + current().windows.search.further * (self.numbers - 1))
         return gains
 
 

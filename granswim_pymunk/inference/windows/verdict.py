@@ -13,6 +13,7 @@ from scipy import stats
 from ...laws import all_laws
 from ...scene import Scene
 from ..criteria import current
+from ..flow import told_flow
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
 from ..places import Place
@@ -32,17 +33,7 @@ def parameters_of(trial: BedTrial) -> dict[str, tuple[Any, Any, Any, str]]:
     flow = apply.flow(trial.values, covariance) if isinstance(apply, LawAdder) else None
     if flow is None or not isinstance(apply, LawAdder):
         return reported_parameters(trial.term, trial.values, covariance)
-    value = [float(v) for v in flow[0]]
-    low: list[float | None] = [None] * 3
-    high: list[float | None] = [None] * 3
-    if flow[1] is not None:
-        half = current().intervals.normal * np.sqrt(np.maximum(np.diag(flow[1]), 0.0))
-        low = [max(value[0] - float(half[0]), 0.0), *(v - float(h) for v, h in zip(value[1:], half[1:], strict=True))]
-        high = [v + float(h) for v, h in zip(value, half, strict=True)]
-    return {
-        apply.law.strength[0]: (value[0], low[0], high[0], "kg/s"),
-        apply.pushed: (value[1:], low[1:], high[1:], "m/s"),
-    }
+    return told_flow(flow, (apply.law.strength[0], apply.pushed))
 
 
 def _acting(term: Term, scene: Scene) -> list[str]:
