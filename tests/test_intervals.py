@@ -99,5 +99,5 @@ def test_what_is_far_behind_the_best_is_not_scored():
 
     trials = [Trial(None, fit, gain, math.inf) for fit, gain in (("near", 60.0), ("far", 40.0))]
     inner = SimpleNamespace(score=score)
-    assert [t.inner for t in score_inner(inner, trials, 1.0, ahead=100.0)] == [1.0, math.inf] and scored == ["near"]
-    assert [t.inner for t in score_inner(inner, trials, 1.0)] == [1.0, 1.0]
+    assert [t.inner for t in score_inner(inner, trials, ahead=100.0)] == [1.0, math.inf] and scored == ["near"]
+    assert [t.inner for t in score_inner(inner, trials)] == [1.0, 1.0]

@@ -603,7 +603,7 @@ def test_a_weak_law_is_run_where_it_shows(world):
         label = label_of(s.adjust, rounded(found.u[:-1]), [(x.term, rounded(found.u[-1:]))])
         s.runner.do(jobs_for(conditions, s.adjust, found.u[:-1], [(x.term, found.u[-1:])], 4, False, label))
         s.means.refresh()
-        both = anchored(s, found.model, [x], found.u, label, soft=False)
+        both = anchored(s, found.model, found.u, label, soft=False)
         joined = s.means.predict(conditions[0], both.sums(name, found.u))[1]
         more = stiffer(s, found.model, found.u, label)
         told = add((more, found.model.sums(name, found.u)), (1 - more, {(NAIVE, False): 1.0}))
@@ -630,7 +630,7 @@ def test_what_soft_contacts_hide_of_a_strong_law_is_put_right(world, monkeypatch
     factor = stiffer(s, found.model, here, label)
     assert factor == pytest.approx(1 / (1 - softer) if strength > 1 else 1.0, abs=0.04 if strength > 1 else 0.5)
     # without it the law is told as so much stronger as softer contacts show less of it
-    last = fit(anchored(s, found.model, [x], here, label, soft=False), s.means, s.training)
+    last = fit(anchored(s, found.model, here, label, soft=False), s.means, s.training)
     off = abs(last.u[-1] / (strength * first) - 1)
     assert off < (0.07 if strength > 1 else 0.5)
     if strength > 1 and softer:
@@ -655,7 +655,7 @@ def test_a_strong_law_is_known_by_its_slope_and_by_its_packings(world, monkeypat
     label = label_of(s.adjust, here[:-1], [(x.term, here[-1:])])
     s.runner.do(jobs_for(conditions, s.adjust, here[:-1], [(x.term, here[-1:])], 8, False, label))
     s.means.refresh()
-    chord = anchored(s, found.model, [x], here, label, soft=False)
+    chord = anchored(s, found.model, here, label, soft=False)
     there, points = near(s, chord, [x])
     sizes = []
     for model in (chord, there):

@@ -43,7 +43,7 @@ def of_bodies(seed: int) -> tuple[float, int]:
     study = study_of([recording], [], np.random.default_rng(seed), lambda text, share: None, lambda share: False)
     _, fit = calibrated(study)
     windows = window_map(study.fitter, fit, variance_by_case(fit, study.training))
-    return locate(windows, study.training)[0].z, len(windows.rows)
+    return locate(windows)[0].z, len(windows.rows)
 
 
 def of_bed(seed: int) -> tuple[float, int]:

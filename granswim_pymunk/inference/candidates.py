@@ -52,7 +52,7 @@ def weighed(cases: Sequence[Case]) -> bool:
     )  # fmt: skip
 
 
-def _radius_power(law: Law, choice: Mapping[str, Any]) -> float:
+def _radius_power(choice: Mapping[str, Any]) -> float:
     return float(choice.get("p", 0.0))
 
 
@@ -225,7 +225,7 @@ class _LawAdder:
             if owner is None and driven:
                 bodies = [b.id for b in scene.bodies if b.mobile and b.id not in driven]
             acting = [b.radius for b in scene.bodies if b.mobile and (bodies is None or b.id in bodies)]
-            power = _radius_power(self.law, self.choice)
+            power = _radius_power(self.choice)
             if owner is None and power and acting:
                 factor = (float(np.mean(acting)) / self.r0) ** power
                 for name in self.law.strength:

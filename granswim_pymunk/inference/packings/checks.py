@@ -65,7 +65,7 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
             there, beside = near(s, replace(model, centre=here), named)
             model = replace(model, slopes=there.slopes)
             points |= beside
-        model = anchored(s, model, named, here, label, soft=False)
+        model = anchored(s, model, here, label, soft=False)
         f.revised = fit(model, s.means, s.training)
         f.wilder = wilder_there(s, points)
         found = scatter_of(s, f.revised, points)

@@ -53,7 +53,7 @@ def refit(
         if any((label, True) not in s.means.mean[c.name] for c in s.training):
             return found, done, s.runner.reason(label)
         done += 1
-        model = anchored(s, model, candidates, here, label)
+        model = anchored(s, model, here, label)
         before = found.u
         found = fit(model, s.means, s.training)
         wide = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
@@ -114,9 +114,7 @@ def stiffer(s: Search, model: Model, u: np.ndarray, label: str) -> float:
     return 1 + off * max(1 - wide / off**2, 0.0) if off else 1.0
 
 
-def anchored(
-    s: Search, model: Model, candidates: Sequence[Candidate], u: np.ndarray, label: str, soft: bool = True
-) -> Model:
+def anchored(s: Search, model: Model, u: np.ndarray, label: str, soft: bool = True) -> Model:
     """The model with its anchor in runs at u; the chord replaces the slope of a single physical number.
 
     Runs with the contacts as they are (not ``soft``) are joined with what the model says there, each by its variance;

@@ -19,7 +19,7 @@ from .fitted import Fit
 from .name import InnerSplit, Trial, is_part, spread_of
 
 
-def score_inner(inner: InnerSplit, trials: list[Trial], spread: float, ahead: float = 0.0) -> list[Trial]:
+def score_inner(inner: InnerSplit, trials: list[Trial], ahead: float = 0.0) -> list[Trial]:
     """Inner scores of the trials that are near the best; the others keep an infinite one.
 
     ahead : the gain of the best of others, which may be the best of all
@@ -47,7 +47,7 @@ def _excess(trial: Trial) -> float:
     return left if left > 3 * np.sqrt(2 * trial.fit.count) else 0.0
 
 
-def absurd(trial: Trial, spread: float = 1.0) -> str:
+def absurd(trial: Trial) -> str:
     """Why the numbers of a law make no sense for the apparatus; empty where they do."""
     if trial.fit is None:
         return ""

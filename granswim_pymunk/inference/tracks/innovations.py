@@ -229,7 +229,7 @@ def _gaps(case: Case, body: str) -> np.ndarray | None:
     return np.nanmin(stacked, axis=0)
 
 
-def locate(windows: WindowMap, cases: Sequence[Case]) -> tuple[Place, ...]:
+def locate(windows: WindowMap) -> tuple[Place, ...]:
     """Bodies whose windows are not noise, with the times, places and speeds where it is worst.
 
     A body counts when the combined chi2 of its windows, or of one, does so after looking at all bodies and windows.

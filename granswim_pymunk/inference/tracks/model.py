@@ -565,7 +565,7 @@ def _located(
 
     def seen(fit: Fit, **how: int) -> tuple[WindowMap, tuple[Place, ...]]:
         windows = window_map(study.fitter, fit, variance, **how)
-        return windows, locate(windows, training)
+        return windows, locate(windows)
 
     windows, places = seen(recalibrated)
     if not places and verdict != "recalibrate":

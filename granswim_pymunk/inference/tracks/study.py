@@ -150,7 +150,7 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     progress("testing inside the training part", 0.56)
     scores = {"recalibrated": study.inner.score(recalibrated)[0]}
     ahead = max((t.gain for t in alive), default=0.0)
-    alive, forms_alive = score_inner(study.inner, alive, spread), score_inner(study.inner, forms_alive, spread, ahead)
+    alive, forms_alive = score_inner(study.inner, alive), score_inner(study.inner, forms_alive, ahead)
     scores |= {t.term.label: t.inner for t in alive + forms_alive}
     untried = [t for t in trials if t.fit is None]
     return Tried(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
@@ -201,7 +201,7 @@ def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, training)
     flexible = {t.term.label for t in tried.forms}
-    alive = score_inner(inner, sorted(alive, key=lambda t: -t.gain), spread)
+    alive = score_inner(inner, sorted(alive, key=lambda t: -t.gain))
     inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in alive}
     forms = [t for t in alive if t.term.label in flexible]
     named = [t for t in alive if t.term.label not in flexible]
