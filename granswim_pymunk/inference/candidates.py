@@ -380,12 +380,36 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
     return False
 
 
-def flexible_terms(cases: Sequence[Case]) -> list[Term]:
-    """The forms that name nothing: smooth force fields in speed and in place."""
+def flexible_terms(cases: Sequence[Case], *, each: bool = False) -> list[Term]:
+    """The forms that name nothing: smooth force fields in speed and in place. ``each``: with numbers for every body."""
     terms: list[Term] = []
     for law in all_laws().values():
         if law.candidate == "flexible" and not out_of_place(law, cases):
-            terms += law_terms(law, cases, each=False)
+            terms += law_terms(law, cases, each=each)
+    return terms
+
+
+def asked_terms(cases: Sequence[Case], own: Sequence[str] = ()) -> list[Term]:
+    """Forms without a name that are held beside a law, in numbers that no data have shaped: linear in each of them.
+
+    Series to first order, shapes held at values that no law with a name has (``Parameter.asked``).
+    own : bodies with a strength each; of one strength for all where empty
+    """
+    terms: list[Term] = []
+    for term in flexible_terms(cases, each=bool(own)):
+        law = all_laws()[term.law]
+        part = for_bodies(term, own) if own else (term, ())
+        if part is None:
+            continue
+        term = part[0]
+        names = [f.name.rpartition(".")[2].partition("[")[0] for f in term.free]
+        asked = {name: p.asked for p in law.parameters for name in p.arguments if p.asked}
+        kept = [k for k, name in enumerate(names) if name not in asked and (name in law.low_order or not law.low_order)]
+        for values in itertools.product(*asked.values()):
+            held = dict(zip(asked, values, strict=True))
+            free = tuple(replace(f, neutral=held.get(n, f.neutral)) for f, n in zip(term.free, names, strict=True))
+            whole = replace(term, free=free)
+            terms.append(with_numbers(whole, kept) if len(kept) < len(free) else whole)
     return terms
 
 

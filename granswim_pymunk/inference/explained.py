@@ -38,6 +38,17 @@ class Scores:
         return np.asarray(self.floor.sum(axis=1) / max(sum(self.counts.values()), 1))
 
 
+def spread_with_mismatch(before: Scores) -> float:
+    """Spread of S between replicates that have the mismatch of the recalibrated scene.
+
+    Of n numbers m + e with noise e of variance f and a mismatch of mean square b, S is f + b and varies by
+    sqrt((2 f^2 + 4 f b)/n): sqrt(1 + 2 b/f) times what noise alone does.
+    """
+    floors = before.floors
+    floor = float(floors.mean())
+    return float(floors.std()) * math.sqrt(1.0 + 2.0 * max(before.mean - floor, 0.0) / max(floor, 1e-300))
+
+
 @dataclass(frozen=True)
 class Explained:
     """Share of the mismatch on unseen blocks that goes with a hypothesis.

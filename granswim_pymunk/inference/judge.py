@@ -45,6 +45,10 @@ def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
     return float(stats.t.sf((np.log(error) - logs.mean()) / max(spread, 1e-12), len(logs) - 1))
 
 
+# of what is left, where it is no more than noise and yet the form of a law is not told
+NOISE_ALONE = "nothing but noise; "
+
+
 @dataclass(frozen=True)
 class Remains:
     """What is left of unseen training data: rms [m or rad], its ratio to the floor, whom, when, and what it is like."""

@@ -163,6 +163,8 @@ class Parameter:
     side: int = 0
     # up to which a strength is what laboratories are off by in what they believe; 0: it is never that
     ordinary: float = 0.0
+    # of the shape of a form without a name: values that no law with a name has, at which that form is held beside one
+    asked: tuple[float, ...] = ()
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -268,6 +270,8 @@ class Law:
     # then costs nothing (the body is kicked as if it were heavier by c dt/2). Of kind constraint: what it adds is a
     # fixed share of the force
     linear: bool = False
+    # of a form without a name that is a series: its strengths to first order; all of them where empty
+    low_order: tuple[str, ...] = ()
 
     @property
     def mechanism(self) -> str:
@@ -433,6 +437,7 @@ def law(
     same_as: Iterable[str] = (),
     damping: bool = False,
     linear: bool = False,
+    low_order: Iterable[str] = (),
     name: str | None = None,
 ) -> Callable[[Callable[..., Any]], Law]:
     """Declare a law and put it in the registry.
@@ -471,6 +476,7 @@ def law(
             same_as=tuple(same_as),
             damping=damping or kind == "joint",
             linear=linear,
+            low_order=tuple(low_order),
         )
         if kind == "body" and {"vx", "vy"} & set(declared.arguments):
             declared = replace(declared, damping=True)

@@ -21,6 +21,7 @@ _COEFFICIENTS = [
         *_COEFFICIENTS,
     ],
     strength=tuple(p.name for p in _COEFFICIENTS),
+    low_order=("a0", "a1", "a2", "b0", "b1", "b2"),
     candidate="flexible",
     role="place",
     phrase="a force that depends on the place",

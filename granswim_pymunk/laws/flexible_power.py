@@ -12,7 +12,7 @@ from .base import Parameter, law
     parameters=[
         Parameter("top", "m/s", "speed at which the force is c", low=0.0, default=1.0),
         Parameter("c", "N", "force on a body of the mean radius r_0 at the top speed", low=0.0, typical=1.0),
-        Parameter("n", "1", "power of the speed", low=0.2, high=6.0, typical=2.0),
+        Parameter("n", "1", "power of the speed", low=0.2, high=6.0, typical=2.0, asked=(3.0,)),
         Parameter("p", "1", "power of the radius", default=0.0, choices=(0, 1, 2)),
     ],
     strength=("c",),

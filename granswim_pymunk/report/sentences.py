@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..inference.judge import NOISE_ALONE
 from ..inference.mechanisms import APPARATUS
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
@@ -160,6 +161,8 @@ def _left(d: Diagnosis) -> str:
     left = v["remains"]
     if left is None:
         return "No more than noise." if v["complete"] and v["mechanisms"] and v["explained"] else ""
+    if left["looks_like"].startswith(NOISE_ALONE):
+        return f"No more than noise; but {escaped(left['looks_like'].removeprefix(NOISE_ALONE))}: its form is not told."
     size = f", {length(left['rms'], unit_of(d))} rms on such data" if left["rms"] is not None else ""
     ratio = f", {times(left['times_floor'])} times the floor" if left["times_floor"] is not None else ""
     whom = f", most of it on {listed(bodies(left['bodies']), 3)}" if left["bodies"] else ""

@@ -9,20 +9,25 @@ Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
+from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 from ..criteria import current
 from ..data import Case
-from ..linear import project
+from ..hypothesis import Term
+from ..linear import basis, project
 from ..noise import averaged
 from ..significance import half_interval
 from .believed import error_name, with_error
 from .fit import Fitter
 from .fitted import Fit, information_of
 from .innovations import seen_by
+from .signatures import columns_of
 
 
 def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Callable[[], bool] = lambda: False) -> Fit:
@@ -151,6 +156,86 @@ def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
             below, above = (value - low) * max(share, 1.0), (high - value) * max(share, 1.0)
         limits[k] = min(low, value + float(moved[k]) - below), max(high, value + float(moved[k]) + above)
     return replace(fit, limits=limits)
+
+
+def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:
+    """The fit with limits of its numbers from ``first`` on that hold what they would be beside one more law.
+
+    Of a fit that leaves more than noise something else acts as well, and nobody knows what. To first order a law with
+    columns C beside the fit's J has amplitudes a that what is left tells, and moves the numbers by -(J'J)^-1 J'C a.
+    Of each law of another mechanism a is drawn from a normal distribution of the likeliest size (none where noise alone
+    does as well), given what is left; laws are weighed by their likelihood and AIC of that size, no law beside them. An
+    interval reaches from the lower to the higher end of its own 95 % and those of the mixture.
+    Source: Robbins 1956, Proc. 3rd Berkeley Symp. 1, 157 (empirical Bayes); Hoeting et al. 1999, Stat. Sci. 14, 382.
+    spread : inflation of variances by what the fit leaves
+    """
+    p, taken = len(fit.values), {t.mechanism for t in fit.hypothesis.terms}
+    if p <= first:
+        return fit
+    starts = basis(block_diag(*(fit.jacobian[c.name][1] for c in fitter.cases)))
+
+    def beside(vectors: np.ndarray) -> np.ndarray:
+        return np.asarray(vectors - starts @ (starts.T @ vectors))
+
+    left = beside(np.concatenate([fit.used(c.name) for c in fitter.cases]))
+    numbers = beside(np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases]))
+    own = np.linalg.pinv(numbers)
+    company = []
+    for term in terms:
+        columns = columns_of(fitter, fit, term)[0] if term.mechanism not in taken else np.zeros((len(left), 0))
+        columns = beside(columns[:, columns.any(axis=0)])
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        rest = columns - numbers @ (own @ columns)
+        if not rest.size or np.linalg.norm(rest) < current().signatures.shows * np.linalg.norm(columns):
+            continue
+        u, told, axes = np.linalg.svd(rest, full_matrices=False)
+        company.append((told, u.T @ left, own @ columns @ axes.T))
+    if not company:
+        return fit
+    # beside the best of them less is left than inflated the variances of the fit alone
+    most = max(float(z @ z) for _, z, _ in company)
+    level = max(float(left @ left - most) / max(fit.count - fit.numbers, 1), 1.0)
+    moved, variances, deviances = [np.zeros(p)], [np.zeros(p)], [0.0]
+    for told, z, turned in company:
+        size, deviance = _likeliest_size(told**2 / level, z**2 / level)
+        held = size * told**2 / (level + size * told**2)  # of an amplitude, what its size leaves of it
+        amount = held * z / told
+        moved.append(-turned @ amount)
+        variances.append(turned**2 @ (held * level / told**2))
+        deviances.append(deviance + 2.0)
+    weights = np.exp(-(np.array(deviances) - min(deviances)) / 2)
+    weights /= weights.sum()
+    limits = dict(fit.limits)
+    for k in range(first, p):
+        value, low, high = replace(fit, believed=None).interval(k, spread)
+        means = value + np.array(moved)[:, k]
+        errors = np.sqrt(np.maximum(level * float(fit.covariance[k, k]) + np.array(variances)[:, k], 1e-300))
+        ends = [mixed_quantile(part, means, errors, weights) for part in (0.025, 0.975)]
+        limits[k] = min(low, ends[0]), max(high, ends[1])
+    return replace(fit, limits=limits)
+
+
+def _likeliest_size(information: np.ndarray, gains: np.ndarray) -> tuple[float, float]:
+    """The likeliest variance of amplitudes of which so much is known (k,), and -2 ln of the likelihood ratio to none.
+
+    An amplitude with variance s of information h gains 1 + s h on average where noise gains one.
+    """
+    sizes = np.concatenate([[0.0], np.geomspace(1e-3, 1e6, 91) / max(float(information.max()), 1e-300)])
+    more = np.outer(sizes, information)
+    deviance = np.sum(np.log1p(more) - gains * more / (1.0 + more), axis=1)
+    best = int(np.argmin(deviance))
+    return float(sizes[best]), float(deviance[best])
+
+
+def mixed_quantile(part: float, means: np.ndarray, errors: np.ndarray, weights: np.ndarray) -> float:
+    """Where a mixture of normal distributions has that part of its probability below."""
+    z = float(stats.norm.ppf(part))
+    ends = means + z * errors
+    low, high = float(ends.min()), float(ends.max())
+    if high <= low:
+        return low
+    return float(brentq(lambda x: float(weights @ stats.norm.cdf((x - means) / errors)) - part, low, high))
 
 
 def _believed(case: Case, fitted: Collection[str]) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:

@@ -15,12 +15,13 @@ from scipy import stats
 from ...laws import all_laws
 from ...recording import Recording
 from ...scene import Scene
-from ..candidates import in_contact_alone
+from ..candidates import asked_terms, in_contact_alone
 from ..criteria import current
 from ..data import Case
-from ..explained import Scores, explained
+from ..explained import Scores, explained, spread_with_mismatch
 from ..hypothesis import Failed, Free
 from ..judge import (
+    NOISE_ALONE,
     Claim,
     Completeness,
     Form,
@@ -45,6 +46,7 @@ from .choose import rivals_of, worth
 from .experiment import propose
 from .fit import Fitter, joined
 from .fitted import Fit
+from .forms import forms_as_good
 from .held_out import (
     Errors,
     carried_on,
@@ -58,15 +60,12 @@ from .held_out import (
     training_errors,
 )
 from .innovations import Whiteness, WindowMap, locate, series_of, variance_by_case, whiteness, window_map
-from .intervals import with_doubt, with_limits
+from .intervals import with_company, with_doubt, with_limits
 from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
 from .score_test import chance_of_more
-from .settle import (
-    apparatus_beside,
-    within_belief,
-)
+from .settle import apparatus_beside, within_belief
 from .signatures import make_bank
 from .study import (
     Study,
@@ -146,6 +145,7 @@ class Tracks(ObservationModel):
         self.followed: dict[str, float] = {}
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
+        self.beside_more: Fit | None = None  # what is claimed, with the intervals that it has beside one more law
 
     @property
     def plain(self) -> Claim:
@@ -220,18 +220,19 @@ class Tracks(ObservationModel):
             return score(fit, self.blocks, study.predictor, noise, rng)
 
         before = scores(tried.recalibrated)
+        varies = spread_with_mismatch(before) if before.sums else 0.0
         self.scores: dict[str, Scores] = {}
         named = None
         if claim.laws:
             self.scores[claim.label] = scores(claim.fit)
-            named = explained(self.scores[claim.label], before, rng)
+            named = explained(self.scores[claim.label], before, rng, varies=varies)
         most = max((t.gain for t in tried.forms), default=0.0)
         forms = []
         for trial in tried.forms:
             if trial.fit is not None and trial.gain > current().left.forms * most and trial.gain > 0:
                 form = Claim((trial,), trial.fit)
                 self.scores[form.label] = scores(trial.fit)
-                share = explained(self.scores[form.label], before, rng)
+                share = explained(self.scores[form.label], before, rng, varies=varies)
                 later = not claim.laws or not math.isfinite(claim.laws[0].inner) or trial.inner <= claim.laws[0].inner
                 forms.append(Form(form, share, worth(trial, tried.spread), later))
         best = best_form(forms)
@@ -325,7 +326,7 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
-            if outcome == "fails" and self._by_its_start():
+            if outcome == "fails" and (self._by_its_start() or self._by_its_numbers()):
                 outcome = "undecided"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
@@ -346,6 +347,16 @@ class Tracks(ObservationModel):
         count = {n: int(np.isfinite(after[n]).sum()) for n in worse}
         within = current().left.within
         return all(worse[n] <= within * self.followed.get(n, 0.0) * count[n] for n in worse)
+
+    def _by_its_numbers(self) -> bool:
+        """Whether numbers of the right law, found from as noisy frames, leave as much by chance as the claim does.
+
+        A number that is a little off carries the bodies away in all later frames together: blocks of them are no
+        independent evidence against the law.
+        """
+        rms = self.held["revised"].rms
+        enough = len(self.right) >= current().left.repeats
+        return rms is not None and enough and as_large_by_chance(rms, self.right) > current().verdict.absent
 
     def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
         study, memory = self.study, math.inf
@@ -373,6 +384,18 @@ class Tracks(ObservationModel):
         return places
 
     def left(self, judged: Judgement) -> Left:
+        left, study, claim = self._left(judged), self.study, judged.claim
+        told = left.remains is not None and left.remains.looks_like.startswith(NOISE_ALONE)
+        self.beside_more = None
+        if claim.laws and not left.complete and not told and not study.late(current().budget.remains):
+            # something acts beside the laws: their intervals hold what they are where that is one of these
+            terms = [*self.tried.terms, *asked_terms(study.cases)]
+            few = [t for t in terms if len(t.free) <= current().left.numbers]
+            first = len(self.tried.recalibrated.values)
+            self.beside_more = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
+        return left
+
+    def _left(self, judged: Judgement) -> Left:
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
         complete = self.completeness(judged.claim.fit).passes
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
@@ -383,6 +406,9 @@ class Tracks(ObservationModel):
         complete = complete and not off and not self._more_to_see(judged.claim.fit)
         if complete and judged.claim.laws and self._more_held_out():
             return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1]))
+        if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
+            remains = self._remains(judged.claim)
+            return Left(False, remains and replace(remains, looks_like=f"{NOISE_ALONE}{alike}"))
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None)
         return Left(False, self._remains(judged.claim))
@@ -391,6 +417,15 @@ class Tracks(ObservationModel):
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
         rms = self.held["revised"].rms
         return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
+
+    def _forms_as_good(self, claim: Claim) -> str:
+        """That forms without a name do as well as a law, in words; empty where none does."""
+        if self.study.late(current().budget.remains):
+            return ""
+        first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
+        alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
+        told = dict.fromkeys(f"{plainly(f.mechanism)} does as well as {plainly(t.mechanism)}" for f, t in alike)
+        return ", ".join(told)
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
@@ -403,8 +438,9 @@ class Tracks(ObservationModel):
         study, tried = self.study, self.tried
         if study.late(current().budget.remains) or _below_tolerance(fit, study.training):
             return False
-        # not of the forms without a name: theirs were shaped by these very residuals, and gain more than in noise
-        return chance_of_more(self._fitter_of(fit), fit, tried.terms, study.rng) < current().noise.alarm
+        # not of the forms that were fitted: theirs were shaped by these very residuals, and gain more than in noise
+        asked = [*tried.terms, *asked_terms(study.cases)]
+        return chance_of_more(self._fitter_of(fit), fit, asked, study.rng) < current().noise.alarm
 
     def _remains(self, claim: Claim) -> Remains | None:
         """What is left of unseen blocks, and which law or nameless force beside the revised scene is the like."""
@@ -456,7 +492,7 @@ class Tracks(ObservationModel):
 
     def mechanisms(self, course: Course) -> list[dict[str, Any]]:
         judged, gain = course.judged, course.held.gain
-        told = Told(judged.claim.fit, self.spread, self.study.cases)
+        told = Told(self.beside_more or judged.claim.fit, self.spread, self.study.cases)
         if judged.verdict == "unmodelled":
             return [entry | {"name": UNKNOWN} for t in judged.claim.laws[:1] for entry in told.entries(t, gain)[:1]]
         return [entry for t in judged.claim.laws for entry in told.entries(t, gain)]

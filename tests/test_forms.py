@@ -1,0 +1,92 @@
+"""Forms without a name that do as well as a law: the law has been found, its form has not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.inference.candidates import asked_terms, named_terms
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.forms import forms_as_good
+from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.recording import film
+from granswim_pymunk.scene import Body, Scene, use
+
+ALONG, ACROSS = (0.5, 0.0), (0.3, 0.4)
+
+
+def found(law, *laws, velocity=ALONG, seconds=2.0, other=()):
+    """A fit of one law to a body that slides under ``laws``, as a trial, and its fitter."""
+    scene = Scene((Body("a", "free", 0.01, 0.05, initial=(0.0, 0.0, *velocity)),))
+    seen = film(scene.with_laws(*laws), np.arange(0.0, seconds, 0.01), rng=np.random.default_rng(0), noise=1e-4)
+    bodies = tuple(replace(b, initial=None) for b in scene.bodies)
+    recording = replace(seen, scene=replace(scene, bodies=bodies), position_noise=1e-4)
+    case = prepare(recording, held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    signature = next(s for s in make_bank(fitter, base, named_terms([case])).signatures if s.term.mechanism == law)
+    begin = [f.first for f in signature.term.free]
+    fit = fitter.fit(Hypothesis((signature.term,)), begin, base.starts, evaluations=40)
+    return Trial(signature, fit, base.chi2 - fit.chi2, 1.0), fitter
+
+
+def told(trial, fitter):
+    return {term.mechanism for term, _ in forms_as_good([trial], trial.fit, 0, fitter, 1.0)}
+
+
+def test_asked_forms_are_linear_and_shaped_by_no_data():
+    case = found("linear_drag", use("linear_drag", c=0.02))[1].cases[0]
+    terms = {t.mechanism: t for t in asked_terms([case])}
+    power = terms["flexible_power"]
+    (law,) = power.apply(case.recording.scene, {}, [1e-3])[0].laws
+    assert len(power.free) == 1 and law.values["n"] == 3.0 and law.values["c"] == 1e-3
+    assert [f.name.partition(".")[2] for f in terms["flexible_place"].free] == ["a0", "a1", "a2", "b0", "b1", "b2"]
+    assert {t.mechanism for t in asked_terms([case], ["a"])} >= {"flexible_power", "flexible_across"}
+
+
+@pytest.mark.parametrize("c, narrow", [(5e-4, True), (0.3, False)])
+def test_a_third_power_is_told_from_a_square_over_a_range_of_speeds(c, narrow):
+    """A speed that falls by a hundredth in two seconds: the third power does as well; to an eighth: it does not."""
+    trial, fitter = found("quadratic_drag", use("quadratic_drag", c=c))
+    assert trial.gain > 100
+    assert ("flexible_power" in told(trial, fitter)) is narrow
+
+
+def test_a_force_across_a_straight_path_is_a_push():
+    """A path that hardly turns; one that a push turns round has other velocities across it."""
+    assert "flexible_across" in told(*found("uniform_force", use("uniform_force", a=(0.0, 0.004)), seconds=1.0))
+    assert "flexible_across" not in told(*found("uniform_force", use("uniform_force", a=(0.0, 0.5)), velocity=ACROSS))
+
+
+def test_an_interval_holds_what_a_law_is_beside_another():
+    """A drag beside a weaker push that is not in the fit: the interval of the drag alone misses it."""
+    c = 0.02
+    trial, fitter = found("linear_drag", use("linear_drag", c=c), use("uniform_force", a=(0.004, 0.0)))
+    terms = [t for t in named_terms(fitter.cases) if len(t.free) <= 6]
+    wide = with_company(fitter, trial.fit, 0, 1.0, terms)
+    _, low, high = trial.fit.interval(0)
+    assert not low <= c <= high
+    _, lower, higher = wide.interval(0)
+    assert lower <= c <= higher and lower <= low and high <= higher
+
+
+def test_the_quantile_of_a_mixture():
+    one = mixed_quantile(0.975, np.array([1.0]), np.array([2.0]), np.array([1.0]))
+    assert one == pytest.approx(1.0 + 2.0 * 1.959964)
+    far = mixed_quantile(0.975, np.array([0.0, 100.0]), np.array([1.0, 1.0]), np.array([0.5, 0.5]))
+    assert far == pytest.approx(100.0 + 1.644854, abs=1e-3)
+
+
+def test_what_is_misfit_varies_more_than_noise():
+    rng = np.random.default_rng(0)
+    floor = np.stack([np.sum(rng.normal(size=(2000, 20)) ** 2, axis=1) for _ in range(10)], axis=1)
+    before = [np.sum((0.8 + rng.normal(size=(10, 20))) ** 2) / 200 for _ in range(2000)]
+    scores = Scores({(k,): 20 * 1.64 for k in range(10)}, {(k,): 20 for k in range(10)}, {}, floor)
+    assert spread_with_mismatch(scores) == pytest.approx(np.std(before), rel=0.1)
