@@ -15,6 +15,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.forms import forms_as_good
 from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company
 from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.settle import known_together
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
@@ -90,3 +91,23 @@ def test_what_is_misfit_varies_more_than_noise():
     before = [np.sum((0.8 + rng.normal(size=(10, 20))) ** 2) / 200 for _ in range(2000)]
     scores = Scores({(k,): 20 * 1.64 for k in range(10)}, {(k,): 20 for k in range(10)}, {}, floor)
     assert spread_with_mismatch(scores) == pytest.approx(np.std(before), rel=0.1)
+
+
+def test_two_laws_known_only_together_are_named_by_neither():
+    """A body that sinks as fast as at the first frame: the push over the drag is its speed, and no more is known."""
+    trial, fitter = found("linear_drag", use("linear_drag", c=0.02))
+    case = fitter.cases[0]
+    push = next(
+        s for s in make_bank(fitter, trial.fit, named_terms([case])).signatures if s.term.mechanism == "uniform_force"
+    )
+    term = replace(push.term, free=push.term.free[:1])
+    second = replace(trial, signature=replace(push, term=term))
+    hypothesis = Hypothesis((trial.term, term))
+    fit = replace(trial.fit, hypothesis=hypothesis, values=np.array([0.02, 1.0]), covariance=np.diag([1e-6, 1e-6]))
+    both = [trial, second]
+    assert known_together(both, fit, 0, 1.0) == []
+    open_ = replace(fit, limits={0: (0.01, np.inf), 1: (0.5, np.inf)})
+    assert known_together(both, open_, 0, 1.0) == both
+    # one of them is a limit
+    assert known_together(both, replace(fit, limits={0: (0.01, np.inf)}), 0, 1.0) == []
+    assert known_together([trial], replace(trial.fit, limits={0: (0.01, np.inf)}), 0, 1.0) == []

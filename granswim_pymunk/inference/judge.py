@@ -229,11 +229,15 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
     if good:
         return Judgement(named_verdict(claim.laws), claim, named, free_form)
     notes.append(f"{claim.label} is not named: {why}")
-    closest = tuple((law, named.share) for law in claim.laws)
-    best = best_form(weighed.forms)
-    if best is None:
-        return Judgement("unmodelled", plain, None, free_form, closest)
-    return Judgement("unmodelled", best.claim, best.explained, free_form, closest)
+    return not_named(claim, weighed, plain)
+
+
+def not_named(claim: Claim, weighed: Weighed, plain: Claim) -> Judgement:
+    """What is told where the laws of a claim are no explanation: the best form without a name, if one helps."""
+    share = 0.0 if weighed.named is None else weighed.named.share
+    closest, best = tuple((law, share) for law in claim.laws), best_form(weighed.forms)
+    told, explained = (plain, None) if best is None else (best.claim, best.explained)
+    return Judgement("unmodelled", told, explained, weighed.free_form, closest)
 
 
 def best_form(forms: Sequence[Form]) -> Form | None:

@@ -85,9 +85,13 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
     if not trials:
         return None
+    every = [t.term for t in trials]
+    # on whom of several bodies a law acts is found from the data as well: a number more
+    part = {id(t): int(is_part(t.term, every)) for t in trials}
+    paid = {id(t): worth(t, spread) - 2 * part[id(t)] for t in trials}
     if spread <= 1:
-        best = max(trials, key=lambda t: worth(t, spread))
-        same = [t for t in trials if worth(best, spread) - worth(t, spread) < verdict.same]
+        best = max(trials, key=lambda t: paid[id(t)])
+        same = [t for t in trials if paid[id(best)] - paid[id(t)] < verdict.same]
         # the best of several richer laws gains by chance more than one of them would
         for t in trials:
             extra, ahead = best.used - t.used, (best.gain - t.gain) / spread
@@ -110,7 +114,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     # a picture's scale is off more often than the inertia of a body
     chosen = min(
         same,
-        key=lambda t: (t.used, not ordinary(t), t.term.special, ordinary(t) and not t.apparatus,
+        key=lambda t: (t.used + part[id(t)], not ordinary(t), t.term.special, ordinary(t) and not t.apparatus,
                        is_part(t.term, forms), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)

@@ -17,7 +17,7 @@ from ..hypothesis import Term
 from ..linear import basis
 from .fit import Fitter
 from .fitted import Fit
-from .name import Trial, is_apparatus, rows_of
+from .name import Trial, rows_of
 from .signatures import columns_of
 
 
@@ -47,7 +47,7 @@ def forms_as_good(
 
     now, told = least(left, numbers), list[tuple[Term, Trial]]()
     for trial, rows in zip(found, rows_of(found, first), strict=True):
-        if is_apparatus(trial):
+        if trial.apparatus:
             continue
         mine = fit.values[rows] - np.array([f.neutral for f in trial.term.free])
         others = np.delete(numbers, np.arange(rows.start, rows.stop), axis=1)

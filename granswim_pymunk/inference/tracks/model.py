@@ -32,6 +32,7 @@ from ..judge import (
     as_large_by_chance,
     best_form,
     completeness,
+    not_named,
     remains_of,
 )
 from ..mechanisms import UNKNOWN, plainly
@@ -65,7 +66,7 @@ from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
 from .score_test import chance_of_more
-from .settle import apparatus_beside, within_belief
+from .settle import apparatus_beside, known_together, within_belief
 from .signatures import make_bank
 from .study import (
     Study,
@@ -81,6 +82,7 @@ from .study import (
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
+TOGETHER = "only what they do together is known, any strength of one will do with one of the other: neither is named"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
 
@@ -241,7 +243,8 @@ class Tracks(ObservationModel):
         gain = (tried.recalibrated.chi2 - claim.fit.chi2 + self.tightened) / self.spread
         gain -= 2 * sum(t.used for t in claim.laws)
         ahead = gain - max((worth(f.claim.laws[0], self.spread) for f in forms), default=-np.inf)
-        return Weighed(named, tuple(forms), ahead=ahead)
+        self.weighed = Weighed(named, tuple(forms), ahead=ahead)
+        return self.weighed
 
     def completeness(self, fit: Fit) -> Completeness:
         """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
@@ -287,6 +290,9 @@ class Tracks(ObservationModel):
         late = partial(self.study.late, current().budget.settling)
         fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, late)
         laws = judged.claim.laws
+        if loose := known_together(laws, fit, count, self.spread):
+            self.notes.append(f"{Claim(tuple(loose), fit).label}: {TOGETHER}")
+            return not_named(judged.claim, self.weighed, self.plain)
         fit, alike = within_belief(laws, fit, self.tried.recalibrated, self.fitter, self.spread)
         if alike and len(alike) < len(laws):
             named = Claim(tuple(alike), fit).label

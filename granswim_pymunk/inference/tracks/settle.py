@@ -11,7 +11,7 @@ from scipy import stats
 from ...laws import all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
-from ..hypothesis import Term
+from ..hypothesis import Free, Term
 from ..linear import project
 from ..simpler import all_absent, by_chance, special_cases
 from .believed import stated_terms
@@ -186,6 +186,29 @@ def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fi
     alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
     share = (recalibrated.chi2 - alone.chi2) / max(recalibrated.chi2 - revised.chi2, 1e-300)
     return faults if share >= current().verdict.share else []
+
+
+def known_together(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
+    """Laws of which only a combination is known: two or more whose strengths have no end on one side.
+
+    A drag c against a push F that holds a body at F/c: any c will do, with an F to match. What is known of them is
+    neither, and a number without an end is none that was found (contract 2). One such law alone is a limit.
+    first, spread : as in ``intervals.with_limits``, whose limits these are
+    """
+    loose = []
+    for trial, rows in zip(found, rows_of(found, first), strict=True):
+        strengths = [(k, f) for k, f in enumerate(trial.term.free, rows.start) if not f.inner]
+        if all(_endless(free, fit.interval(k, spread)[1:]) for k, free in strengths):
+            loose.append(trial)
+    return loose if len(loose) > 1 else []
+
+
+def _endless(free: Free, ends: tuple[float, float]) -> bool:
+    """Whether an interval ends at infinity, or where its search does."""
+    bounds = zip(ends, (free.low, free.high), strict=True)
+    return any(
+        not np.isfinite(end) or (end == bound and bound != free.neutral and not free.natural) for end, bound in bounds
+    )
 
 
 def within_belief(
