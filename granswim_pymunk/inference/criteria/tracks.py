@@ -308,6 +308,8 @@ class IntervalCriteria:
     unlike : times what curvature says of chi2 at the ends of an interval, beyond which it is no measure of them. Choice
     lopsided : of half an interval, by which its ends may be elsewhere and still be told by curvature. Choice
     fine : of its distance, to which an end is found
+    probe : evaluations of a fit where curvature puts an end. Choice: one that stops short calls the ends uneven, and
+        these are then looked for with many
     evaluations : of each fit along a profile;  again : fits that were not at their end are gone on with so often
     refit : evaluations of a fit that begins where another one ended
     sizes : of the standard deviation of a believed mass or radius, by which derivatives step
@@ -322,6 +324,7 @@ class IntervalCriteria:
     unlike: float = 3.0
     lopsided: float = 0.1
     fine: float = 0.05
+    probe: int = 10
     evaluations: int = 30
     again: int = 3
     refit: int = 30

@@ -249,7 +249,9 @@ class Fitter(Follower):
                     kept[c.name] = Slow(by_start * roots, by_value[:, believed])
                     normal[c.name] = kept[c.name].by_start.T @ kept[c.name].by_start
                 by_value[:, believed] = kept[c.name].by_believed
-                blocks.append(Blocks(r * roots[:, 0], by_value[:, at], kept[c.name].by_start, normal[c.name]))
+                own, tied = kept[c.name].by_start, len(self.segments[c.name]) > 1
+                seen = self._seen(c) if tied else None
+                blocks.append(Blocks(r * roots[:, 0], by_value[:, at], own, normal[c.name], seen))
             return blocks
 
         def loss(vectors: list[np.ndarray]) -> float:

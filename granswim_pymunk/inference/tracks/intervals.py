@@ -85,9 +85,11 @@ def _probe(fitter: Fitter, fit: Fit, k: int, spread: float) -> tuple[tuple[float
         ends.append(float(values[k]))
         if not free.low <= values[k] <= free.high:
             continue  # it is cut there
-        found = fitter.fit(fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=5)
-        best = min(best, found, key=lambda f: f.chi2)
         criteria = current().intervals
+        found = fitter.fit(
+            fit.hypothesis, np.clip(values, *bounds), fit.starts, held=(k,), evaluations=criteria.probe, near=fit
+        )
+        best = min(best, found, key=lambda f: f.chi2)
         rise = (found.chi2 - fit.chi2) / (criteria.level * spread)
         as_told = as_told and 1 / criteria.unlike < rise < criteria.unlike
         if as_told:
@@ -274,7 +276,9 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
             at = bound
         values = here.values.copy()
         values[k] = at
-        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,))
+        found = fitter.fit(
+            fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,), near=here
+        )
         # 1 at the end
         before, now = (math.sqrt(max(f.chi2 - fit.chi2, 0.0) / (criteria.level * spread)) for f in (here, found))
         away = abs(at - float(fit.values[k]))

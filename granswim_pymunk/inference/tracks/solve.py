@@ -53,6 +53,7 @@ class Blocks:
     by_value: np.ndarray
     by_start: np.ndarray
     normal: np.ndarray | None = None  # by_start' by_start (q, q), where it is known from before
+    seen: int | None = None  # how many rows were measured, where those after them tie starts to one another
 
 
 Numbers = tuple[np.ndarray, list[np.ndarray]]
@@ -84,7 +85,8 @@ def descend(
 ) -> Numbers:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
 
-    stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised
+    stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised,
+    and twice as long each time new ones made them no better: then the valley is bent
     Ends where chi2 falls by less than ``tolerance`` of itself, or by what no decision hangs on, after ``evaluations``,
     or when told.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
@@ -97,6 +99,7 @@ def descend(
     chi2 = loss(residuals)
     criteria = current().fits
     damping, used, fresh = criteria.damping, 1, not stale
+    age, patience = 0, 1  # steps since derivatives by starts were taken, and for how many they are kept whatever comes
     if stop():
         return values, starts
     blocks = differentiate(values, starts, residuals, fresh)
@@ -114,7 +117,10 @@ def descend(
             damping = max(damping / 5, criteria.least) if good > criteria.good else damping
             if fall < max(tolerance * chi2, criteria.enough):
                 break
-            fresh = not stale or good < criteria.renewed
+            poor = good < criteria.renewed
+            patience = min(2 * patience, evaluations) if poor and fresh else patience
+            age = 1 if fresh else age + 1
+            fresh = not stale or (poor and age >= patience)
             blocks = differentiate(values, starts, residuals, fresh)
         elif not fresh:
             fresh = True
@@ -137,14 +143,19 @@ def _step(
         h = (b.by_start.T @ b.by_start) if b.normal is None else b.normal.copy()
         g = b.by_start.T @ b.residuals
         cross = b.by_start.T @ b.by_value
-        size = np.diag(h).copy()
-        h[np.diag_indices_from(h)] += damping * size + 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
+        # what ties starts to one another, however narrowly, leaves them free to move together
+        size, least = np.diag(h).copy(), 1e-12 * max(float(np.diag(h).max(initial=0.0)), 1e-300)
+        if b.seen is not None:
+            size = np.sum(b.by_start[: b.seen] ** 2, axis=0)
+        h[np.diag_indices_from(h)] += damping * size + least
         factor = cho_factor(h, check_finite=False) if len(g) else None
         solved = cho_solve(factor, np.column_stack([g, cross]), check_finite=False) if len(g) else np.zeros((0, p + 1))
         normal += b.by_value.T @ b.by_value - cross.T @ solved[:, 1:]
         gradient += b.by_value.T @ b.residuals - cross.T @ solved[:, 0]
         own.append((solved, size))
     power = sum((np.sum(b.by_value**2, axis=0) for b in blocks), np.zeros(p))
+    if any(b.seen is not None for b in blocks):
+        power = np.where(power > 0, np.maximum(np.diag(normal), 1e-12 * power), 0.0)
     step = _bounded(normal, gradient, values, bounds, damping, power)
     steps = [solved[:, 0] - solved[:, 1:] @ step for solved, _ in own]
     left = [b.residuals - b.by_value @ step - b.by_start @ s for b, s in zip(blocks, steps, strict=True)]

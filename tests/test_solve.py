@@ -1,0 +1,58 @@
+"""Least squares over segments that join closely."""
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
+
+
+def chained(tie: float, seen_only: bool) -> tuple[Problem, float]:
+    """Ten segments of a straight line that a drift bends, each with a place and a speed of its own; the least chi2.
+
+    tie : spread of the steps from the end of one segment to the start of the next
+    """
+    rng = np.random.default_rng(5)
+    count, frames, dt = 10, 20, 0.05
+    s = dt * np.arange(frames)
+    rows, by_value, by_start = [], [], []
+    for k in range(count):
+        data = np.zeros((frames, 2 * count))
+        data[:, 2 * k], data[:, 2 * k + 1] = 1.0, s
+        rows.append(rng.normal(size=frames) + 30.0 * (k * frames * dt + s) ** 2)
+        by_start.append(data)
+        by_value.append(0.5 * s**2)
+    span = frames * dt
+    for k in range(1, count):
+        step = np.zeros((2, 2 * count))
+        step[0, [2 * k - 2, 2 * k - 1, 2 * k]] = 1.0, span, -1.0
+        step[1, [2 * k - 1, 2 * k + 1]] = 1.0, -1.0
+        rows.append(np.zeros(2))
+        by_start.append(step / tie)
+        by_value.append(np.array([0.5 * span**2, span]) / tie)
+    r, value, start = np.concatenate(rows), np.concatenate(by_value)[:, None], np.concatenate(by_start)
+    whole = np.hstack([value, start])
+    least = float(np.sum((r - whole @ np.linalg.lstsq(whole, r, rcond=None)[0]) ** 2))
+    seen = count * frames if seen_only else None
+
+    def evaluate(values: np.ndarray, starts: list[np.ndarray]) -> list[np.ndarray]:
+        return [r - value @ values - start @ starts[0]]
+
+    def differentiate(values, starts, residuals, starts_too):
+        return [Blocks(residuals[0], value, start, seen=seen)]
+
+    return Problem(evaluate, differentiate, lambda residuals: float(residuals[0] @ residuals[0])), least
+
+
+@pytest.mark.parametrize("tie", [1.0, 1e-2, 1e-4])
+def test_segments_that_join_closely_are_moved_together_at_once(tie):
+    """A step that is damped by what ties the starts moves each of them as if it were alone."""
+
+    def left(seen_only: bool) -> float:
+        problem, least = chained(tie, seen_only)
+        begin, wide = (np.zeros(1), [np.zeros(20)]), (np.array([-np.inf]), np.array([np.inf]))
+        values, starts = descend(problem, begin, wide, stale=False, evaluations=6)
+        return problem.loss(problem.evaluate(values, starts)) - least
+
+    assert left(True) < 0.02
+    if tie < 1e-3:
+        assert left(False) > 100
