@@ -10,7 +10,7 @@ from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.inference.explained import explained
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.noise import Noise
-from granswim_pymunk.inference.tracks.blocks import Block, make_blocks, score, without
+from granswim_pymunk.inference.tracks.blocks import Block, make_blocks, outside, score, without
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import refit
 from granswim_pymunk.inference.tracks.signatures import make_bank
@@ -63,3 +63,24 @@ def test_a_form_by_the_speed_keeps_its_numbers_without_a_block_and_a_field_does_
         left[name] = without(fit, block) / np.where(fit.values == 0, 1.0, fit.values)
     assert np.allclose(left["flexible_power"], 1.0)
     assert np.abs(left["flexible_place"]).max() < 1e-6
+
+
+def test_a_law_with_a_shape_keeps_what_only_the_block_tells():
+    """A puck that flies past a magnet in the middle of the film: before and after it nothing tells its range."""
+    puck = Body("puck", "free", 0.01, 0.05, initial=(-0.5, 0.03, 1.0, 0.0))
+    magnet = Body("magnet", "wall", 0.01, 0.05, initial=(0.0, 0.0, 0.0, 0.0))
+    true = Scene((puck, magnet), (use("distance_force", s=0.3, n=2.0),))
+    seen = film(true, np.arange(0.0, 1.0, 1 / 100), rng=np.random.default_rng(2), noise=1e-4)
+    bodies = (replace(puck, initial=None), magnet)
+    seen = replace(seen, scene=replace(true, bodies=bodies, laws=()), angle=None)
+    cases = prepare_all([seen], ())
+    predictor = Predictor(time_steps(cases))
+    fitter = Fitter(cases, predictor)
+    naive = fitter.fit(Hypothesis(), (), None)
+    term = next(t for t in named_terms(cases) if t.mechanism == "distance_force")
+    fit = fitter.fit(Hypothesis((term,)), (0.3, 2.0), naive.starts, evaluations=60)
+    frames, at = cases[0].training, np.arange(len(cases[0].t))
+    # what is left are the first 40 frames, in which hardly any of the force is felt
+    near = frames & (at >= 40)
+    block = Block(cases[0], near & (at < 46), near & (at >= 46), False)
+    assert np.array_equal(outside(fit, block, cases, predictor), fit.values)

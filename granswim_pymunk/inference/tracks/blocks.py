@@ -102,12 +102,23 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     believed stay as all data tell them: they are nuisances of every scene, and with those that were believed all would
     miss the impacts of the block alike.
     """
-    free = fit.hypothesis.free
-    p = len(free)
-    if not p:
+    if not len(fit.hypothesis.free):
         return fit.values
     low, high = fit.hypothesis.bounds
     here = np.clip(fit.values, low, high)
+    information, gradient, told = _told(fit, block, here)
+    if not told.any():
+        return fit.values
+    size = np.sqrt(np.diag(information))[told]
+    scaled = information[np.ix_(told, told)] / np.outer(size, size)
+    room = (low - here)[told] * size, (high - here)[told] * size
+    moved = here.copy()
+    moved[told] += _step(scaled, gradient[told] / size, *room) / size
+    return np.clip(moved, low, high)
+
+
+def _told(fit: Fit, block: Block, here: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Information (p, p) and gradient (p,) at the values ``here``, and which numbers (p,) all data but a block tell."""
     prior = _of_fields(fit)
     information, gradient, all_told = np.diag(prior), -prior * here, prior.copy()
     for name, (by_value, by_start) in fit.jacobian.items():
@@ -120,23 +131,18 @@ def without(fit: Fit, block: Block) -> np.ndarray:
         values = values - project(by_start[keep], values)
         information += values.T @ values
         gradient += values.T @ fit.used(name)[keep]
-    size = np.sqrt(np.diag(information))
-    told = (size**2 > current().blocks.told * np.maximum(all_told, current().rounding.nothing)) | (prior > 0)
+    least = current().blocks.told * np.maximum(all_told, current().rounding.nothing)
+    told = (np.diag(information) > least) | (prior > 0)
     told[fit.hypothesis.believed] = False
-    if not told.any():
-        return fit.values
-    scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
-    room = (low - here)[told] * size[told], (high - here)[told] * size[told]
-    moved = here.copy()
-    moved[told] += _step(scaled, gradient[told] / size[told], *room) / size[told]
-    return np.clip(moved, low, high)
+    return information, gradient, told
 
 
 def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor) -> np.ndarray:
     """Values (p,) of a fit from all data but a block: by one Gauss-Newton step, or by a fit of its own.
 
     Of a law that has a shape (an exponent, a range) strength and shape lie along a bent valley: one step along its
-    tangent leaves it. Such a law is fitted to what is left, where recordings are followed in one.
+    tangent leaves it. Such a law is fitted to what is left, where recordings are followed in one. What only the block
+    tells of it stays, as there.
 
     cases : those that were fitted
     """
@@ -146,8 +152,11 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
     frames = {c.name: c.training & ~block.frames if c.name == block.case.name else c.training for c in cases}
     if not any(part.any() for part in frames.values()):
         return without(fit, block)
+    _, _, told = _told(fit, block, fit.values)
+    if not told.any():
+        return fit.values
     rest = Fitter(cases, predictor, frames, whole=True)
-    evaluations, held = current().blocks.evaluations, fit.hypothesis.believed
+    evaluations, held = current().blocks.evaluations, tuple(int(k) for k in np.flatnonzero(~told))
     return rest.fit(fit.hypothesis, fit.values, fit.starts, evaluations=evaluations, held=held).values
 
 

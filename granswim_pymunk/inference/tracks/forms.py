@@ -1,12 +1,14 @@
 """Forms without a name that these data cannot tell from a law: the law has been found, its form has not.
 
 Where a third power of the speed follows the tracks as well as its square, what is left is noise under either. Then a
-name is the best approximation so far.
+name is the best approximation so far. So it is where a field that changes in place follows them better than a uniform
+force.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -15,20 +17,33 @@ from ..candidates import asked_terms, owners
 from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis
+from ..mechanisms import plainly
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial, rows_of
 from .signatures import columns_of
 
 
-def forms_as_good(
-    found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, spread: float
-) -> list[tuple[Term, Trial]]:
-    """Forms of no more numbers than a law that do as well in its place, and that law.
+@dataclass(frozen=True)
+class Alike:
+    """A form without a name that these data cannot tell from a law, or prefer to it."""
+
+    form: Term
+    law: Trial
+    better: bool
+
+    def __str__(self) -> str:
+        how = "better than" if self.better else "as well as"
+        return f"{plainly(self.form.mechanism)} does {how} {plainly(self.law.mechanism)}"
+
+
+def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, spread: float) -> list[Alike]:
+    """Forms that do as well in place of a law with no more numbers than it has, or better with more.
 
     With a law's columns J times its numbers v put back, r + J v is what it has to explain; a form with columns C leaves
-    the least |r + J v - C c|^2 over c, starts and all other numbers. It does as well where that is above what the law
-    leaves by less than what is told apart (``VerdictCriteria.same``, times ``spread``), further numbers paid for (AIC).
+    the least |r + J v - C c|^2 over c, starts and all other numbers. It does as well where this is above what the law
+    leaves by less than what is told apart (``VerdictCriteria.same``, times ``spread``), and better where it is below by
+    more than that; numbers are paid for (AIC).
     first : of the numbers of the fit, where those of the laws begin
     """
     starts = block_diag(*(fit.jacobian[c.name][1] for c in fitter.cases))
@@ -45,18 +60,17 @@ def forms_as_good(
         rest = vector - q @ (q.T @ vector)
         return float(rest @ rest)
 
-    now, told = least(left, numbers), list[tuple[Term, Trial]]()
+    now, told, same = least(left, numbers), list[Alike](), current().verdict.same
     for trial, rows in zip(found, rows_of(found, first), strict=True):
         if trial.apparatus:
             continue
         mine = fit.values[rows] - np.array([f.neutral for f in trial.term.free])
         others = np.delete(numbers, np.arange(rows.start, rows.stop), axis=1)
         for term in asked_terms(fitter.cases, owners(trial.term)):
-            fewer = trial.used - len(term.free)
-            if fewer < 0:
-                continue
-            columns = np.hstack([columns_of(fitter, fit, term)[0], others])
-            rise = least(left + numbers[:, rows] @ mine, columns) - now
-            if rise / spread - 2 * fewer < current().verdict.same:
-                told.append((term, trial))
+            columns = columns_of(fitter, fit, term)[0]
+            more = basis(beside(columns)).shape[1] - trial.used
+            rise = least(left + numbers[:, rows] @ mine, np.hstack([columns, others])) - now
+            ahead = -rise / spread - 2 * more
+            if columns.any() and ahead > (same if more > 0 else -same):
+                told.append(Alike(term, trial, more > 0))
     return told

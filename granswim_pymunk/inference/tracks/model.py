@@ -425,12 +425,12 @@ class Tracks(ObservationModel):
         return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
 
     def _forms_as_good(self, claim: Claim) -> str:
-        """That forms without a name do as well as a law, in words; empty where none does."""
+        """That forms without a name do as well as a law, or better, in words; empty where none does."""
         if self.study.late(current().budget.remains):
             return ""
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
-        told = dict.fromkeys(f"{plainly(f.mechanism)} does as well as {plainly(t.mechanism)}" for f, t in alike)
+        told = dict.fromkeys(map(str, alike))
         return ", ".join(told)
 
     def _fitter_of(self, fit: Fit) -> Fitter:
