@@ -49,6 +49,15 @@ class More(TypedDict, total=False):
 # ---- a recording of arrays or of a table -----------------------------------------------------------
 
 
+def _names(names: str | Sequence[str] | None, scene: Scene | str | None, count: int) -> list[str]:
+    """Names of so many bodies of arrays, as they are given, or as the scene has them."""
+    if names is not None:
+        return [names] if isinstance(names, str) else [str(n) for n in names]
+    if isinstance(scene, Scene):
+        return [b.id for b in scene.bodies if b.mobile and b.observed]
+    return [ONE] if count == 1 else [str(k) for k in range(count)]
+
+
 def make_recording(
     data: ArrayLike | pd.DataFrame,
     xy: ArrayLike | None = None,
@@ -101,23 +110,17 @@ def make_recording(
     if _is_table(data):
         if xy is not None or names is not None or angle is not None:
             raise InputError("of a table are its own: xy, names and angle belong to arrays", where="make_recording")
-        t, places, found = _of_table(data, fps, scale, flip_y, min_frames)
-        angles = None
+        (t, places, found), angles = _of_table(data, fps, scale, flip_y, min_frames), None
     else:
         if fps is not None or scale is not None:
             raise InputError("belong to a table; arrays are in seconds and metres", where="fps, scale")
         t, places, angles = _of_arrays(data, xy, angle)
-        listed = [names] if isinstance(names, str) else None if names is None else [str(n) for n in names]
-        if listed is None and isinstance(scene, Scene):
-            listed = [b.id for b in scene.bodies if b.mobile and b.observed]
-        n = places.shape[1]
-        found = listed if listed is not None else [ONE] if n == 1 else [str(k) for k in range(n)]
+        found = _names(names, scene, places.shape[1])
     if len(found) != places.shape[1]:
         raise InputError(f"{len(found)} names for {places.shape[1]} bodies in xy", where="names")
     if isinstance(scene, Scene):
         given = {"radius": radius, "mass": mass, "laws": laws or None, "gravity": gravity, "periodic_x": periodic_x}
-        said = [key for key, value in given.items() if value is not None]
-        if said:
+        if said := [key for key, value in given.items() if value is not None]:
             raise InputError(f"says {', '.join(said)} already: leave them out", where="scene")
     else:
         bodies = _bodies(found, radius, mass)
@@ -127,8 +130,7 @@ def make_recording(
     kept = tuple(a for a in scene.adjustable if a.name not in {b.name for b in own})
     scene = replace(scene, adjustable=(*kept, *own))
     order = [found.index(body.id) for body in scene.bodies if body.id in found]
-    unknown = set(found) - set(scene.ids)
-    if unknown:
+    if unknown := set(found) - set(scene.ids):
         raise InputError("the scene has no such body", where=f"body {min(unknown)}")
     recording = Recording(
         name=name, scene=scene, t=t, ids=tuple(found[k] for k in order), xy=places[:, order],

@@ -11,7 +11,7 @@ import platform
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,6 +92,45 @@ def find_scene(name: str | Path) -> Path:
     )
 
 
+def _one_of(known: Sequence[str], given: str, name: str) -> str:
+    if given not in known:
+        raise InputError(f"{name} should be one of {', '.join(known)}, got {given!r}")
+    return given
+
+
+def _pictures(frames: int | None, fps: float | None, duration: float) -> int:
+    """How many pictures there are: so many, or of ``duration`` [s] so many a second. Raises InputError."""
+    if frames is None:
+        frames = FRAMES if fps is None else round(min(fps * duration, 1e18)) + 1
+    if frames < 0 or frames == 1:
+        raise InputError(f"should be 0 or at least 2, got {frames}", where="frames")
+    if frames > MOST_PICTURES:
+        raise InputError(f"would be {frames:.3g} pictures; at most {MOST_PICTURES} can be drawn", where="frames")
+    return frames
+
+
+def _set_up(
+    packed: Scene, duration: float, dt: float | None, mode: str, file: Path | None
+) -> tuple[Simulation, Scene]:
+    """The simulation of a packed scene over ``duration`` [s], and the scene as it is run. Raises InputError."""
+    time_of = dataclasses.replace(packed.time, duration=duration)
+    if dt is not None:
+        time_of = dataclasses.replace(time_of, dt=dt)
+    sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+    if duration / sim.dt > MOST_STEPS:
+        raise InputError(
+            f"is {duration / sim.dt:.2g} steps of {sim.dt:.3g} s; more than {MOST_STEPS:g} cannot be counted",
+            file=file, where="time.duration",
+        )  # fmt: skip
+    if time_of.dt is None and duration > sim.dt:
+        # a little less than the automatic step, so that the run ends when it should
+        time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
+        sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
+    if round(duration / sim.dt) < 1:
+        raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
+    return sim, dataclasses.replace(packed, time=dataclasses.replace(time_of, dt=sim.dt))
+
+
 def run_scene(
     scene: Scene | str | Path,
     out: str | Path,
@@ -140,28 +179,17 @@ def run_scene(
         file = find_scene(scene)
         scene = read_scene(file)
     options = frame_options(scene.frames, file)
-    color = color or options.get("color", "speed")
-    video = video or options.get("video", "gif")
-    if color not in COLORS:
-        raise InputError(f"color should be one of {', '.join(COLORS)}, got {color!r}")
-    if video not in VIDEOS:
-        raise InputError(f"video should be one of {', '.join(VIDEOS)}, got {video!r}")
+    color = _one_of(COLORS, color or options.get("color", "speed"), "color")
+    video = _one_of(VIDEOS, video or options.get("video", "gif"), "video")
     if seed is not None:
         scene = dataclasses.replace(scene, seed=check_seed(seed))
     duration = _above_zero(duration if duration is not None else scene.time.duration, "duration", file)
-    if dt is not None:
-        dt = _above_zero(dt, "dt", file)
+    dt = None if dt is None else _above_zero(dt, "dt", file)
     if frames is not None and fps is not None:
         raise InputError("give frames or fps, not both")
     if frames is None and fps is None:
         frames, fps = options.get("count"), options.get("per_second")
-    if fps is not None and frames is None:
-        frames = round(min(_above_zero(fps, "fps", file) * duration, 1e18)) + 1
-    frames = FRAMES if frames is None else frames
-    if frames < 0 or frames == 1:
-        raise InputError(f"should be 0 or at least 2, got {frames}", where="frames")
-    if frames > MOST_PICTURES:
-        raise InputError(f"would be {frames:.3g} pictures; at most {MOST_PICTURES} can be drawn", where="frames")
+    frames = _pictures(frames, None if fps is None or frames is not None else _above_zero(fps, "fps", file), duration)
 
     run = _Run(quiet)
     with claimed(out) as folder:
@@ -173,33 +201,15 @@ def run_scene(
                 if max_overlap is None and any(b.role == "grain" for b in packed.bodies):
                     max_overlap = OVERLAP * math.sqrt(soft)
         with run.timed("setting up"):
-            time_of = dataclasses.replace(packed.time, duration=duration)
-            if dt is not None:
-                time_of = dataclasses.replace(time_of, dt=dt)
-            sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
-            if duration / sim.dt > MOST_STEPS:
-                raise InputError(
-                    f"is {duration / sim.dt:.2g} steps of {sim.dt:.3g} s; more than {MOST_STEPS:g} cannot be counted",
-                    file=file, where="time.duration",
-                )  # fmt: skip
-            if time_of.dt is None and duration > sim.dt:
-                # a little less than the automatic step, so that the run ends when it should
-                time_of = dataclasses.replace(time_of, dt=duration / math.ceil(duration / sim.dt))
-                sim = Simulation(dataclasses.replace(packed, time=time_of), mode=mode)
-            scene = dataclasses.replace(packed, time=dataclasses.replace(time_of, dt=sim.dt))
+            sim, scene = _set_up(packed, duration, dt, mode, file)
             total = round(duration / sim.dt)
-            if total < 1:
-                raise InputError(f"is shorter than one step of {sim.dt:g} s", file=file, where="time.duration")
-            painter = Painter(
-                scene, color, top=options.get("top"), view=options.get("view"), width=options.get("width", 1200)
-            )
+            look_at = {"top": options.get("top"), "view": options.get("view"), "width": options.get("width", 1200)}
+            painter = Painter(scene, color, **look_at)
             plan = _Plan.make(total, frames, scene.time, sim.dt)
         run.describe(scene, sim, total, requested=mode)
         make_room(folder, earlier)
-        note = {
-            "total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
-            "view": {name: options.get(name) for name in ("top", "view", "width")},
-        }  # fmt: skip
+        note = {"total": total, "frames": frames, "color": color, "video": video, "max_overlap": max_overlap,
+            "view": {name: options.get(name) for name in ("top", "view", "width")}}  # fmt: skip
         return run.go(_Job(scene, sim, plan, painter, folder, video, note))
 
 

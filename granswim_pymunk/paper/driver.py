@@ -48,6 +48,44 @@ def choose(names: Sequence[str]) -> list[Claim]:
     return [c for c in CLAIMS.values() if c.name in wanted]
 
 
+def _scaled(setting: str | Setting, k_B_scale: float, mu_eff: float) -> Setting:
+    """The setting with other usual values, see ``paper``. Raises InputError."""
+    if isinstance(setting, str):
+        if setting not in SETTINGS:
+            raise InputError(f"setting should be one of {', '.join(SETTINGS)}, got {setting!r}")
+        setting = SETTINGS[setting]
+    if not (np.isfinite(k_B_scale) and k_B_scale > 0):
+        raise InputError(f"should be above zero, got {k_B_scale!r}", where="k_B scale")
+    if k_B_scale != 1.0:
+        # the scale that was taken first is known by three digits
+        first = FIRST["k_B_scale"]
+        scale = first if f"{first:.3g}" == f"{k_B_scale:g}" else k_B_scale
+        setting = replace(setting, usual={**setting.usual, "k_B_scale": scale})
+    if not (np.isfinite(mu_eff) and mu_eff > 0):
+        raise InputError(f"should be above zero, got {mu_eff!r}", where="mu_eff")
+    if mu_eff != MU_EFF:
+        setting = replace(setting, usual={**setting.usual, "mu_eff": mu_eff})
+    return setting
+
+
+def _record(setting: Setting, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """The content of claims.json."""
+    return {
+        "format": FORMAT, "version": __version__, "setting": setting.name, "packings": len(setting.seeds),
+        "k_B_scale": setting.k_B_scale, "mu_eff_s_per_m": setting.mu_eff,
+        "duration_s": setting.plan.duration, "settle_s": setting.plan.settle, "softness": setting.softness,
+        "claims": [v.to_dict() for v in verdicts],
+    }  # fmt: skip
+
+
+def _make_folders(*places: Path) -> None:
+    for place in places:
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make this folder: {error.strerror}", file=place) from None
+
+
 def paper(
     claims: Sequence[str] = (),
     *,
@@ -78,21 +116,7 @@ def paper(
     Raises InputError before anything is run.
     """
     chosen = choose(claims)
-    if isinstance(setting, str):
-        if setting not in SETTINGS:
-            raise InputError(f"setting should be one of {', '.join(SETTINGS)}, got {setting!r}")
-        setting = SETTINGS[setting]
-    if not (np.isfinite(k_B_scale) and k_B_scale > 0):
-        raise InputError(f"should be above zero, got {k_B_scale!r}", where="k_B scale")
-    if k_B_scale != 1.0:
-        # the scale that was taken first is known by three digits
-        first = FIRST["k_B_scale"]
-        scale = first if f"{first:.3g}" == f"{k_B_scale:g}" else k_B_scale
-        setting = replace(setting, usual={**setting.usual, "k_B_scale": scale})
-    if not (np.isfinite(mu_eff) and mu_eff > 0):
-        raise InputError(f"should be above zero, got {mu_eff!r}", where="mu_eff")
-    if mu_eff != MU_EFF:
-        setting = replace(setting, usual={**setting.usual, "mu_eff": mu_eff})
+    setting = _scaled(setting, k_B_scale, mu_eff)
     other = read_other(compare) if compare is not None else None
     measured = read_curve(Path(curve)) if curve is not None else None
     out = Path(out)
@@ -100,11 +124,7 @@ def paper(
     pages = Path(pages) if pages is not None else out
     if json_file is not None and not Path(json_file).resolve().parent.is_dir():
         raise InputError("its folder does not exist", file=json_file)
-    for place in (out, pages):
-        try:
-            place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make this folder: {error.strerror}", file=place) from None
+    _make_folders(out, pages)
 
     everything = jobs_of(points_of(setting), setting, folder)
     wanted = {b for claim in chosen for b in claim.blocks}
@@ -137,19 +157,13 @@ def paper(
         maps = mean_maps(results, [name for name, *_ in f8.ROWS], f8.THREE) if f8.CLAIM in chosen else None
         if maps is not None:
             write_dataset(maps, out / "maps.nc")
-    record = {
-        "format": FORMAT, "version": __version__, "setting": setting.name, "packings": len(setting.seeds),
-        "k_B_scale": setting.k_B_scale, "mu_eff_s_per_m": setting.mu_eff,
-        "duration_s": setting.plan.duration, "settle_s": setting.plan.settle, "softness": setting.softness,
-        "claims": [v.to_dict() for v in verdicts],
-    }  # fmt: skip
+    record = _record(setting, verdicts)
     if calibrated is not None:
         record["calibration"] = _calibration(calibrated, str(curve))
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     _write(Path(json_file) if json_file is not None else out / "claims.json", text)
     _write(pages / "paper.md", page(verdicts, setting, out, pages, other))
-    if any(v.claim is readings.READING for v in verdicts):
-        figure = next(v.figure for v in verdicts if v.claim is readings.READING)
+    for figure in [v.figure for v in verdicts if v.claim is readings.READING][:1]:
         _write(pages / "readings.md", readings_page(results, figure, out, pages, other))
     return verdicts
 

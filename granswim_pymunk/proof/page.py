@@ -143,9 +143,12 @@ def write_page(
     """Write the page; a note where there is nothing to show."""
     from .conceal import write_beside
 
-    merit = figures_of_merit(rows)
-    missed = [f.what for f in merit if f.reached is False]
-    empty = [f.what for f in merit if f.reached is None]
+    parts = [*_opening(rows), *_merit(rows), *_drawings(rows), *_failures(rows), *_real(real), *_cases(rows, results)]
+    write_beside(path, "\n".join([*parts, "</main></body></html>"]))
+
+
+def _opening(rows: Sequence[Row]) -> list[str]:
+    """The head of the page: what was done, and of which recordings."""
     parts = [
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
@@ -161,6 +164,14 @@ def write_page(
         kinds = ", ".join(f"{n} {name}" for name, n in sorted(mix.items()))
         parts.append(f"<p>The mix: {kinds}. A full bed has about 2200 grains, a small one 200 to 300; unseen: films "
                      "of the swimmer alone; curve: its speeds alone.</p>")  # fmt: skip
+    return parts
+
+
+def _merit(rows: Sequence[Row]) -> list[str]:
+    """The figures that are asked for, and how they were reached."""
+    merit = figures_of_merit(rows)
+    missed = [f.what for f in merit if f.reached is False]
+    empty = [f.what for f in merit if f.reached is None]
     rows_of_merit = []
     for f in merit:
         mark = "" if f.reached is None else "reached" if f.reached else "<strong>not reached</strong>"
@@ -178,7 +189,7 @@ def write_page(
         rows_of_merit.append(
             ["held-out error over the floor, median", "at most 1.1", f"{held['n']:.0f} cases", shown, mark]
         )
-    parts += ["<h2>The figures</h2>", _table(("what", "asked", "cases", "found (95 %)", ""), rows_of_merit)]
+    parts = ["<h2>The figures</h2>", _table(("what", "asked", "cases", "found (95 %)", ""), rows_of_merit)]
     if missed:
         parts.append(f"<p><strong>Not reached:</strong> {html.escape('; '.join(missed))}.</p>")
     if empty:
@@ -193,6 +204,13 @@ def write_page(
         "verdict itself calls indistinguishable. Intervals are counted where the name is right and the form is the "
         "contract's.</p>"
     )
+    return parts
+
+
+def _drawings(rows: Sequence[Row]) -> list[str]:
+    """Figures with their captions, and the false alarms."""
+    parts: list[str] = []
+    held = held_out(rows)
     if detection(rows):
         parts += _figure("Detection against strength", draw_detection(rows), "Concealed mechanisms, bins of their "
                          "standard errors, with central 95 % of a proportion.")  # fmt: skip
@@ -212,8 +230,13 @@ def write_page(
         alarms = [r for r in nulls if r.physics_named]
         parts.append(f"<p>False alarms: {len(alarms)} of {len(nulls)} nulls and decoys had physics named, "
                      f"{_share(proportion(len(alarms), len(nulls)))}.</p>")  # fmt: skip
+    return parts
+
+
+def _failures(rows: Sequence[Row]) -> list[str]:
+    """Every case that was not explained as it should have been."""
     failures = [r for r in rows if is_failure(r)]
-    parts.append(f"<h2>Failures ({len(failures)})</h2>")
+    parts = [f"<h2>Failures ({len(failures)})</h2>"]
     if failures:
         table = []
         for r in failures:
@@ -227,7 +250,12 @@ def write_page(
         )
     else:
         parts.append("<p>None.</p>")
-    parts.append("<h2>Real recordings</h2>")
+    return parts
+
+
+def _real(real: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What is told of the real recordings."""
+    parts = ["<h2>Real recordings</h2>"]
     if real:
         table = []
         for name, result in real.items():
@@ -241,15 +269,18 @@ def write_page(
     else:
         parts.append("<p>Not run here (<code>granswim prove --full</code> does).</p>")
     parts.append("<p>No recording of a real bed has been available.</p>")
-    parts.append("<h2>Every case</h2>")
+    return parts
+
+
+def _cases(rows: Sequence[Row], results: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Every case with its truth, its answer and the hash of its seal."""
     table = []
     for r, result in zip(rows, results, strict=True):
         table.append([r.case, _words(r.setup), _words("+".join(r.truth)) + (" (other form)" if r.other_form else ""),
                       f"{r.sigma:.1f}" if r.sigma > 0 else "", _words(r.verdict), _words("+".join(r.named)),
                       f"<code>{result['commitment'][:12]}</code>"])  # fmt: skip
-    parts.append(_table(("case", "apparatus", "concealed", "standard errors", "verdict", "named", "hash"), table))
-    parts.append("</main></body></html>")
-    write_beside(path, "\n".join(parts))
+    header = ("case", "apparatus", "concealed", "standard errors", "verdict", "named", "hash")
+    return ["<h2>Every case</h2>", _table(header, table)]
 
 
 def _figure(title: str, drawing: Drawing, caption: str) -> list[str]:

@@ -271,7 +271,13 @@ class World:
                 par = [*item.values["anchor"], item.values["length"], 3.0 + other.get("power", 0.0)]
                 scale = other.get("stretch", 1.0) ** -other.get("power", 0.0)
                 self.fields.append((k.SPRING, par, self._weights(self._rows(item.bodies), scale * values["k_3"])))
-        elif name == "attraction":
+        elif not self._unknown(effect, rows) and not name.startswith("actuator_"):
+            raise InputError("is not a law of the proof's simulator", where=f"law {name}")
+
+    def _unknown(self, effect: Effect, rows: np.ndarray) -> bool:
+        """A force that no law of the package gives, False where the effect is none."""
+        name, values = effect.name, effect.values
+        if name == "attraction":
             par = [*values["centre"], values["size"]]
             self.fields.append((k.ATTRACTION, par, self._weights(rows, values["strength"])))
         elif name == "transverse_force":
@@ -282,8 +288,9 @@ class World:
         elif name == "shaking":
             par = [*values["a"], 2 * math.pi * values["frequency"], values["phase"]]
             self.fields.append((k.SHAKING, par, self._weights(rows, self.mass[rows])))
-        elif not name.startswith("actuator_"):
-            raise InputError("is not a law of the proof's simulator", where=f"law {name}")
+        else:
+            return False
+        return True
 
     def _reach(self, code: int, par: Sequence[float]) -> float:
         far = {k.DISTANCE: 3, k.COHESION: 1, k.LUBRICATION: 2}.get(code)

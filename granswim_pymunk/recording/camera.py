@@ -170,12 +170,7 @@ def film(
             angle = angle + rng.normal(0.0, angle_noise, shape)
     if wrap and scene.periodic_x:
         xy[..., 0] %= scene.periodic_x
-    if np.ndim(drop) == 0:
-        lost = np.zeros(shape, dtype=bool) if rng is None or not drop else rng.random(shape) < drop
-    else:
-        lost = np.asarray(drop, dtype=bool)
-        if lost.shape != shape:
-            raise InputError(f"drop should have the shape (T, n) = {shape}, got {lost.shape}")
+    lost = _lost(drop, shape, rng)
     xy[lost] = np.nan
     angle[lost] = np.nan
     if not positions:
@@ -185,14 +180,19 @@ def film(
     kept = np.flatnonzero(seen.any(axis=0))
     steps = np.diff(times)
     return Recording(
-        name=name,
-        title=scene.title,
-        scene=scene,
-        t=times,
-        ids=tuple(scene.bodies[row].id for row in rows[kept]),
-        xy=xy[:, kept],
-        angle=angle[:, kept] if has_angle else None,
+        name=name, title=scene.title, scene=scene, t=times, ids=tuple(scene.bodies[row].id for row in rows[kept]),
+        xy=xy[:, kept], angle=angle[:, kept] if has_angle else None,
         sampling=float(1 / np.median(steps)) if len(steps) else None,
         position_noise=noise if noise > 0 else None,
         angle_noise=angle_noise if has_angle and angle_noise > 0 else None,
-    )
+    )  # fmt: skip
+
+
+def _lost(drop: float | np.ndarray, shape: tuple[int, int], rng: np.random.Generator | None) -> np.ndarray:
+    """(T, n) sightings that are lost, see ``film``."""
+    if np.ndim(drop) == 0:
+        return np.zeros(shape, dtype=bool) if rng is None or not drop else rng.random(shape) < drop
+    lost = np.asarray(drop, dtype=bool)
+    if lost.shape != shape:
+        raise InputError(f"drop should have the shape (T, n) = {shape}, got {lost.shape}")
+    return lost

@@ -48,6 +48,9 @@ from .words import number
 # ---- 4. candidates ------------------------------------------------------------------------------
 
 
+EQUAL, OTHER = "#8fbbd9", "#bcbcbc"  # bars of laws that cannot be told from what is named, and of all others
+
+
 @styled
 def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
     """Candidates ranked: misfit each takes away, surviving fraction, test inside the training part."""
@@ -77,33 +80,12 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
         if math.isfinite(diagnosis.inner.get(together, math.nan)):
             right.plot(diagnosis.inner[together], -1, "o", color=REVISED, markersize=5.5)
     for row, trial in enumerate(shown):
-        colour = (
-            REVISED if trial.term.label in found else "#8fbbd9" if trial.term.label in same else "#bcbcbc"
-        )
-        if trial.fit is None:
-            left.text(
-                before,
-                row,
-                " " + _why_not(trial.reason),
-                va="center",
-                fontsize=7.5,
-                color="#666666",
-                style="italic",
-            )
-        else:
-            # the axis runs from much misfit to little: a longer bar takes more away
-            left.barh(row, trial.fit.chi2 / count - before, left=before, height=0.66, color=colour)
-            left.text(
-                before, row, " " + (compact(trial.gain) if trial.gain > 0.05 else "0"), va="center",
-                fontsize=7.5, ha="left",
-                color="white" if trial.term.label in found and trial.gain > 0.3 * count * before else SEEN,
-            )  # fmt: skip
+        colour = REVISED if trial.label in found else EQUAL if trial.label in same else OTHER
+        _bar(left, row, trial, (before, count), colour)
         middle.plot([0, trial.signature.surviving], [row, row], color="#d0d0d0", linewidth=1, zorder=1)
         middle.plot(trial.signature.surviving, row, "o", color=SEEN if trial.fit else MUTED, markersize=4)
         if math.isfinite(trial.inner) and trial.inner > 0:
-            right.plot(
-                trial.inner, row, "o", color=colour if colour != "#bcbcbc" else "#777777", markersize=5.5
-            )
+            right.plot(trial.inner, row, "o", color=colour if colour != OTHER else "#777777", markersize=5.5)
     names = []
     for trial in shown:
         mark = " ≈" if trial.term.label in same else ""
@@ -139,16 +121,29 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
         axis.spines["left"].set_visible(False)
     handles: list[Any] = [Patch(facecolor=REVISED, label="named")] if found else []
     if same:
-        handles.append(Patch(facecolor="#8fbbd9", label="≈ cannot be told apart"))
+        handles.append(Patch(facecolor=EQUAL, label="≈ cannot be told apart"))
     handles.append(Line2D([], [], color=FLOOR, linestyle=(0, (1, 1.5)), label="noise"))
     if math.isfinite(base):
-        handles.append(
-            Line2D(
-                [], [], color=COLOURS["recalibrated"], linestyle=(0, (1.4, 1.2)), label="without any of them"
-            )
-        )
+        line = (0, (1.4, 1.2))
+        handles.append(Line2D([], [], color=COLOURS["recalibrated"], linestyle=line, label="without any of them"))
     legend_above(figure, handles)
     return figure
+
+
+def _bar(axis: Axes, row: int, trial: Trial, without: tuple[float, int], colour: str) -> None:
+    """The misfit that a candidate takes away, of chi2 per number ``without`` it, and of how many numbers."""
+    before, count = without
+    if trial.fit is None:
+        why = " " + _why_not(trial.reason)
+        axis.text(before, row, why, va="center", fontsize=7.5, color="#666666", style="italic")
+        return
+    # the axis runs from much misfit to little: a longer bar takes more away
+    axis.barh(row, trial.fit.chi2 / count - before, left=before, height=0.66, color=colour)
+    inside = colour == REVISED and trial.gain > 0.3 * count * before
+    axis.text(
+        before, row, " " + (compact(trial.gain) if trial.gain > 0.05 else "0"), va="center", fontsize=7.5, ha="left",
+        color="white" if inside else SEEN,
+    )  # fmt: skip
 
 
 def _falling_axis(axis: Axes, low: float, high: float, top: float | None = None) -> None:

@@ -205,6 +205,27 @@ SCENE_KEYS = (
 )  # fmt: skip
 
 
+def _read_bed(given: Any, reader: _Reader) -> Bed:
+    where, file = "scene.bed", reader.file
+    table = reader.table(given, where, ("height", "packing_fraction", "grain_diameter", "density", "layers"))
+    for key in ("height", "packing_fraction", "grain_diameter", "density"):
+        if key not in table:
+            raise reader.error(f"needs {key}", where)
+    low, high = numbers_of(table["grain_diameter"], 2, "grain_diameter", "m", file=file, where=where)
+    if not 0 < low <= high:
+        raise reader.error(f"grain_diameter should be [low, high] above zero, got [{low}, {high}]", where)
+    fraction = number_of(table["packing_fraction"], "packing_fraction", "1", file=file, where=where)
+    if not 0 < fraction <= 0.9:
+        raise reader.error(f"packing_fraction should lie between 0 and 0.9, got {fraction:g}", where)
+    return Bed(
+        height=number_of(table["height"], "height", "m", file=file, where=where, positive=True),
+        packing_fraction=fraction,
+        grain_diameter=(low, high),
+        density=number_of(table["density"], "density", "kg/m^3", file=file, where=where, positive=True),
+        layers=number_of(table.get("layers", 0.0), "layers", "1", file=file, where=where),
+    )
+
+
 def scene_from_dict(
     data: Mapping[str, Any], *, file: str | Path | None = None, strict: bool = True, extra: Sequence[str] = ()
 ) -> Scene:
@@ -223,27 +244,7 @@ def scene_from_dict(
     periodic_x = box.get("periodic_x")
     if periodic_x is not None:
         periodic_x = number_of(periodic_x, "periodic_x", "m", file=file, where="scene", positive=True)
-    bed = None
-    if "bed" in box:
-        table = reader.table(
-            box["bed"], "scene.bed", ("height", "packing_fraction", "grain_diameter", "density", "layers")
-        )
-        for key in ("height", "packing_fraction", "grain_diameter", "density"):
-            if key not in table:
-                raise reader.error(f"needs {key}", "scene.bed")
-        low, high = numbers_of(table["grain_diameter"], 2, "grain_diameter", "m", file=file, where="scene.bed")
-        if not 0 < low <= high:
-            raise reader.error(f"grain_diameter should be [low, high] above zero, got [{low}, {high}]", "scene.bed")
-        fraction = number_of(table["packing_fraction"], "packing_fraction", "1", file=file, where="scene.bed")
-        if not 0 < fraction <= 0.9:
-            raise reader.error(f"packing_fraction should lie between 0 and 0.9, got {fraction:g}", "scene.bed")
-        bed = Bed(
-            height=number_of(table["height"], "height", "m", file=file, where="scene.bed", positive=True),
-            packing_fraction=fraction,
-            grain_diameter=(low, high),
-            density=number_of(table["density"], "density", "kg/m^3", file=file, where="scene.bed", positive=True),
-            layers=number_of(table.get("layers", 0.0), "layers", "1", file=file, where="scene.bed"),
-        )
+    bed = _read_bed(box["bed"], reader) if "bed" in box else None
 
     bodies = [_read_body(item, reader) for item in reader.tables(data.get("body", []), "body")]
     if "bodies" in data:
