@@ -219,11 +219,15 @@ def constants_of(tree: ast.Module) -> int:
 def literals_of(tree: ast.Module) -> int:
     compared = [node for node in ast.walk(tree) if isinstance(node, ast.Compare)]
     sides = [side for node in compared for side in (node.left, *node.comparators)]
+    # shares of a budget, after which a step is left out
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    sides += [part for node in calls if ast.unparse(node.func).endswith("late") for part in node.args]
     return sum(decides(inner) for side in sides for inner in ast.walk(side))
 
 
 def test_what_decides_is_a_field_of_the_criteria():
-    """No module of the inference has a number for a constant, or compares with another literal than 0 to 3."""
+    """No module of the inference has a number for a constant, or compares with another literal than 0 to 3, or asks
+    with one whether it is late."""
     here = {n: t for n, t in modules().items() if place_of(n) == "inference" and ".criteria" not in n}
     for count in (constants_of, literals_of):
         found = {name: count(tree) for name, tree in here.items() if count(tree)}

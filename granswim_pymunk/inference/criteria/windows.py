@@ -38,6 +38,36 @@ class WindowPlanCriteria:
 
 
 @dataclass(frozen=True)
+class BedBudgetCriteria:
+    """Shares of the budget, after which steps are left out or cut short. Choices.
+
+    replicates : leaders are held against what these give them;  siblings : other forms of the leaders
+    signatures : candidates;  told : bias by replicates, of the last fit;  rough : leaders refitted in few windows
+    second : a second law is looked for, ``seconds``: laws that are tried there;  fine : leaders refitted in all windows
+    first : the last fit of the first law, and ``both``: of two;  nameless : forces without a name are begun
+    forms : of them that are tried;  turned : further steps of them, and ``beside``: forms held against names
+    proposal : the next experiment;  rivals : their shares and their gains on held-out data
+    """
+
+    replicates: float = 0.6
+    siblings: float = 0.7
+    told: float = 0.7
+    signatures: float = 0.72
+    rough: float = 0.78
+    second: float = 0.8
+    seconds: float = 0.82
+    fine: float = 0.84
+    first: float = 0.85
+    both: float = 0.87
+    nameless: float = 0.86
+    forms: float = 0.9
+    turned: float = 0.92
+    beside: float = 0.92
+    proposal: float = 0.93
+    rivals: float = 0.95
+
+
+@dataclass(frozen=True)
 class CutCriteria:
     """What of a bed is simulated in windows.
 
@@ -293,12 +323,14 @@ class BedPlaceCriteria:
 class WindowCriteria:
     """All that decides where a bed is followed in windows, step by step.
 
-    plan : windows, and how much is simulated;  cut : what of the bed;  sums : of grains;  starts : of windows
-    hidden : grains;  candidates : how large they are tried;  signatures : and spreads;  search : which law stands
-    polish : its last fit;  places : where the mismatch is, and the next film
+    plan : windows, and how much is simulated;  budget : when steps are left out;  cut : what of the bed
+    sums : of grains;  starts : of windows;  hidden : grains;  candidates : how large they are tried
+    signatures : and spreads;  search : which law stands;  polish : its last fit
+    places : where the mismatch is, and the next film
     """
 
     plan: WindowPlanCriteria = field(default_factory=WindowPlanCriteria)
+    budget: BedBudgetCriteria = field(default_factory=BedBudgetCriteria)
     cut: CutCriteria = field(default_factory=CutCriteria)
     sums: SumCriteria = field(default_factory=SumCriteria)
     starts: StartCriteria = field(default_factory=StartCriteria)

@@ -176,7 +176,7 @@ def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) 
     untried: list[str] = []
     for k, term in enumerate(terms):
         search.progress(f"signatures: {term.label}", 0.34 + 0.30 * k / max(len(terms), 1))
-        if search.clock.late(0.72):
+        if search.clock.late(current().windows.budget.signatures):
             untried.append(term.label)
             continue
         signature = search.signature(term, apart)
@@ -197,12 +197,13 @@ def screened(
     by_chance = chance(search.likelihood, search.few, search.few_nuisance, signatures, rng)
     trials = [first_order(s, left, by_chance.spreads[s.term.label]) for s in signatures]
     trials.sort(key=lambda t: -t.ahead)
-    if trials and 0.0 < trials[0].linear < current().windows.search.doubtful and not search.clock.late(0.6):
+    share = current().windows.budget.replicates
+    if trials and 0.0 < trials[0].linear < current().windows.search.doubtful and not search.clock.late(share):
         search.progress("leaders in replicates", 0.64)
         try:
             trials = as_in_replicates(
                 search.likelihood, trials, search.few, search.few_nuisance, left, search.plan.screening,
-                lambda: search.clock.late(0.6),
+                lambda: search.clock.late(share),
             )  # fmt: skip
         except Failed:
             notes.append("replicates could not be run with the laws that lead: their gains are not corrected")
@@ -255,7 +256,7 @@ def refined(
     ``alone``: False where the camera's scale is already one of two.
     """
     criteria = current().windows.search
-    clock, used = search.clock, search.used
+    clock, used, budget = search.clock, search.used, current().windows.budget
     adjusted = len(search.values)
 
     def polished(beside: Answer, values: np.ndarray, trial: BedTrial, share: float) -> Answer:
@@ -273,13 +274,13 @@ def refined(
 
     for found in leading[: criteria.tries]:
         values = readjusted(search, found)
-        first = polished(plain, values, found, 0.85)
+        first = polished(plain, values, found, budget.first)
         named = first.found
         assert named is not None
         if beyond_nothing(named):
             plainer = plainer_of(named, trials)
             if plainer is not None:
-                other = polished(plain, values, plainer, 0.85)
+                other = polished(plain, values, plainer, budget.first)
                 if other.found is not None and beyond_nothing(other.found):
                     notes.append(f"{found.term.label} is {plainer.term.label}: its other numbers are none")
                     first, found, named = other, plainer, other.found
@@ -290,7 +291,7 @@ def refined(
         return plain
     first = left(first)
     more = first.unexplained > criteria.unexplained and alone and found.mechanism != "unknown"
-    if not more or first.columns is None or first.rows is None or clock.late(0.8):
+    if not more or first.columns is None or first.rows is None or clock.late(budget.second):
         return first
     search.progress("a second law", 0.80)
     beside = replace(
@@ -300,7 +301,7 @@ def refined(
     partner = second_law(beside, named, signatures, rng)
     if partner is None:
         return first
-    both = polished(first, first.values, partner, 0.87)
+    both = polished(first, first.values, partner, budget.both)
     part = slice(adjusted, adjusted + len(named.values))
     moved = moved_to(named, both.values[part], both.covariance[part, part])
     return left(replace(both, found=moved, partner=both.found, alone=first))
@@ -332,7 +333,7 @@ def beyond_names(
     search: Search, answer: Answer, trials: Sequence[BedTrial], notes: list[str]
 ) -> tuple[BedTrial | None, bool]:
     """The best form without a name, None where none was tried, and whether it explains what no law with a name does."""
-    if search.clock.late(0.86):
+    if search.clock.late(current().windows.budget.nameless):
         notes.append("forces without a name were not tried: the time was up")
         return None, False
     criteria = current().windows.search

@@ -221,7 +221,8 @@ class Windows(ObservationModel):
         return [(t, same) for t, same in beside if all(t.mechanism != law.mechanism for law in laws[1:])]
 
     def refitted(self) -> list[BedTrial]:
-        return [] if self.state.clock.late(0.95) else [t for t in self.trials if t.gain is not None]
+        late = self.state.clock.late(current().windows.budget.rivals)
+        return [] if late else [t for t in self.trials if t.gain is not None]
 
     def share(self, law: BedTrial) -> Explained | None:
         return explained_by_trial(self.state, law, self.before, self.judging)
@@ -230,13 +231,14 @@ class Windows(ObservationModel):
         self, judged: Judgement, fallen: Sequence[BedTrial], beside: Sequence[BedTrial]
     ) -> dict[str, float | None]:
         leading = list({t.label: t for t in (*fallen, *beside)}.values())[: current().windows.search.rivals]
-        if self.state.clock.late(0.95):
+        if self.state.clock.late(current().windows.budget.rivals):
             return {}
         return dict(rival_gains(self.state, self.predicted.get("recalibrated"), leading))
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
         search, laws = self.state, judged.claim.laws
-        if not laws or not rivals or self.start.wrong is not None or search.clock.late(0.93):
+        late = search.clock.late(current().windows.budget.proposal)
+        if not laws or not rivals or self.start.wrong is not None or late:
             return None
         self.progress("the next experiment", 0.93)
         return propose(search.likelihood, search.hypothesis, search.values, laws[0], rivals[0].law, search.used)

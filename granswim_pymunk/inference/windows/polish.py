@@ -57,7 +57,7 @@ def polish(
     ])  # fmt: skip
     low, high = full.bounds
     try:
-        late = search.clock.late(0.7)
+        late = search.clock.late(current().windows.budget.told)
         second.make_replicates(full, z)
         if not late:
             told = _told_by_replicates(second, full, z, steps, windows)

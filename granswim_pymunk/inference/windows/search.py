@@ -185,7 +185,7 @@ class Search:
         apart, left = self.apart(), self.few_left
         for t in trials[:2]:
             for term in siblings(t.term, bed.scene):
-                if self.clock.late(0.7):
+                if self.clock.late(current().windows.budget.siblings):
                     break
                 if term.label in known:
                     continue
@@ -197,7 +197,7 @@ class Search:
 
     def leaders(self, trials: list[BedTrial], bed: BedCase) -> list[BedTrial]:
         """Trials with the gains of those that were refitted, in all training windows."""
-        criteria = current().windows.search
+        criteria, budget = current().windows.search, current().windows.budget
         self.progress("siblings of the leaders", 0.64)
         trials = self.with_siblings(trials, bed)
         span = basis(np.column_stack([t.signature.clear for t in trials]))
@@ -207,7 +207,7 @@ class Search:
         rough = []
         for k, t in enumerate(chosen):
             self.progress(f"refitting {t.term.label}", 0.66 + 0.04 * k / len(chosen))
-            if k >= 2 and self.clock.late(0.78):
+            if k >= 2 and self.clock.late(budget.rough):
                 break
             rough.append(self.refit(t, self.few, self.few_nuisance, self.plan.screening, criteria.rough, span))
         rough.sort(key=lambda t: -t.worth)
@@ -217,7 +217,7 @@ class Search:
         done = []
         for k, t in enumerate(best):
             self.progress(f"refitting {t.term.label}, all windows", 0.70 + 0.08 * k / len(best))
-            if k < 1 or not self.clock.late(0.84):
+            if k < 1 or not self.clock.late(budget.fine):
                 mine = span if self.whole else None
                 done.append(self.refit(t, self.used, self.nuisance, self.likelihood.members, criteria.fine, mine))
         done = no_narrower(done)
@@ -365,7 +365,7 @@ def second_law(
         return None
     trials = []
     for rough in order[: criteria.seconds]:
-        if rough.ahead < criteria.beside * by_chance.level or search.clock.late(0.82):
+        if rough.ahead < criteria.beside * by_chance.level or search.clock.late(current().windows.budget.seconds):
             break
         search.progress(f"beside it: {rough.term.label}", 0.80)
         signature = search.signature(rough.term, apart)
@@ -395,7 +395,7 @@ def best_form(search: Search, swimmer: bool = False) -> BedTrial | None:
     forms: list[BedTrial] = []
     fast = speeds if len(speeds) else np.array([0.1])
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], fast, bodies):
-        if forms and clock.late(0.9):
+        if forms and clock.late(current().windows.budget.forms):
             break
         signature = search.signature(term, apart)
         if signature is not None:
@@ -406,7 +406,7 @@ def best_form(search: Search, swimmer: bool = False) -> BedTrial | None:
         refitted = search.refit(t, used, search.nuisance, likelihood.members, (0.6, 1.0, 1.6))
         # few windows tell the direction of five numbers badly
         for _ in range(2):
-            if clock.late(0.92):
+            if clock.late(current().windows.budget.turned):
                 break
             turned = search.turned(refitted)
             if turned is None or turned.worth < refitted.worth + current().verdict.same:

@@ -204,7 +204,7 @@ def weighed(
     for t in ([] if form is None else [form]) + others:
         mine = t.label == answer.found.label
         share = named if mine else explained_by_trial(search, t, before, rng)
-        if share is not None and not (forms and search.clock.late(0.92)):
+        if share is not None and not (forms and search.clock.late(current().windows.budget.beside)):
             forms.append((t, share))
     return named, forms
 
