@@ -513,12 +513,12 @@ def test_what_a_right_law_leaves_where_its_numbers_are_found():
     predictor = Predictor({"r": 1e-3})
     push = next(t for t in named_terms([case]) if t.label == "uniform_force")
     fit = Fitter([case], predictor).fit(Hypothesis((push,)))
-    errors = right_law_errors(fit.hypothesis, fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
+    errors = right_law_errors(fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
     powers = np.vander(case.t / case.t[-1], 3)
     learnt, scored = powers[case.training], powers[case.scored]
     leverage = np.sum((scored @ np.linalg.inv(learnt.T @ learnt)) * scored, axis=1)
     assert np.mean(errors**2) == pytest.approx(NOISE**2 * (1 + leverage.mean()), rel=0.2)
-    _, floor = noise_floor(fit.hypothesis, fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
+    _, floor = noise_floor(fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
     assert floor is not None and floor**2 < 0.7 * np.mean(errors**2)
 
 

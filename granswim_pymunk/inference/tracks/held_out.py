@@ -150,9 +150,7 @@ def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
     return np.exp(-np.maximum(float(t[-1]) - case.t, 0.0) / (memory * span) / 2)
 
 
-def learn_memory(
-    hypothesis: Hypothesis, training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]
-) -> float:
+def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> float:
     """The memory that predicts whole training recordings best from their first 20 %."""
     best, least = np.inf, np.inf
     for memory in current().left.memories:
@@ -164,7 +162,7 @@ def learn_memory(
             weights = {case.name: fading(case, first, memory)}
             fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
             try:
-                fit = fitter.fit(hypothesis, training.values, training.starts, fixed=True, evaluations=10)
+                fit = fitter.fit(training.hypothesis, training.values, training.starts, fixed=True, evaluations=10)
                 error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
             except Failed:
                 squares = np.inf
@@ -176,7 +174,6 @@ def learn_memory(
 
 
 def held_out_errors(
-    hypothesis: Hypothesis,
     training: Fit,
     cases: Sequence[Case],
     predictor: Predictor,
@@ -203,7 +200,7 @@ def held_out_errors(
             continue
         windows = [] if case.name in followed else _windows(case)
         if windows:
-            seen, length = _by_windows(hypothesis, training, case, windows, predictor, stop)
+            seen, length = _by_windows(training, case, windows, predictor, stop)
             if seen is None:
                 continue
             array = np.where(case.scored[:, None], case.values - seen, np.nan)
@@ -216,17 +213,12 @@ def held_out_errors(
         for frames, into, scored in runs:
             forget = {case.name: fading(case, frames, memory)} if case.held_out and into is errors else None
             fitter = Fitter([case], predictor, {case.name: frames}, stop, forget)
-            starts = None if case.held_out else training.starts
-            reduced, own = own_numbers(hypothesis, training.values, case)
             try:
-                if case.held_out and len(own):
-                    fit = fitter.fit(reduced, training.values[own], starts)
-                else:
-                    fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
+                fit, own = _with_its_start(fitter, training, case)
                 seen = fitter.predict(fit, case, scored | frames)
             except Failed:
                 continue
-            if case.held_out and len(own) and into is errors:
+            if len(own) and into is errors:
                 used[case.name] = training.values.copy()
                 used[case.name][own] = fit.values
             array = np.where(scored[:, None], case.values - seen, np.nan)
@@ -240,6 +232,17 @@ def held_out_errors(
         pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
         scored=sizes, window=window,
     )  # fmt: skip
+
+
+def _with_its_start(fitter: Fitter, training: Fit, case: Case) -> tuple[Fit, np.ndarray]:
+    """The training fit with the start of a recording, of one that is held out also with the numbers that belong to it
+    alone, and which of all those are."""
+    if not case.held_out:
+        return fitter.fit(training.hypothesis, training.values, training.starts, fixed=True), np.zeros(0, dtype=int)
+    reduced, own = own_numbers(training.hypothesis, training.values, case)
+    if len(own):
+        return fitter.fit(reduced, training.values[own], None), own
+    return fitter.fit(training.hypothesis, training.values, None, fixed=True), own
 
 
 def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> float:
@@ -283,8 +286,8 @@ def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _by_windows(
-    hypothesis: Hypothesis, training: Fit, case: Case, windows: Sequence[tuple[np.ndarray, np.ndarray]],
-    predictor: Predictor, stop: Callable[[], bool],
+    training: Fit, case: Case, windows: Sequence[tuple[np.ndarray, np.ndarray]], predictor: Predictor,
+    stop: Callable[[], bool],
 ) -> tuple[np.ndarray | None, float]:  # fmt: skip
     """What is predicted (T, c) of the windows after their starts, NaN elsewhere, and how long they are [s]."""
     out = np.full(case.values.shape, np.nan)
@@ -292,7 +295,7 @@ def _by_windows(
     for first, rest in windows:
         fitter = Fitter([case], predictor, {case.name: first}, stop)
         try:
-            fit = fitter.fit(hypothesis, training.values, None, fixed=True, evaluations=10)
+            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=10)
             seen = fitter.predict(fit, case, rest)
         except Failed:
             continue
@@ -333,19 +336,14 @@ def window_errors(
 
 
 def noise_floor(
-    hypothesis: Hypothesis,
-    training: Fit,
-    cases: Sequence[Case],
-    predictor: Predictor,
-    stop: Callable[[], bool],
-    rng: np.random.Generator,
+    training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
     repeats: int = 3,
-) -> tuple[float | None, float | None]:
+) -> tuple[float | None, float | None]:  # fmt: skip
     """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise."""
     squares = {"train": [0.0, 0], "heldout": [0.0, 0]}
     for case in cases:
         try:
-            truth, fit, alone = _as_explained(hypothesis, training, case, predictor, stop)
+            truth, fit, alone = _as_explained(training, case, predictor, stop)
         except Failed:
             continue
         frames = case.start if case.held_out else case.training
@@ -369,15 +367,9 @@ def noise_floor(
 
 
 def right_law_errors(
-    hypothesis: Hypothesis,
-    training: Fit,
-    cases: Sequence[Case],
-    predictor: Predictor,
-    stop: Callable[[], bool],
-    rng: np.random.Generator,
-    repeats: int = 10,
-    followed: Collection[str] = (),
-) -> np.ndarray:
+    training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
+    repeats: int = 10, followed: Collection[str] = (),
+) -> np.ndarray:  # fmt: skip
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
@@ -386,7 +378,7 @@ def right_law_errors(
     truths = {}
     for case in cases:
         try:
-            truths[case.name] = _as_explained(hypothesis, training, case, predictor, stop)[0]
+            truths[case.name] = _as_explained(training, case, predictor, stop)[0]
         except Failed:
             continue
     result = []
@@ -394,17 +386,17 @@ def right_law_errors(
         replicates = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
         again = Fitter(replicates, predictor, None, stop)
         try:
-            fit = again.fit(hypothesis, training.values, training.starts, evaluations=20)
+            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=20)
         except Failed:
             continue
-        rms = held_out_errors(hypothesis, fit, replicates, predictor, stop, whole=False, followed=followed).rms
+        rms = held_out_errors(fit, replicates, predictor, stop, whole=False, followed=followed).rms
         if rms is not None:
             result.append(rms)
     return np.array(result)
 
 
 def _as_explained(
-    hypothesis: Hypothesis, training: Fit, case: Case, predictor: Predictor, stop: Callable[[], bool]
+    training: Fit, case: Case, predictor: Predictor, stop: Callable[[], bool]
 ) -> tuple[np.ndarray, Fit, bool]:
     """What a recording (T, c) would be without noise, the fit of its start, and whether numbers of its own are in it.
 
@@ -412,14 +404,8 @@ def _as_explained(
     """
     frames = case.start if case.held_out else case.training
     fitter = Fitter([case], predictor, {case.name: frames}, stop)
-    reduced, own = own_numbers(hypothesis, training.values, case)
-    alone = case.held_out and len(own) > 0
-    starts = None if case.held_out else training.starts
-    if alone:
-        fit = fitter.fit(reduced, training.values[own], starts)
-    else:
-        fit = fitter.fit(hypothesis, training.values, starts, fixed=True)
-    return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, alone
+    fit, own = _with_its_start(fitter, training, case)
+    return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, len(own) > 0
 
 
 def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator) -> Case:

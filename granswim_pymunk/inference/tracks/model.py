@@ -322,7 +322,7 @@ class Tracks(ObservationModel):
         self.followed = {name: spread for name, spread in spreads.items() if spread < 1}
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
-        how = revised.hypothesis, revised, study.cases, study.predictor, study.stop, study.rng
+        how = revised, study.cases, study.predictor, study.stop, study.rng
         self.floor = noise_floor(*how)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
@@ -368,10 +368,9 @@ class Tracks(ObservationModel):
         study, memory = self.study, math.inf
         # where the scene is not the whole truth, a start counts its latest frames most; how much, training tells
         if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1:
-            memory = learn_memory(fit.hypothesis, fit, study.cases, study.predictor, study.stop)
+            memory = learn_memory(fit, study.cases, study.predictor, study.stop)
         return held_out_errors(
-            fit.hypothesis, fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory,
-            followed=self.followed,
+            fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory, followed=self.followed
         )  # fmt: skip
 
     def _gain(self, errors: Errors) -> float | None:
