@@ -17,7 +17,11 @@ def term(label, *names):
 
 
 def fitted(chi2, values, ends, score):
-    fit = SimpleNamespace(chi2=chi2, count=100, values=np.array(values), starts={}, hypothesis=None, score=score)
+    left = chi2 - 100
+    fit = SimpleNamespace(
+        chi2=chi2, count=100, excess=left if left > 3 * math.sqrt(200) else 0.0, values=np.array(values), starts={},
+        hypothesis=None, score=score,
+    )  # fmt: skip
     fit.interval = lambda k, spread: (fit.values[k], *ends[k])
     return fit
 

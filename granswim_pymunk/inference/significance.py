@@ -49,6 +49,11 @@ def half_interval(variance: float) -> float:
     return current().intervals.normal * math.sqrt(max(variance, 0.0))
 
 
+def student(freedom: float) -> float:
+    """By how much 95 % are wider where so many degrees of freedom tell the spread: Student's t over the normal."""
+    return float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
+
+
 def normal_score(p: float) -> float:
     """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
     return float(stats.norm.isf(min(max(p, current().rounding.nothing), 1.0 - 1e-15)))

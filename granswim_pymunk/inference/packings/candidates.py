@@ -187,7 +187,7 @@ def natural_scale(conditions: Sequence[Condition]) -> Scale:
 
     Mass M of the mean grain, time T = 1/(1.5 f), length L = u T with u the swimmer's typical speed sideways: a force
     of M L/T^2 stops a grain at that speed within a tenth of a cycle. Numbers without a unit: what the law declares as
-    typical. Amounts are tried and scaled afterwards, see ``search.scaled_candidates``.
+    typical. Amounts are tried and scaled afterwards, see ``amounts.scaled_candidates``.
     """
     scene = conditions[0].scene
     bed = scene.bed

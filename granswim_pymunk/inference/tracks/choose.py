@@ -40,13 +40,6 @@ def worth(trial: Trial, spread: float) -> float:
     return trial.gain / spread - 2 * trial.used
 
 
-def _excess(trial: Trial) -> float:
-    """Chi2 beyond that of noise, 0 where it is within three of its standard deviations."""
-    assert trial.fit is not None
-    left = trial.fit.chi2 - trial.fit.count
-    return left if left > 3 * np.sqrt(2 * trial.fit.count) else 0.0
-
-
 def absurd(trial: Trial) -> str:
     """Why the numbers of a law make no sense for the apparatus; empty where they do."""
     if trial.fit is None:
@@ -109,7 +102,8 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
         and by_chance((best.gain - t.gain) / max(spread, 1.0), best.used - t.used)
     ]  # fmt: skip
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
-    same += [t for t in trials if t.used < best.used and _excess(t) < sets.left * _excess(best)]
+    most = sets.left * (best.fit.excess if best.fit is not None else 0.0)
+    same += [t for t in trials if t.used < best.used and t.fit is not None and t.fit.excess < most]
     forms = [t.term for t in same]
     # a picture's scale is off more often than the inertia of a body
     chosen = min(
@@ -224,9 +218,8 @@ def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, traini
     where the size of the noise is given, what is left in chi2 shows it.
     """
     share = (inner - 1.0) / max(base - 1.0, 1e-12)
-    rest = revised.chi2 - revised.count
-    if all(c.sigma_known for c in training) and rest > 3 * np.sqrt(2 * revised.count):
-        share = max(share, rest / max(recalibrated.chi2 - recalibrated.count, 1e-12))
+    if all(c.sigma_known for c in training) and revised.excess:
+        share = max(share, revised.excess / max(recalibrated.chi2 - recalibrated.count, 1e-12))
     return float(share)
 
 

@@ -56,6 +56,12 @@ class Fit:
         return self.whitened or self.innovations
 
     @property
+    def excess(self) -> float:
+        """Chi2 beyond that of noise, 0 where it is within three of its standard deviations."""
+        left = self.chi2 - self.count
+        return left if left > 3 * math.sqrt(2 * self.count) else 0.0
+
+    @property
     def numbers(self) -> int:
         """How many numbers were fitted, those of the starts included, less the steps that tie them."""
         ties = sum(len(s) for s in self.steps.values())

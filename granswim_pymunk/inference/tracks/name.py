@@ -405,7 +405,7 @@ def _down_its_valley(fitter: Fitter, base: Fit, trial: Trial, least: float) -> T
     fit = trial.fit
     if fit is None or trial.gain <= least or not any(f.inner for f in trial.term.free):
         return trial
-    if fit.chi2 < fit.count + 3 * np.sqrt(2 * fit.count):
+    if not fit.excess:
         return trial
     found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=150)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial

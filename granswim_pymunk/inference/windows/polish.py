@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
 from ..criteria import current
 from ..hypothesis import Failed, Hypothesis
+from ..significance import student
 from .likelihood import WindowLikelihood, Windows, both_sides
 from .search import Search
 from .signatures import whole_films
@@ -155,8 +155,7 @@ def widened(covariance: np.ndarray, columns: np.ndarray, white: np.ndarray, wind
         answers.append(np.linalg.lstsq(columns[kept], white[kept], rcond=1e-10)[0])
     scatter = (windows - 1) * np.var(np.array(answers), axis=0)
     # few windows know their own scatter badly: Student's t in place of the normal 95 %
-    student = float(stats.t.ppf(0.975, windows - 1) / stats.norm.ppf(0.975))
-    factor = student * np.sqrt(np.maximum(scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    factor = student(windows - 1) * np.sqrt(np.maximum(scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * np.outer(factor, factor)
 
 
@@ -169,6 +168,5 @@ def as_replicates_scatter(covariance: np.ndarray, answers: np.ndarray) -> np.nda
     if number < 3:
         return covariance
     scatter = np.var(answers, axis=0, ddof=1) * (1 + 1 / number)
-    student = float(stats.t.ppf(0.975, number) / stats.norm.ppf(0.975))
-    factor = np.sqrt(np.maximum(student**2 * scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    factor = np.sqrt(np.maximum(student(number) ** 2 * scatter / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * np.outer(factor, factor)

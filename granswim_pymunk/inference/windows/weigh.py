@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import stats
 
 from ..criteria import current
 from ..explained import Explained, Scores, explained
 from ..hypothesis import Hypothesis
 from ..judge import Remains, paired
 from ..mechanisms import UNKNOWN, nameless, plainly
+from ..significance import student
 from .judge import disks_of, errors, noise_floor
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .places import maps
@@ -135,8 +135,8 @@ def variation(likelihood: WindowLikelihood, rows: Prediction, base: Prediction, 
 def share_of(after: Scores, before: Scores, rng: np.random.Generator, varies: float = 0.0) -> Explained:
     """See ``explained``; few replicates know their spread badly: Student's t for the normal, and of their mean."""
     number = max(len(before.floor), 2)
-    student = float(stats.t.ppf(0.975, number - 1) / stats.norm.ppf(0.975)) * math.sqrt(1 + 1 / number)
-    return explained(after, before, rng, beyond=current().verdict.beyond * student, few=True, varies=varies)
+    wider = student(number - 1) * math.sqrt(1 + 1 / number)
+    return explained(after, before, rng, beyond=current().verdict.beyond * wider, few=True, varies=varies)
 
 
 def before_of(search: Search) -> Scores:
