@@ -32,15 +32,24 @@ def make(seed: int, small: bool, folder: Path) -> None:
     recorded(row, setup if small else film_in(setup), seed, folder)
 
 
-def page(results: Mapping[str, Mapping[str, Any]]) -> str:
+TITLE = "False alarms in beds"
+ABOUT = (
+    "In none of these beds is anything missing; what is adjustable is believed 2 to 6 % off. A false alarm is a",
+    "named law; a false clock or scale is counted apart. p is that of the search, its uniform spread is tested by",
+    "Kolmogorov and Smirnov.",
+)
+
+
+def page(
+    results: Mapping[str, Mapping[str, Any]], title: str = TITLE, module: str = "bed_nulls",
+    about: Sequence[str] = ABOUT,
+) -> str:  # fmt: skip
     lines = [
-        "# False alarms in beds",
+        f"# {title}",
         "",
-        "Made by `python -m granswim_pymunk.validation.bed_nulls --out DIR --page FILE`; do not edit.",
+        f"Made by `python -m granswim_pymunk.validation.{module} --out DIR --page FILE`; do not edit.",
         "",
-        "In none of these beds is anything missing; what is adjustable is believed 2 to 6 % off. A false alarm is a",
-        "named law; a false clock or scale is counted apart. p is that of the search, its uniform spread is tested by",
-        "Kolmogorov and Smirnov.",
+        *about,
         "",
         "| beds | diagnosed | laws named | clock or scale | `recalibrate` | `unmodelled` | p below 0.05 | p uniform? |",
         "|---|---|---|---|---|---|---|---|",

@@ -62,37 +62,46 @@ def of_bed(seed: int) -> tuple[float, int]:
 KINDS: Mapping[str, Callable[[int], tuple[float, int]]] = {"bodies": of_bodies, "small beds": of_bed}
 
 
+ABOUT = (
+    "z of the first place of a recording in which nothing is missing, after all looks. It should be standard",
+    "normal; smaller is on the safe side. In brackets what as many standard normal numbers give, central 95 %.",
+    "Both p are those of Kolmogorov and Smirnov: of z larger than standard normal numbers, and other than these.",
+)
+HEADER = (
+    "| kind | recordings | mean z | spread | z above 1.64 | p, larger | p, other |",
+    "|---|---|---|---|---|---|---|",
+)
+
+
+def line(kind: str, values: Sequence[float]) -> str:
+    z, n = np.array(values), len(values)
+    mean = stats.norm.ppf(0.975) / np.sqrt(n)
+    low, high = np.sqrt(stats.chi2.ppf([0.025, 0.975], max(n - 1, 1)) / max(n - 1, 1))
+    few, many = stats.binom.ppf([0.025, 0.975], n, 0.05)
+    larger, other = (stats.kstest(z, "norm", alternative=side).pvalue for side in ("less", "two-sided"))
+    cells = (
+        kind,
+        f"{n}",
+        f"{z.mean():.2f} ({-mean:.2f} to {mean:.2f})",
+        f"{z.std(ddof=1):.2f} ({low:.2f} to {high:.2f})",
+        f"{int(np.sum(z > 1.645))} ({few:.0f} to {many:.0f})",
+        f"{larger:.2g}",
+        f"{other:.2g}",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
 def page(found: Mapping[str, Sequence[float]]) -> str:
     lines = [
         "# Places where nothing is missing",
         "",
         "Made by `python -m granswim_pymunk.validation.place_nulls --page FILE`; do not edit.",
         "",
-        "z of the first place of a recording in which nothing is missing, after all looks. It should be standard",
-        "normal; smaller is on the safe side. In brackets what as many standard normal numbers give, central 95 %.",
-        "Both p are those of Kolmogorov and Smirnov: of z larger than standard normal numbers, and other than these.",
+        *ABOUT,
         "",
-        "| kind | recordings | mean z | spread | z above 1.64 | p, larger | p, other |",
-        "|---|---|---|---|---|---|---|",
+        *HEADER,
+        *(line(kind, values) for kind, values in found.items() if values),
     ]
-    for kind, values in found.items():
-        z, n = np.array(values), len(values)
-        if not n:
-            continue
-        mean = stats.norm.ppf(0.975) / np.sqrt(n)
-        low, high = np.sqrt(stats.chi2.ppf([0.025, 0.975], max(n - 1, 1)) / max(n - 1, 1))
-        few, many = stats.binom.ppf([0.025, 0.975], n, 0.05)
-        larger, other = (stats.kstest(z, "norm", alternative=side).pvalue for side in ("less", "two-sided"))
-        cells = (
-            kind,
-            f"{n}",
-            f"{z.mean():.2f} ({-mean:.2f} to {mean:.2f})",
-            f"{z.std(ddof=1):.2f} ({low:.2f} to {high:.2f})",
-            f"{int(np.sum(z > 1.645))} ({few:.0f} to {many:.0f})",
-            f"{larger:.2g}",
-            f"{other:.2g}",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

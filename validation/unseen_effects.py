@@ -46,19 +46,27 @@ SEED = 9000  # of the swimmer and the numbers of its bed
 BELIEVED = 1.04  # of the true bending stiffness
 
 
-def bed(small: bool = False) -> BedSetup:
-    """The swimmer and its bed, without layers, k_B adjustable; ``small``: some 220 softer grains and two films."""
+def bed_of(small: bool = False, number: int = 0) -> BedSetup:
+    """The swimmer and its bed, without layers, k_B adjustable; ``small``: some 220 softer grains and two films.
+
+    ``number``: 0 for the bed of the table, others have numbers of their own.
+    """
     for k in range(1000):
-        setup = draw_bed(np.random.default_rng((SEED, k)), "unseen", small)
+        setup = draw_bed(np.random.default_rng((SEED + 1000 * number, k)), "unseen", small)
         if not setup.scene.laws_named("confinement"):
             break
     return adjustable(setup, [("bending", "stiffness")])
 
 
-def make(row: Row, number: int, folder: Path, small: bool = False, only: int | None = None) -> list[Path]:
-    """The recordings of a row, or film ``only`` of it, written where not there. Raises SimulationError."""
+def make(
+    row: Row, number: int, folder: Path, small: bool = False, only: int | None = None, bed: int = 0
+) -> list[Path]:
+    """The recordings of a row, or film ``only`` of it, written where not there. Raises SimulationError.
+
+    ``bed``: which one, see ``bed_of``.
+    """
     seed = SEED + 1 + number
-    setup = bed(small)
+    setup = bed_of(small, bed)
     if row.known:
         setup = replace(setup, scene=replace(setup.scene, adjustable=()))
     stiffness = float(setup.scene.parameter("bending.stiffness"))

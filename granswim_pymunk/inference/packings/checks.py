@@ -168,7 +168,7 @@ def locate(f: Finding, verdict: str) -> dict[int | None, Place]:
     s = f.search
     base = s.naive if verdict == "recalibrate" else s.base
     here = _tails(s, base, {name: r[:, None] for name, (r, _) in base.left.items()})[:, 0]
-    drawn = _null_numbers(s)
+    drawn = _null_numbers(s, base is s.base)
     most = np.sort(_tails(s, base, drawn).min(axis=0)) if drawn else np.zeros(0)
     joints = len(here) - 1
     found: dict[int | None, float] = {}  # joint to p
@@ -215,14 +215,14 @@ def rest_of(f: Finding) -> tuple[int | None, Span]:
     return (j, _phase(f, f.revised, j)) if j < len(tails) - 1 else (None, None)
 
 
-def _null_numbers(s: Search) -> dict[str, np.ndarray]:
-    """For each recording the residuals (p, replicates) of the nulls, adjustables not refitted."""
+def _null_numbers(s: Search, refitted: bool) -> dict[str, np.ndarray]:
+    """For each recording the residuals (p, replicates) of the nulls; ``refitted``: after recalibration."""
     if s.nulls is None:
         return {}
-    out, at = {}, 0
+    out, at, rows = {}, 0, s.nulls.refitted if refitted else s.nulls.drawn
     for c in s.training:
         factor = np.linalg.cholesky(s.base.left[c.name][1])
-        out[c.name] = factor @ s.nulls.drawn[:, at : at + len(factor)].T
+        out[c.name] = factor @ rows[:, at : at + len(factor)].T
         at += len(factor)
     return out
 

@@ -170,9 +170,9 @@ def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
     best = np.zeros(replicates)
     for x in alive:
         best = np.maximum(best, gains(bank, x, r) - 2 * (x.size - 1))
-    along = np.sum((bank.adjust.T @ r) ** 2, axis=0) if bank.adjust.shape[1] else np.zeros(replicates)
-    whole = np.sum(r**2, axis=0)
-    return Nulls(whole, along, best, whole - along, r.T)
+    refitted = r - bank.adjust @ (bank.adjust.T @ r)
+    whole, left = np.sum(r**2, axis=0), np.sum(refitted**2, axis=0)
+    return Nulls(whole, whole - left, best, left, r.T, refitted.T)
 
 
 def counts(bank: Bank, x: Candidate) -> bool:

@@ -55,6 +55,7 @@ class Nulls:
     best: np.ndarray  # (r,) the best worth of all candidates
     left: np.ndarray  # (r,) chi2 after recalibration
     drawn: np.ndarray  # (r, n) whitened innovations
+    refitted: np.ndarray  # (r, n) the same after recalibration
 
 
 @dataclass
