@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from granswim_pymunk.inference.result import empty_verdict
-from granswim_pymunk.validation import bed_effects, unseen_effects
+from granswim_pymunk.validation import bed_effects, unseen_effects, unseen_nulls
 from granswim_pymunk.validation.bed_effects import Row
 
 ROWS = (Row("linear_drag", {"c": 6e-5}, number=("c", 6e-5)), Row("nothing", {}, "no_mismatch"))
@@ -114,3 +114,26 @@ def test_a_swimmer_alone_is_asked_for_every_effect_that_acts_on_it(diagnosed, tm
     assert unseen_effects.main(["cohesion", "--film", "2", "--out", str(tmp_path)], lambda text: None) == 0
     assert [f.name for f in tmp_path.glob("film-2/results/*")] == ["cohesion.json"] and diagnosed[-1] == "film-2"
     assert len({row.name for row in unseen_effects.ROWS if row.verdict == "missing_physics"}) >= 14
+
+
+def test_nulls_of_a_swimmer_alone_are_kept_and_told(tmp_path, monkeypatch):
+    asked = []
+
+    def fake(recordings, minutes):
+        asked.append(recordings)
+        verdict = empty_verdict("no_mismatch", "m rms") | {"null": {"p_false_alarm": 0.5, "replicates": 299}}
+        spent = {"seconds": 9, "cpu": 3, "code": bed_effects.code(), "commit": "0a1b2c3d"}
+        return {"verdict": verdict, "z": 0.1 * len(asked), **spent}
+
+    made = lambda row, number, folder, small, only=None, bed=0: [(row.moved, number, small, only, bed)]  # noqa: E731
+    monkeypatch.setattr(unseen_effects, "make", made)
+    monkeypatch.setattr(unseen_nulls, "diagnosed", fake)
+    given = ["--out", str(tmp_path), "--small", "7", "--full", "2", "--page", str(tmp_path / "page.md")]
+    for _ in range(2):
+        assert unseen_nulls.main(given, lambda text: None) == 0
+    assert len(asked) == 9  # each once
+    moved, _, small, only, bed = zip(*(a[0] for a in asked), strict=True)
+    assert [bool(m) for m in moved[:7]] == [False, False, True, False, False, True, False]
+    assert bed == (100,) * 6 + (101, 0, 0) and small == (True,) * 7 + (False,) * 2 and only[-1] == 2
+    page = (tmp_path / "page.md").read_text()
+    assert "| full | 2 | 0" in page and "| small | 7 | 0" in page and "| small beds | 7 | 0.40" in page

@@ -579,6 +579,18 @@ def test_nothing_is_named_in_packings_of_the_world(world):
     assert max(ranks) > 0.3 and min(ranks) > 0.01
 
 
+def test_places_are_held_against_nulls_that_were_recalibrated_as_the_recording_was(world):
+    """A turn of all joints that the stiffness imitates is no place: neither of the recording nor of its nulls."""
+    conditions = conditions_of(filmed({"stiffness": [1.1 * STIFFNESS]}, 5, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    recalibrate(s)
+    bank = screen(s, [])
+    assert s.nulls is not None and bank.adjust.shape[1] == 1
+    along = [float(np.abs(bank.adjust.T @ rows.T).max()) for rows in (s.nulls.refitted, s.nulls.drawn)]
+    assert along[0] < 1e-9 < 1 < along[1]
+    assert s.nulls.left == pytest.approx(np.sum(s.nulls.refitted**2, axis=1))
+
+
 def test_a_weak_law_is_run_where_it_shows(world):
     """The chord from its absence to a run at a times the fitted number has 1/a of the error of a run at the number."""
     x = world_candidates()["linear_drag"]
