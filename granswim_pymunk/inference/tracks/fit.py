@@ -230,6 +230,9 @@ class Fitter(Follower):
             return [self._vector(c, hypothesis, values, s) for c, s in zip(self.cases, starts, strict=True)]
 
         held = [k for k in range(len(x)) if k not in set(active)]
+        # joined more closely than any scene without a law is: what was found is near, and all move together
+        least = min(current().segments.closer)
+        narrow = self.segmented and self.closeness < least and not np.isclose(self.closeness, least)
         believed = [k for k in hypothesis.believed if k not in held]
         kept = known
         normal = {name: slow.by_start.T @ slow.by_start for name, slow in kept.items()}
@@ -249,8 +252,7 @@ class Fitter(Follower):
                     kept[c.name] = Slow(by_start * roots, by_value[:, believed])
                     normal[c.name] = kept[c.name].by_start.T @ kept[c.name].by_start
                 by_value[:, believed] = kept[c.name].by_believed
-                own, tied = kept[c.name].by_start, len(self.segments[c.name]) > 1
-                seen = self._seen(c) if tied else None
+                own, seen = kept[c.name].by_start, self._seen(c) if narrow else None
                 blocks.append(Blocks(r * roots[:, 0], by_value[:, at], own, normal[c.name], seen))
             return blocks
 

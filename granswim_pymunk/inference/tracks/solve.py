@@ -85,8 +85,9 @@ def descend(
 ) -> Numbers:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
 
-    stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised,
-    and twice as long each time new ones made them no better: then the valley is bent
+    stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised;
+    where starts are tied closely (``Blocks.seen``) twice as long each time new ones made them no better: then the
+    valley is bent
     Ends where chi2 falls by less than ``tolerance`` of itself, or by what no decision hangs on, after ``evaluations``,
     or when told.
     Source: Moré 1978, Lecture Notes in Mathematics 630, 105; the elimination is the bundle adjustment of
@@ -103,6 +104,7 @@ def descend(
     if stop():
         return values, starts
     blocks = differentiate(values, starts, residuals, fresh)
+    closely = any(b.seen is not None for b in blocks)
     while used < evaluations and not stop():
         step, steps, promised = _step(blocks, values, bounds, damping)
         new_values = np.clip(values + step, low, high)
@@ -120,7 +122,7 @@ def descend(
             poor = good < criteria.renewed
             patience = min(2 * patience, evaluations) if poor and fresh else patience
             age = 1 if fresh else age + 1
-            fresh = not stale or (poor and age >= patience)
+            fresh = not stale or (poor and (age >= patience or not closely))
             blocks = differentiate(values, starts, residuals, fresh)
         elif not fresh:
             fresh = True
