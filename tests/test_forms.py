@@ -90,6 +90,12 @@ def test_an_interval_holds_what_a_law_is_beside_another():
 def test_the_quantile_of_a_mixture():
     one = mixed_quantile(0.975, np.array([1.0]), np.array([2.0]), np.array([1.0]))
     assert one == pytest.approx(1.0 + 2.0 * 1.959964)
+    # of two, one has all the weight: rounding is no reason to end in an error
+    for part in (0.025, 0.975):
+        only = mixed_quantile(part, np.array([3.7e-4, 3.7e-4]), np.array([1e-9, 1e-9]), np.array([1.0, 0.0]))
+        assert only == pytest.approx(3.7e-4, rel=1e-4)
+        least = mixed_quantile(part, np.array([0.1, 0.3]), np.array([0.1, 1e-3]), np.array([1.0, 1e-320]))
+        assert least == pytest.approx(0.1 + (part > 0.5 or -1) * 0.1959964, rel=1e-3)
     far = mixed_quantile(0.975, np.array([0.0, 100.0]), np.array([1.0, 1.0]), np.array([0.5, 0.5]))
     assert far == pytest.approx(100.0 + 1.644854, abs=1e-3)
 

@@ -214,7 +214,8 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
         means = value + np.array(moved)[:, k]
         errors = np.sqrt(np.maximum(level * float(fit.covariance[k, k]) + np.array(variances)[:, k], 1e-300))
         ends = [mixed_quantile(part, means, errors, weights) for part in (0.025, 0.975)]
-        limits[k] = min(low, ends[0]), max(high, ends[1])
+        if np.isfinite(ends).all():
+            limits[k] = min(low, ends[0]), max(high, ends[1])
     return replace(fit, limits=limits)
 
 
@@ -232,12 +233,16 @@ def _likeliest_size(information: np.ndarray, gains: np.ndarray) -> tuple[float, 
 
 def mixed_quantile(part: float, means: np.ndarray, errors: np.ndarray, weights: np.ndarray) -> float:
     """Where a mixture of normal distributions has that part of its probability below."""
-    z = float(stats.norm.ppf(part))
-    ends = means + z * errors
+    ends = means + float(stats.norm.ppf(part)) * errors
     low, high = float(ends.min()), float(ends.max())
-    if high <= low:
+
+    def beyond(x: float) -> float:
+        return float(weights @ stats.norm.cdf((x - means) / errors)) - part
+
+    # by rounding alone where one of them has all the weight
+    if not beyond(low) < 0:
         return low
-    return float(brentq(lambda x: float(weights @ stats.norm.cdf((x - means) / errors)) - part, low, high))
+    return float(brentq(beyond, low, high)) if beyond(high) > 0 else high
 
 
 def _believed(case: Case, fitted: Collection[str]) -> Iterator[tuple[tuple[str, str, float, float], Case, Case]]:
@@ -276,9 +281,7 @@ def _end(fitter: Fitter, fit: Fit, k: int, spread: float, side: float, first: fl
             at = bound
         values = here.values.copy()
         values[k] = at
-        found = fitter.fit(
-            fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,), near=here
-        )
+        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=criteria.evaluations, held=(k,), near=here)
         # 1 at the end
         before, now = (math.sqrt(max(f.chi2 - fit.chi2, 0.0) / (criteria.level * spread)) for f in (here, found))
         away = abs(at - float(fit.values[k]))
