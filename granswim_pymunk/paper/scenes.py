@@ -17,7 +17,6 @@ LAYERS = {1: 5, 2: 11, 3: 18}  # height of the bed [cm]: layers of grains above
 AMPLITUDE = math.pi / 4
 RADIUS = 1.5e-3  # m, of a swimmer's disk
 DISKS = 7
-SWIMMER_LENGTH = 2 * RADIUS * DISKS  # m
 HEAD_MASS_FACTOR = 7.0
 DENSITY = 1004.0  # kg/m^3
 STIFFNESS = 2.2e3  # N/m, of a contact
