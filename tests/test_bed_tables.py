@@ -45,6 +45,14 @@ def test_a_number_believed_off_may_be_told_where_nothing_is_missing():
     assert bed_effects.judged(ROWS[0], verdict)[0] == "wrong"
 
 
+def test_a_law_that_is_claimed_beside_the_right_one_is_wrong():
+    verdict = empty_verdict("missing_physics", "m rms")
+    entries = [{"name": name, "parameters": {}} for name in ("linear_drag", "added_mass")]
+    verdict["rivals"] = []
+    assert bed_effects.judged(ROWS[0], verdict | {"mechanisms": entries[:1]})[0] == "right"
+    assert bed_effects.judged(ROWS[0], verdict | {"mechanisms": entries})[0] == "wrong"
+
+
 def test_an_interrupted_table_goes_on_where_it_stopped(diagnosed, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path)

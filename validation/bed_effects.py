@@ -224,6 +224,8 @@ def judged(row: Row, verdict: Mapping[str, Any]) -> tuple[str, str]:
             said = f"{p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}), {'holds' if inside else 'misses'}"
     if row.verdict == "no_mismatch" and verdict["verdict"] == "recalibrate":
         return "class", said  # what is adjustable is believed some per cent off: that may be told
+    if len(named) > 1 and set(named) - {row.name, *row.names}:
+        return "wrong", said  # a law that is not there is claimed beside it
     if row.verdict != verdict["verdict"]:
         same = row.verdict == "missing_physics" and set(named) & set(row.names)
         return ("class" if same else "wrong"), said

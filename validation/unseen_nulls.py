@@ -56,7 +56,8 @@ def diagnosed(recordings: Sequence[Path], minutes: float) -> dict[str, Any]:
     model = Packings([read_recording(r) for r in recordings], minutes=minutes)
     verdict = diagnose_by(model).verdict
     with using(EVERY):
-        place = next(iter(locate(model.plain.fit, verdict["verdict"]).values()))
+        # of what recalibration leaves: a stiffness that was off is no missing physics
+        place = next(iter(locate(model.plain.fit, "no_mismatch").values()))
     after = resource.getrusage(resource.RUSAGE_SELF)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return {
