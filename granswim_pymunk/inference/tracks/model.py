@@ -394,8 +394,8 @@ class Tracks(ObservationModel):
         self.beside_more = None
         if claim.laws and not left.complete and not told and not study.late(current().budget.remains):
             # something acts beside the laws: their intervals hold what they are where that is one of these
-            terms = [*self.tried.terms, *asked_terms(study.cases)]
-            few = [t for t in terms if len(t.free) <= current().left.numbers]
+            # not forms without a name: one by the speed holds a drag itself, whose number would then be any
+            few = [t for t in self.tried.terms if len(t.free) <= current().left.numbers]
             first = len(self.tried.recalibrated.values)
             self.beside_more = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
         return left
