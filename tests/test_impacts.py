@@ -170,3 +170,19 @@ def test_velocities_are_those_of_the_time_between_two_steps(end):
     met = math.sqrt(2 * height / g)
     v = -g * end if end < met else e * g * met - g * (end - met)
     assert simulation.state().v[0, 1] == pytest.approx(v, abs=2e-5)
+
+
+def test_a_clump_that_meets_without_end_comes_to_an_end():
+    """Disks in a box that a strong attraction presses together: gone to one by one, their impacts took minutes."""
+    rng = np.random.default_rng(1)
+    places = [(0.06 * (k % 5) + 0.01 * rng.random(), 0.06 * (k // 5) + 0.01 * rng.random()) for k in range(24)]
+    bodies = tuple(
+        Body(f"b{k}", "free", 0.015, 0.02, initial=(x, y, *0.3 * rng.normal(size=2))) for k, (x, y) in enumerate(places)
+    )
+    corners = [(-0.03, -0.03), (0.34, -0.03), (0.34, 0.34), (-0.03, 0.34)]
+    walls = tuple(Wall(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True))
+    laws = (use("contact_elastic", restitution=0.5), use("cohesion", force=150.0, range=0.07))
+    simulation = Simulation(Scene(bodies, laws, time=Time(dt=2e-4), walls=walls), averaged=True, stretch=5)
+    xy = simulation.sample(np.linspace(0.0, 0.03, 3))
+    assert np.isfinite(xy).all()
+    assert np.abs(xy).max() < 0.4

@@ -76,7 +76,7 @@ class SegmentCriteria:
     rivals : laws of impacts with which closer joints are tried, by first order. Choice
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
     most : numbers of all starts of a recording that are fitted. Choice: the work of a fit grows with their square, and
-        with a thousand a diagnosis takes some minutes; ten impacts of 25 disks, or fifty of five
+        with five hundred a diagnosis takes some minutes; five impacts of 25 disks, or twenty-five of five
     path : a path between two frames is at most so many times the longest way between two of three. Choice;  spare :
         of their radii, by which two bodies count as near each other before they touch. Choice
     """
@@ -102,7 +102,7 @@ class SegmentCriteria:
     joins: float = 0.05
     rivals: int = 3
     same_valley: float = 0.2
-    most: int = 1000
+    most: int = 500
     path: float = 1.5
     spare: float = 0.05
 
