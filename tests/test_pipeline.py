@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.inference.explained import Explained
+from granswim_pymunk.inference.hypothesis import Free
 from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
 from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel
 from granswim_pymunk.inference.pipeline import diagnose_by
@@ -167,8 +168,11 @@ class Toy(ObservationModel):
     def mechanisms(self, course):
         return [mechanism_entry(t.mechanism, "", ["a"], {}, None, course.held.gain) for t in course.judged.claim.laws]
 
-    def adjustables(self, course):
-        return {"k": (1.0, 0.5, None)}
+    def adjusted(self):
+        return {0: Free("k", "1", 0.0, 2.0, 1.0, 0.1)}
+
+    def interval(self, course, k):
+        return 1.0, 0.5, None
 
     def believed(self):
         return {"k": (1.0, 0.0, 2.0)}

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...errors import InputError
 from ..criteria import SegmentCriteria, current
 from ..data import Case
 from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
 from ..start import StartBody, first_numbers, number_scales
 from ..threads import ContextPool
-from .bearing import bearing, coloured, looks_around
+from .bearing import bearing, coloured, looks_around, together
 from .fitted import Fit
 from .segments import Segment, cut_by_growth, make_segments
 
@@ -350,10 +351,13 @@ class _Moved:
         self.frames = follower.frames[case.name]
         parts = follower._parts(case, numbers, self.frames)
         self.before = follower._through(case, hypothesis, values, parts, together=True)
-        scene, camera = hypothesis.scene(case, values)
-        self.bears = [bearing(case, scene, camera, run.predicted) for run in self.before]
-        # a spin goes from segment to segment, and with it what a body bears on
-        self.owner = {} if hypothesis.turns(case) or looks_around(scene) else hypothesis.owner
+        try:
+            scene, camera = hypothesis.scene(case, values)
+            self.bears = [bearing(case, scene, camera, run.predicted) for run in self.before]
+            # a spin goes from segment to segment, and with it what a body bears on
+            self.owner = {} if hypothesis.turns(case) or looks_around(scene) else hypothesis.owner
+        except InputError:  # numbers that no law takes: none of the runs could be made
+            self.bears, self.owner = [together(case.recording.scene) for _ in self.before], {}
         use = np.isfinite(case.values[self.frames])
         self.rows = np.full(case.values.shape, -1)
         self.rows[self.frames] = np.where(use, np.cumsum(use.ravel()).reshape(use.shape) - 1, -1)

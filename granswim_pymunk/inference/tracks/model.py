@@ -389,10 +389,9 @@ class Tracks(ObservationModel):
         return places
 
     def left(self, judged: Judgement) -> Left:
-        left, study, claim = self._left(judged), self.study, judged.claim
-        told = left.remains is not None and left.remains.looks_like.startswith(NOISE_ALONE)
+        (left, more), study, claim = self._left(judged), self.study, judged.claim
         self.beside_more = None
-        if claim.laws and not left.complete and not told and not study.late(current().budget.remains):
+        if claim.laws and more and not study.late(current().budget.remains):
             # something acts beside the laws: their intervals hold what they are where that is one of these
             # not forms without a name: one by the speed holds a drag itself, whose number would then be any
             few = [t for t in self.tried.terms if len(t.free) <= current().left.numbers]
@@ -400,7 +399,8 @@ class Tracks(ObservationModel):
             self.beside_more = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
         return left
 
-    def _left(self, judged: Judgement) -> Left:
+    def _left(self, judged: Judgement) -> tuple[Left, bool]:
+        """What is left, and whether that is more than noise in what was learnt from: held-out data move no interval."""
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
         complete = self.completeness(judged.claim.fit).passes
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
@@ -410,13 +410,13 @@ class Tracks(ObservationModel):
             self.notes.append(f"the scene as believed leaves more than noise: masses and radii are off, {told}")
         complete = complete and not off and not self._more_to_see(judged.claim.fit)
         if complete and judged.claim.laws and self._more_held_out():
-            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1]))
+            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
-            return Left(False, remains and replace(remains, looks_like=f"{NOISE_ALONE}{alike}"))
+            return Left(False, remains and replace(remains, looks_like=f"{NOISE_ALONE}{alike}")), False
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
-            return Left(complete, None)
-        return Left(False, self._remains(judged.claim))
+            return Left(complete, None), False
+        return Left(False, self._remains(judged.claim)), True
 
     def _more_held_out(self) -> bool:
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
