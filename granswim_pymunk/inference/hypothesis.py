@@ -89,7 +89,7 @@ class Hypothesis:
     def owner(self) -> dict[int, str]:
         """Of the numbers with a prior that are a radius or mass of one body, which body."""
         of_term = [term for term in self.terms for _ in term.free]
-        return {k: of_term[k].bodies[0] for k in self.believed if len(of_term[k].bodies or ()) == 1}  # type: ignore
+        return {k: bodies[0] for k in self.believed if len(bodies := of_term[k].bodies or ()) == 1}
 
     def priors(self, case: Case, values: Sequence[float] | np.ndarray) -> np.ndarray:
         """(k,) of the numbers with a prior that bear on a recording, how far they are off it in standard deviations.

@@ -509,11 +509,10 @@ def _turn(t: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
 def _extrapolated(t: np.ndarray, values: np.ndarray, k: int, sigma: float, turns: np.ndarray) -> np.ndarray:
     """|value - line through the k frames before it| over its standard deviation, NaN for the first k.
 
-    turns : (T,) by how much it may be off in any case.
-
     The line's own curvature is allowed for by what lines leave among these frames. A frame among them that is itself
     far off the line through the others is left out, or it would hide one that is no position: not the nearest, which
     may have been struck with the one that is looked at.
+    turns : (T,) by how much it may be off in any case
     """
     result = np.full(len(t), np.nan)
     if len(t) <= k:

@@ -16,6 +16,7 @@ from ..files import written_whole
 from ..recording import Recording
 from ..scene import Scene, Time
 from .criteria import Criteria, current
+from .hypothesis import NO_CAMERA
 
 Progress = Callable[[str, float], None]
 FORMAT = "granswim-verdict/2"
@@ -206,15 +207,14 @@ def plain_numbers(value: Any) -> Any:
 # ---- files -----------------------------------------------------------------------------------
 
 
-def with_camera(scene: Scene, camera: Mapping[str, Any]) -> Scene:
-    """A revised scene with the camera found wanting; nothing in it is adjustable any more."""
-    return replace(scene, adjustable=(), camera={k: list(v) if isinstance(v, tuple) else v for k, v in camera.items()})
-
-
 def handed_over(scene: Scene, camera: Mapping[str, Any], recording: Recording, **time: float) -> Scene:
-    """The scene of a recording with what was found in it, as it is given to the user; ``time``: see ``Time``."""
+    """The scene of a recording with what was found in it, as it is given to the user; ``time``: see ``Time``.
+
+    Of the ``camera`` it says what was found wanting; nothing in it is adjustable any more.
+    """
+    wanting = {k: list(v) if isinstance(v, tuple) else v for k, v in camera.items() if v != NO_CAMERA[k]}
     return replace(
-        with_camera(scene, camera), title=f"{recording.title or recording.name}, revised",
+        scene, adjustable=(), camera=wanting, title=f"{recording.title or recording.name}, revised",
         time=Time(**time, scheme=scene.time.scheme),
     )  # fmt: skip
 

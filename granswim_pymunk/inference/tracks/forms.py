@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ..candidates import asked_terms, owners
 from ..criteria import current
@@ -21,7 +20,7 @@ from ..mechanisms import plainly
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial, rows_of
-from .signatures import columns_of
+from .signatures import columns_of, stacked
 
 
 @dataclass(frozen=True)
@@ -46,17 +45,12 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
     more than that; numbers are paid for (AIC).
     first : of the numbers of the fit, where those of the laws begin
     """
-    starts = block_diag(*(fit.jacobian[c.name][1] for c in fitter.cases))
-    numbers = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
-    left = np.concatenate([fit.used(c.name) for c in fitter.cases])
-    taken = basis(starts)
-
-    def beside(vectors: np.ndarray) -> np.ndarray:
-        return np.asarray(vectors - taken @ (taken.T @ vectors))
+    whole = stacked(fitter, fit)
+    left, numbers = whole.left, whole.numbers
 
     def least(vector: np.ndarray, columns: np.ndarray) -> float:
-        q = basis(beside(columns))
-        vector = beside(vector)
+        q = basis(whole.beside(columns))
+        vector = whole.beside(vector)
         rest = vector - q @ (q.T @ vector)
         return float(rest @ rest)
 
@@ -68,7 +62,7 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
         others = np.delete(numbers, np.arange(rows.start, rows.stop), axis=1)
         for term in asked_terms(fitter.cases, owners(trial.term)):
             columns = columns_of(fitter, fit, term)[0]
-            more = basis(beside(columns)).shape[1] - trial.used
+            more = basis(whole.beside(columns)).shape[1] - trial.used
             rise = least(left + numbers[:, rows] @ mine, np.hstack([columns, others])) - now
             ahead = -rise / spread - 2 * more
             if columns.any() and ahead > (same if more > 0 else -same):

@@ -14,20 +14,19 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import stats
-from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term
-from ..linear import basis, project
+from ..linear import project
 from ..noise import averaged
 from ..significance import half_interval
 from .believed import error_name, with_error
 from .fit import Fitter
 from .fitted import Fit, information_of
 from .innovations import seen_by
-from .signatures import columns_of
+from .signatures import columns_of, stacked
 
 
 def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Callable[[], bool] = lambda: False) -> Fit:
@@ -174,18 +173,13 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
     p, taken = len(fit.values), {t.mechanism for t in fit.hypothesis.terms}
     if p <= first:
         return fit
-    starts = basis(block_diag(*(fit.jacobian[c.name][1] for c in fitter.cases)))
-
-    def beside(vectors: np.ndarray) -> np.ndarray:
-        return np.asarray(vectors - starts @ (starts.T @ vectors))
-
-    left = beside(np.concatenate([fit.used(c.name) for c in fitter.cases]))
-    numbers = beside(np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases]))
+    whole = stacked(fitter, fit)
+    left, numbers = whole.beside(whole.left), whole.beside(whole.numbers)
     own = np.linalg.pinv(numbers)
     company = []
     for term in terms:
         columns = columns_of(fitter, fit, term)[0] if term.mechanism not in taken else np.zeros((len(left), 0))
-        columns = beside(columns[:, columns.any(axis=0)])
+        columns = whole.beside(columns[:, columns.any(axis=0)])
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > 0] / size[size > 0]
         rest = columns - numbers @ (own @ columns)

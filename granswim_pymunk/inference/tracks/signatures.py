@@ -48,12 +48,30 @@ class Bank:
         return np.array([np.sum((s.directions.T @ left) ** 2, axis=0) for s in self.signatures])
 
 
-def _stack_nuisance(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal bases of the starts alone and of starts and free numbers together."""
-    starts = block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases))
-    free = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
-    left = free - starts @ (starts.T @ free)
-    return starts, np.hstack([starts, basis(left)])
+@dataclass(frozen=True)
+class Stacked:
+    """All recordings of a fit, one behind the other.
+
+    left : (n,) what the fit leaves;  numbers : (n, p) derivatives by its values
+    starts : (n, q) orthonormal, what the starts can take over
+    """
+
+    left: np.ndarray
+    numbers: np.ndarray
+    starts: np.ndarray
+
+    def beside(self, vectors: np.ndarray) -> np.ndarray:
+        """What the starts cannot take over of vectors (n,) or (n, k)."""
+        return np.asarray(vectors - self.starts @ (self.starts.T @ vectors))
+
+
+def stacked(fitter: Fitter, fit: Fit) -> Stacked:
+    """What a fit leaves of all recordings of a fitter, and its derivatives."""
+    return Stacked(
+        np.concatenate([fit.used(c.name) for c in fitter.cases]),
+        np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases]),
+        block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases)),
+    )
 
 
 def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
@@ -177,8 +195,9 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
 
     When the time is up the others have none, and are not fitted.
     """
-    starts, nuisance = _stack_nuisance(fitter, fit)
-    r = np.concatenate([fit.used(c.name) for c in fitter.cases])
+    whole = stacked(fitter, fit)
+    r, starts = whole.left, whole.starts
+    nuisance = np.hstack([starts, basis(whole.beside(whole.numbers))])
     left = r - nuisance @ (nuisance.T @ r)
     misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []

@@ -14,7 +14,7 @@ from ...scene import Scene
 from ..candidates import distinct_bodies, joints_by_body, owners, weighed
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import NO_CAMERA, Term, equation_with
+from ..hypothesis import Term, equation_with
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
@@ -130,8 +130,7 @@ def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
         scene = scene.with_initial(states(described, first_numbers(described), scene, t0))
     duration = float(case.t[-1] - case.t[0])
     spacing = duration / max(len(case.t) - 1, 1)
-    changed = {k: v for k, v in camera.items() if v != NO_CAMERA[k]}
-    return handed_over(scene, changed, case.recording, dt=dt, start=t0, duration=duration, output=spacing)
+    return handed_over(scene, camera, case.recording, dt=dt, start=t0, duration=duration, output=spacing)
 
 
 def used(case: Case, dt: float | None) -> Used:

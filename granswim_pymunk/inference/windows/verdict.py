@@ -14,7 +14,7 @@ from ...laws import all_laws
 from ...scene import Scene
 from ..criteria import current
 from ..flow import told_flow
-from ..hypothesis import NO_CAMERA, Failed, Hypothesis, Term
+from ..hypothesis import Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
 from ..places import Place
 from ..result import handed_over, mechanism_entry
@@ -89,9 +89,8 @@ def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws
     xy, v = BedPredictor(bed, cut=False).start_at(bed.half, (3, 0), camera)
     start = float(bed.film.t[bed.half])
     spacing = float(np.median(np.diff(bed.film.t)))
-    changed = {k: x for k, x in camera.items() if x != NO_CAMERA[k]}
     return handed_over(
-        replace(placed(scene, xy, v), bed=None), changed, bed.recording, dt=bed.dt,
+        replace(placed(scene, xy, v), bed=None), camera, bed.recording, dt=bed.dt,
         start=start + float(camera["time_offset"]), duration=float(bed.film.t[-1]) - start, output=spacing,
     )  # fmt: skip
 
