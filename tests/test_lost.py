@@ -7,7 +7,7 @@ import pytest
 
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.lost import missing, repeated
-from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording import Recording, read_recording, resolve_recording
 from granswim_pymunk.scene import Body, Scene
 
 NOISE = 3e-4  # m
@@ -73,6 +73,15 @@ def test_a_picture_that_is_shown_again_is_told_from_a_turning_point():
     # of whole pixels neighbouring frames are often the same
     pixels = np.round(flat(xy) / 1e-3) * 1e-3
     assert not repeated(pixels, [4e-4] * 2, [1e-3] * 2).any()
+
+
+@pytest.mark.parametrize("name", ["Tennis_Ball_1", "Golf_Ball_2"])
+def test_pixels_of_a_straightened_picture_are_no_picture_shown_again(name):
+    """A ball that is let go lies in the same pixel twice; the pixels are of different sizes, and on no grid."""
+    (folder,) = (f for f in resolve_recording("falling_balls") if f.name == name)
+    case = prepare(read_recording(folder), held_out=False, split=False)
+    assert np.isfinite(case.values).all()
+    assert not any("shows the picture before again" in note for note in case.notes)
 
 
 def test_a_recording_is_mended_and_says_so():

@@ -119,13 +119,23 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
 
 def grid_of(values: np.ndarray) -> float:
     """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none."""
+    step = least_step(values)
+    if not step:
+        return 0.0
+    levels = np.unique(values)
+    count = (levels - levels[0]) / step
+    return step if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
+
+
+def least_step(values: np.ndarray) -> float:
+    """The least difference between two of the values (T,) that are not the same, 0 where all are.
+
+    Values that are not written more finely differ by no less. Pixels of a picture that was straightened lie on no grid.
+    """
     levels = np.unique(values)
     steps = np.diff(levels)
     steps = steps[steps > current().noise.same_level * np.ptp(values)] if len(levels) > 1 else steps
-    if not len(steps):
-        return 0.0
-    count = (levels - levels[0]) / steps.min()
-    return float(steps.min()) if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def _scatter(t: np.ndarray, values: np.ndarray) -> float:
@@ -237,7 +247,7 @@ def _mended(
 
     Frames of ``values`` (T, c) that are there twice become NaN.
     """
-    again = repeated(values, sigmas, [grid_of(v[np.isfinite(v)]) for v in values.T])
+    again = repeated(values, sigmas, [least_step(v[np.isfinite(v)]) for v in values.T])
     values[again] = np.nan
     t, notes = np.array(recording.t), list[str]()
     if again.any():

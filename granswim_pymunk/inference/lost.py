@@ -74,15 +74,15 @@ def _jumps(t: np.ndarray, z: np.ndarray, degree: int, half: int, spacing: float)
     return found
 
 
-def repeated(values: np.ndarray, sigmas: Sequence[float], grids: Sequence[float]) -> np.ndarray:
+def repeated(values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]) -> np.ndarray:
     """(T,) frames that show what the one before shows, to the last digit, while bodies move: the same picture again.
 
-    values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each;  grids : (c,) their last digits
-    Two numbers of one size fall on the same point of their grid with probability g/(2 sigma sqrt(pi)). The cubic
-    through two frames on either side says where a body is, (4 (x_-1 + x_1) - x_-2 - x_2)/6, give or take
-    sigma sqrt(17/18).
+    values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
+    steps : (c,) how finely they are told
+    Two numbers of one size are told as the same with probability g/(2 sigma sqrt(pi)), g the step. The cubic through
+    two frames on either side says where a body is, (4 (x_-1 + x_1) - x_-2 - x_2)/6, give or take sigma sqrt(17/18).
     """
-    sigma, grid = np.asarray(sigmas, dtype=float), np.asarray(grids, dtype=float)
+    sigma, step = np.asarray(sigmas, dtype=float), np.asarray(steps, dtype=float)
     same = np.zeros(len(values), dtype=bool)
     if not (sigma > 0).all():
         return same
@@ -90,6 +90,6 @@ def repeated(values: np.ndarray, sigmas: Sequence[float], grids: Sequence[float]
     equal = ((values[1:] == values[:-1]) | ~(seen[1:] | seen[:-1])).all(axis=1)
     there = (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     off = np.abs(values[2:-2] - there) / (sigma * np.sqrt(1 + 17 / 18))
-    by_chance = np.minimum(grid / (2 * sigma * np.sqrt(np.pi)), 1.0) * 2 * stats.norm.sf(off)
+    by_chance = np.minimum(step / (2 * sigma * np.sqrt(np.pi)), 1.0) * 2 * stats.norm.sf(off)
     same[2:-2] = equal[1:-2] & (np.nanprod(by_chance, axis=1) < current().lost.chance)
     return same
