@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from granswim_pymunk.inference.candidates import named_terms
+from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.validation import swings
 
 VISCOUS = {"viscous": ("joint_drag (each body)",)}
@@ -29,6 +31,12 @@ def test_friction_takes_most_of_the_error_of_windows_away(tmp_path, capsys):
 def test_the_whole_swing_comes_with_the_package():
     recording = swings.import_double_pendulum(swings.shipped())
     assert recording.t[-1] == pytest.approx(48.0) and not recording.scene.laws_named("joint_drag")
+
+
+def test_every_law_of_the_table_is_a_candidate():
+    case = prepare(swings.import_double_pendulum(swings.shipped()), held_out=False, split=True)
+    known = {t.label for t in named_terms([case])}
+    assert {label for labels in swings.LAWS.values() for label in labels} <= known
 
 
 def test_what_is_no_table_is_one_line(tmp_path, capsys):

@@ -36,8 +36,8 @@ WINDOWS = (1.0, 4.0)  # s
 EACH = " (each body)"
 LAWS: dict[str, tuple[str, ...]] = {
     "viscous, in each joint": ("joint_drag" + EACH,),
-    "dry, in each joint": ("pin_friction" + EACH,),
-    "viscous and dry, in each joint": ("joint_drag" + EACH, "pin_friction" + EACH),
+    "dry, in each joint": ("joint_friction" + EACH,),
+    "viscous and dry, in each joint": ("joint_drag" + EACH, "joint_friction" + EACH),
     "drag of the air, of each arm": ("quadratic_drag" + EACH,),
 }
 
