@@ -20,7 +20,6 @@ from granswim_pymunk.inference.result import (
     check_verdict,
     empty_verdict,
     mechanism_entry,
-    with_camera,
 )
 from granswim_pymunk.inference.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.recording import Recording
@@ -54,7 +53,7 @@ def found(monkeypatch) -> Diagnosis:
     monkeypatch.setattr("granswim_pymunk.report.page.FILMS", {})
     scene = Scene((Body("a", "free", 1e-3, 1e-4, True, (0.0, 0.0, 0.1, 0.0)),))
     return Diagnosis(
-        "bed", verdict, {"one": scene, "two": with_camera(scene, {"scale": 1.01})}, evidence="numbers",
+        "bed", verdict, {"one": scene, "two": replace(scene, camera={"scale": 1.01})}, evidence="numbers",
         tables=(Table("Cases", ["name", "z"], [["a & b", "3"]], numeric=(1,)),),
         used=tuple(Used(name, TRAINING, 3, 0.2, "0" * 64, dt=1e-5) for name in ("one", "two")),
         believed={"bending.stiffness": (2e-3, 1e-3, 4e-3)}, seed=3,
