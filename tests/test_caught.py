@@ -9,9 +9,10 @@ import numpy as np
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.judge import Claim
 from granswim_pymunk.inference.tracks import model as tracks
+from granswim_pymunk.inference.tracks import name, study
 from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.recording import film
-from granswim_pymunk.scene import Body, Scene
+from granswim_pymunk.scene import Body, Scene, use
 
 
 def test_what_a_start_explains_is_no_law(monkeypatch):
@@ -43,3 +44,32 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
     monkeypatch.setattr(model, "_search", lambda: next(found))
     assert model.search(None).laws == () and model.null_after(None) == "another null"
     assert len(again) == 1 and again[0].chi2 < plain.chi2 + 1e-3 and model.tried.recalibrated is again[0]
+
+
+def test_laws_are_tried_again_from_where_a_caught_scene_got_free(monkeypatch):
+    """What laws do to first order, and their own fits, begin where the scene without them is: not where it was."""
+    disk = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.4, 0.1))
+    truth = Scene((disk,), (use("linear_drag", c=0.01),))
+    seen = film(truth, np.arange(0.0, 0.5, 0.01), rng=np.random.default_rng(1), noise=1e-4)
+    model = Tracks([replace(seen, scene=Scene((replace(disk, initial=None),), ()))])
+    model.recalibrate()
+    right = model.recalibrated_fit
+    wrong = {name: s + 0.3 for name, s in right.starts.items()}
+    caught = replace(model.study.fitter.fit(right.hypothesis, right.values, wrong, evaluations=0), chi2=1e7)
+    bases: list[Any] = []
+    tried = name.try_candidates
+
+    def counted(fitter, base, *rest, **more):
+        if "ahead" not in more:
+            bases.append(base)
+        return tried(fitter, base, *rest, **more)
+
+    monkeypatch.setattr(study, "try_candidates", counted)
+    found = study.tried_alone(model.study, caught, caught)
+    assert [b.chi2 for b in bases] == [1e7, found.recalibrated.chi2] and found.recalibrated.chi2 < 2 * right.chi2
+    drag = next(t for t in found.alive if t.mechanism == "linear_drag")
+    assert drag.gain > 30
+    # a scene that was not caught is asked once
+    bases.clear()
+    study.tried_alone(model.study, right, right)
+    assert len(bases) == 1

@@ -226,3 +226,33 @@ def test_a_form_that_predicts_later_data_worse_takes_no_name_away():
     assert found.verdict == "missing_physics" and found.free_form == 1.0
     # without a form that counts a name has to explain as much as beside one that explains nothing
     assert verdict_of(share(0.4), replace(closer, later=False)).verdict == "unmodelled"
+
+
+def test_held_out_data_tell_which_of_a_class_it_is_not():
+    """Training data say that it is one of three; the first is turned down, the second too, the third stands."""
+    other, last = (Claim((Law(f"{power}_drag", f"{power}_drag"),), power) for power in ("cubic", "quadratic"))
+
+    class Alike(Toy):
+        asked: tuple[Claim, ...] = (other, last)
+        good: tuple[Claim, ...] = (last,)
+
+        def alike(self, judged):
+            return self.asked
+
+        def hold_out(self, judged):
+            self.outcome = "holds" if judged.claim in self.good else "fails"
+            self.notes.append(f"looked at {judged.claim.laws[0].label}")
+            return super().hold_out(judged)
+
+    model = Alike()
+    found = diagnose_by(model).verdict
+    check_verdict(found)
+    assert [m["name"] for m in found["mechanisms"]] == ["quadratic_drag"] and found["heldout"] == "holds"
+    assert found["notes"][:2] == ["looked at linear_drag p=0", "looked at quadratic_drag"]  # nothing of what fell
+    assert "tell quadratic_drag from linear_drag p=0" in found["notes"][2]
+    # none of them holds: the first is withdrawn as ever, and the last look was at it
+    model = Alike()
+    model.good = ()
+    found = diagnose_by(model).verdict
+    assert found["verdict"] == "unmodelled" and found["rivals"][0]["name"] == "linear_drag"
+    assert model.notes.count("looked at linear_drag p=0") == 2 and "looked at quadratic_drag" not in model.notes

@@ -93,14 +93,19 @@ def explained(
     order0 = {u: k for k, u in enumerate(before.sums)}
     f0 = before.floor[:, [order0[u] for u in units]].sum(axis=1) / n.sum()
 
-    whole = float((s0 - f).sum())
+    total = float(n.sum())
+    before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
+    least = beyond * max(float(f0.std()), varies)
+    sure = before_left > least and len(units) > 1
+    # a sample in which hardly any mismatch was drawn, or one that is not sure by the rule for the whole, says nothing
+    # of its share
+    asked = max(current().blocks.drawn * abs(before_left), least if sure else 0.0) * total
 
     def share(a: np.ndarray, b: np.ndarray, floor: np.ndarray) -> np.ndarray:
         rest = b.sum(axis=-1) - floor.sum(axis=-1)
         with np.errstate(all="ignore"):
             value = np.minimum(1.0 - (a.sum(axis=-1) - floor.sum(axis=-1)) / rest, 1.0)
-        # a sample in which hardly any mismatch was drawn says nothing of its share
-        return np.where(rest > current().blocks.drawn * abs(whole), value, np.nan)
+        return np.where(rest > asked, value, np.nan)
 
     drawn = rng.integers(0, len(units), size=(criteria.bootstrap, len(units)))
     floor = f[drawn]
@@ -111,8 +116,5 @@ def explained(
         floor = np.take_along_axis(weights @ floors, drawn, axis=1)
     shares = share(s1[drawn], s0[drawn], floor)
     low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
-    total = float(n.sum())
-    before_left, left = float((s0 - f).sum() / total), float((s1 - f).sum() / total)
-    sure = before_left > beyond * max(float(f0.std()), varies) and len(units) > 1
     value = float(np.nan_to_num(share(s1, s0, f)))
     return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure, float(f0.std()))

@@ -106,9 +106,9 @@ class Course:
 class ObservationModel(ABC):
     """How one kind of recording is held against simulations.
 
-    The pipeline calls its methods from top to bottom, once each. What differs by kind is how far a simulation can
-    follow: whole tracks, windows of some milliseconds, or statistics over packings. All numbers in SI; chi2 is in units
-    of the expected spread, a gain a fall in chi2.
+    The pipeline calls its methods from top to bottom, once each; where laws are alike, some again. What differs by kind
+    is how far a simulation can follow: whole tracks, windows of some milliseconds, or statistics over packings. All
+    numbers in SI; chi2 is in units of the expected spread, a gain a fall in chi2.
 
     kind : as in ``Diagnosis.kind``;  notes : what a reader should know, in order;  progress : (what is done, share)
     tail : model of a place's p where it is below what replicates can show
@@ -155,6 +155,10 @@ class ObservationModel(ABC):
     def settle(self, judged: Judgement) -> Judgement:
         """The numbers of what is told, as they are written: intervals, runs of the scene as it is handed over."""
         return judged
+
+    def alike(self, judged: Judgement) -> Sequence[Claim]:
+        """Single laws that training data cannot tell from the one that was claimed, best first."""
+        return ()
 
     @abstractmethod
     def hold_out(self, judged: Judgement) -> HeldOut:

@@ -24,9 +24,9 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     claim = model.search(null)  # one to three laws that are needed together
     null = model.null_after(null)
     weighed = model.weigh(claim)  # what they explain of data that they were not fitted to
-    judged = judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
-    judged = model.settle(judged)
+    judged = model.settle(judge(claim, weighed, model.mismatch(claim), model.plain, model.notes))
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
+    judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
     left = model.left(judged)
@@ -37,6 +37,32 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     model.done()
     model.progress("done", 1.0)
     return found
+
+
+def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
+    """What stands where held-out data turn down a law that training data could not tell from others.
+
+    Training data say that it is one of a class; held-out data say which of them it is not.  The next one stands where
+    training data name it by the same rules and held-out data are predicted better with it; otherwise all is as it was.
+    """
+    if held.outcome != "fails" or len(judged.claim.laws) != 1 or judged.claim.nameless:
+        return judged, held
+    others = model.alike(judged)
+    told = len(model.notes)
+    for claim in others:
+        other = judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
+        other = model.settle(other)
+        if other.claim.laws and not other.claim.nameless:
+            found = model.hold_out(other)
+            if found.outcome == "holds":
+                model.notes.append(
+                    f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted"
+                    " worse than without; the data that were learnt from cannot"
+                )
+                return other, found
+        del model.notes[told:]  # of what was only tried
+    # what the model keeps of its last look belongs to the first claim again
+    return judged, model.hold_out(judged) if others else held
 
 
 def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:

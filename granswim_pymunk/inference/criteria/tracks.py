@@ -206,6 +206,7 @@ class RefitCriteria:
     staged : frames, beyond which fits take in a part of them first, ``stages``: shares of them. Choice
     evaluations : of a refit, ``few_evaluations`` of a law of more than ``many`` numbers. Choice
     unstuck : of chi2, by which a scene without a law has to do better from where one ended to have been stuck. Choice
+    rounds : in which candidates are tried, where a scene without a law that was stuck got free meanwhile. Choice
     leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts
     foreseen : of the fall of chi2 that first order promises, which a good search finds. Choice
     heat : of the frames, over which candidates are compared first;  heat_frames : from which that is worth it. Choice
@@ -230,6 +231,7 @@ class RefitCriteria:
     few_evaluations: int = 8
     many: int = 12
     unstuck: float = 1.0
+    rounds: int = 2
     leaders: int = 4
     foreseen: float = 0.5
     heat: float = 0.35

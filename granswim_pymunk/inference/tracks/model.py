@@ -312,6 +312,9 @@ class Tracks(ObservationModel):
         fit = with_doubt(self.fitter, fit, count, self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
+    def alike(self, judged: Judgement) -> Sequence[Claim]:
+        return [Claim((t,), t.fit) for t, same in self.beside(judged) if same]
+
     def hold_out(self, judged: Judgement) -> HeldOut:
         study, revised = self.study, judged.claim.fit
         study.progress("held-out data", 0.8)

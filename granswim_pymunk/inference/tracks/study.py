@@ -116,20 +116,25 @@ def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
 def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     """Each candidate alone, and the laws without a name beside them."""
     fitter, late, progress = study.fitter, study.late, study.progress
-    progress("signatures of the candidates", 0.1)
-    terms = named_terms(study.cases)
-    bank = make_bank(fitter, recalibrated, terms)
-    # whatever their units, later fits step by what changes the prediction as much as the noise does
-    terms = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
-    trials = try_candidates(
-        fitter,
-        recalibrated,
-        bank,
-        study.stages,
-        lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
-        lambda: late(current().budget.candidates),
-    )
-    recalibrated, trials = unstuck(fitter, recalibrated, trials)
+    named = named_terms(study.cases)
+    for _ in range(current().refits.rounds):
+        progress("signatures of the candidates", 0.1)
+        bank = make_bank(fitter, recalibrated, named)
+        # whatever their units, later fits step by what changes the prediction as much as the noise does
+        terms = [scaled_like(t, s.term) for t, s in zip(named, bank.signatures, strict=True)]
+        trials = try_candidates(
+            fitter,
+            recalibrated,
+            bank,
+            study.stages,
+            lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
+            lambda: late(current().budget.candidates),
+        )
+        free, trials = unstuck(fitter, recalibrated, trials)
+        stuck, recalibrated = free.chi2 < recalibrated.chi2 - price(len(named), 1), free
+        if not stuck or late(current().budget.candidates):
+            break
+        # what laws do was told, and their fits begun, where the scene was caught: again from where it got free
     again = fitter.fit(naive.hypothesis, naive.values, recalibrated.starts)
     naive = again if again.chi2 < naive.chi2 else naive
     progress("forces without a name", 0.52)
