@@ -23,7 +23,7 @@ from granswim_pymunk.inference.packings import diagnose_unseen
 from granswim_pymunk.inference.packings.amounts import Amount, amount_jobs
 from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
-from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer
+from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer, still_earned
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
 from granswim_pymunk.inference.packings.recalibrate import begin, recalibrate
@@ -556,11 +556,23 @@ def test_a_flow_without_speed_is_drag(world, push, named):
 
 def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
     laws = {"weak_joint at joint 4": [0.9], "linear_drag": [1.5 * world["linear_drag"].design[0, 0]]}
-    verdict = diagnose_unseen(filmed(laws, 4)).verdict
+    found = diagnose_unseen(filmed(laws, 4))
+    verdict = found.verdict
     assert verdict["verdict"] == "missing_physics"
     assert {m["name"] for m in verdict["mechanisms"]} == {"weak_joint", "linear_drag"}
     drag = next(m for m in verdict["mechanisms"] if m["name"] == "linear_drag")["parameters"]["c"]
     assert abs(drag["value"] - laws["linear_drag"][0]) < 0.75 * (drag["high"] - drag["low"])
+    # both stand with the scene's own contacts; one that is within chance of none there, or at its bound, does not
+    f = found.evidence
+    assert still_earned(f) == f.found
+    at = len(f.search.adjust) + sum(t.numbers for t in f.found[: [t.mechanism for t in f.found].index("linear_drag")])
+    for value in (0.3 * np.sqrt(f.revised.told[at, at]), 0.0):  # nearly absent; at the end of what it can be
+        u = f.revised.u.copy()
+        u[at] = value
+        f.search.notes.clear()
+        (left,) = still_earned(replace(f, revised=replace(f.revised, u=u)))
+        assert left.mechanism == "weak_joint" and len(left.fit.u) == len(u) - 1
+        assert any("linear_drag" in note for note in f.search.notes)
 
 
 def test_nothing_is_named_in_packings_of_the_world(world):

@@ -215,14 +215,18 @@ def _to_first_order(s: Search, t: Trial) -> Trial:
 
 def sensible(s: Search, t: Trial) -> bool:
     """Whether a fitted law can be an explanation: not at a bound of its declaration, no scale far off."""
-    assert t.fit is not None
-    ended = ended_at_bound(zip(t.term.free, map(float, t.values()), strict=True))
+    return _sound(s, t.candidate, t.values())
+
+
+def _sound(s: Search, x: Candidate, values: np.ndarray) -> bool:
+    """As ``sensible``, of a candidate with these numbers of its own, alone or beside another."""
+    ended = ended_at_bound(zip(x.term.free, map(float, values), strict=True))
     if ended is not None:
-        s.notes.append(f"{t.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
+        s.notes.append(f"{x.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
         return False
-    value = float(t.values()[0])
-    if t.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
-        s.notes.append(f"{t.label} is no explanation: {t.term.free[0].name} would be {value:.3g}")
+    value = float(values[0])
+    if x.name == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
+        s.notes.append(f"{x.label} is no explanation: {x.term.free[0].name} would be {value:.3g}")
         return False
     return True
 
@@ -340,7 +344,11 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
         _level(s)
         found = fit(found.model, s.means, s.training)
         assert first.fit is not None
-        if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1) or not _earned(s, pair, found, cost):
+        if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1):
+            continue
+        if min(_from_absence(s, pair, found, found.covariance)) < cost:
+            continue
+        if not all(_sound(s, *own) for own in _own(s, pair, found)):
             continue
         gains = first.fit.objective - found.objective
         known = {t.label: t for t in s.trials}
@@ -361,16 +369,47 @@ def _simpler(s: Search, pair: list[Candidate], found: Fit) -> list[Candidate]:
     return result
 
 
-def _earned(s: Search, laws: Sequence[Candidate], found: Fit, cost: float) -> bool:
-    """Whether each law of a set is as far from its absence as its price asks."""
+def _own(s: Search, laws: Sequence[Candidate], found: Fit) -> list[tuple[Candidate, np.ndarray]]:
+    """Each law of a set with its own numbers in a fit."""
+    ends = len(s.adjust) + np.cumsum([x.size for x in laws])
+    return [(x, found.u[end - x.size : end]) for x, end in zip(laws, ends, strict=True)]
+
+
+def _from_absence(s: Search, laws: Sequence[Candidate], found: Fit, covariance: np.ndarray) -> list[float]:
+    """How far each law of a set is from its absence, in chi2 of its numbers: what its price is held against."""
     at = len(s.adjust)
-    for x in laws:
-        away = found.u[at : at + x.size] - x.neutral
-        own = found.covariance[at : at + x.size, at : at + x.size]
-        if float(away @ np.linalg.pinv(own) @ away) < cost:
-            return False
+    result = []
+    for x, own in _own(s, laws, found):
+        away, spread = own - x.neutral, covariance[at : at + x.size, at : at + x.size]
+        result.append(float(away @ np.linalg.pinv(spread) @ away))
         at += x.size
-    return True
+    return result
+
+
+def still_earned(f: Finding) -> list[Trial]:
+    """Of two laws those that earn their price beside the other in the scene as it is given to the user, too.
+
+    The search ran with softer contacts and fewer packings, and what differs there looks like a weak second law. The
+    one that is left stands with its own fit; of two that do not earn it, the one that is farther from absent.
+    """
+    s, both = f.search, [t.candidate for t in f.found]
+    if len(both) != 2:
+        return f.found
+    cost = price(max(sum(not t.reason for t in s.trials), 2))
+    away = _from_absence(s, both, f.revised, f.revised.told)
+    stand = [d >= cost and _sound(s, *own) for d, own in zip(away, _own(s, both, f.revised), strict=True)]
+    if all(stand):
+        return f.found
+    kept = both[int(np.argmax([d + (math.inf if good else 0.0) for d, good in zip(away, stand, strict=True)]))]
+    alone = next(t for t in s.trials if t.label == kept.label)
+    if alone.fit is None:
+        again(s, alone, 0.93, 2, s.sizes.leader)
+    if alone.fit is None:
+        return f.found
+    gone = next(x for x in both if x is not kept)
+    told = "with the scene's own contacts it is not beyond chance"
+    s.notes.append(f"{gone.label} is not named beside {kept.label}: {told}")
+    return [alone]
 
 
 # ---- what is explained ------------------------------------------------------------------------------

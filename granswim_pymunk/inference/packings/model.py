@@ -14,7 +14,7 @@ from ..criteria import current
 from ..criteria.packings import Sizes
 from ..explained import Explained
 from ..hypothesis import Free
-from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed
+from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
 from ..places import Place
@@ -36,7 +36,7 @@ from .checks import (
     rest_of,
     shifted,
 )
-from .conclude import Curve, Finding, explained, named_laws
+from .conclude import Curve, Finding, explained, named_laws, still_earned
 from .recalibrate import begin, recalibrate
 from .refitting import goodness
 from .runs import Runner, workers
@@ -134,6 +134,11 @@ class Packings(ObservationModel):
         s = self.state
         self.goodness = goodness(s, finding.revised, len(finding.revised.u))
         confirm(finding, [t for t, _ in self.near] + [t for t, _ in judged.closest])
+        stay = still_earned(finding)
+        if len(stay) < len(finding.found):
+            assert stay[0].fit is not None
+            claim = Claim(tuple(stay), Finding(s, stay, stay[0].fit, "", False))
+            return self.settle(judge(claim, self.weigh(claim), self.mismatch(claim), self.plain, self.notes))
         if finding.found:
             self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)
         return judged
