@@ -575,6 +575,32 @@ def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
         assert any("linear_drag" in note for note in f.search.notes)
 
 
+def test_what_is_left_of_two_laws_is_weighed_and_run_by_itself(world, monkeypatch):
+    """As a diagnosis that found one: with its own fit, share, runs and held-out errors."""
+
+    asked = []
+
+    def first(f):
+        asked.append(len(f.found))
+        u = f.revised.u.copy()
+        at = len(f.search.adjust)
+        for t in f.found:
+            if t.mechanism == "linear_drag":
+                u[at] = 1e-12
+            at += t.numbers
+        return still_earned(replace(f, revised=replace(f.revised, u=u)))
+
+    monkeypatch.setattr("granswim_pymunk.inference.packings.model.still_earned", first)
+    laws = {"weak_joint at joint 4": [0.7], "linear_drag": [0.6 * world["linear_drag"].design[0, 0]]}
+    found = diagnose_unseen(filmed(laws, 4, 1))
+    verdict, f = found.verdict, found.evidence
+    assert asked == [2, 1]
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == "weak_joint" and [t.mechanism for t in f.found] == ["weak_joint"] and f.true
+    assert verdict["fit"]["heldout"]["revised"] < verdict["fit"]["heldout"]["recalibrated"]
+    assert [law.name for law in next(iter(found.revised.values())).laws].count("weak_joint") == 1
+
+
 def test_nothing_is_named_in_packings_of_the_world(world):
     """The stiffness is off by a few per cent in half of them: that is recalibrated, and nothing is missing."""
     left, ranks = [], []

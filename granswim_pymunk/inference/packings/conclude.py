@@ -21,6 +21,8 @@ from .response import Fit, fit, spread_of, whitened
 from .screening import Bank, counts, extended, model_of
 from .state import NAIVE, Search, Trial, base_point, rounded
 
+BY_CHANCE = "with the scene's own contacts it is not beyond chance"
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -390,26 +392,25 @@ def still_earned(f: Finding) -> list[Trial]:
     """Of two laws those that earn their price beside the other in the scene as it is given to the user, too.
 
     The search ran with softer contacts and fewer packings, and what differs there looks like a weak second law. The
-    one that is left stands with its own fit; of two that do not earn it, the one that is farther from absent.
+    one that is left stands with its own fit; of two that do not earn it, the one that is farther from absent. None,
+    where that one alone is no explanation.
     """
     s, both = f.search, [t.candidate for t in f.found]
     if len(both) != 2:
         return f.found
     cost = price(max(sum(not t.reason for t in s.trials), 2))
-    away = _from_absence(s, both, f.revised, f.revised.told)
-    stand = [d >= cost and _sound(s, *own) for d, own in zip(away, _own(s, both, f.revised), strict=True)]
-    if all(stand):
+    own = _own(s, both, f.revised)
+    far = _from_absence(s, both, f.revised, f.revised.told)
+    away = [d if _sound(s, *law) else -1.0 for d, law in zip(far, own, strict=True)]
+    if min(away) >= cost:
         return f.found
-    kept = both[int(np.argmax([d + (math.inf if good else 0.0) for d, good in zip(away, stand, strict=True)]))]
+    kept, gone = (both[k] for k in np.argsort(away)[::-1])
+    if 0 <= min(away):
+        s.notes.append(f"{gone.label} is not named beside {kept.label}: {BY_CHANCE}")
     alone = next(t for t in s.trials if t.label == kept.label)
     if alone.fit is None:
         again(s, alone, 0.93, 2, s.sizes.leader)
-    if alone.fit is None:
-        return f.found
-    gone = next(x for x in both if x is not kept)
-    told = "with the scene's own contacts it is not beyond chance"
-    s.notes.append(f"{gone.label} is not named beside {kept.label}: {told}")
-    return [alone]
+    return [alone] if alone.fit is not None and sensible(s, alone) else []
 
 
 # ---- what is explained ------------------------------------------------------------------------------

@@ -136,8 +136,8 @@ class Packings(ObservationModel):
         confirm(finding, [t for t, _ in self.near] + [t for t, _ in judged.closest])
         stay = still_earned(finding)
         if len(stay) < len(finding.found):
-            assert stay[0].fit is not None
-            claim = Claim(tuple(stay), Finding(s, stay, stay[0].fit, "", False))
+            alone = stay[0].fit if stay else None
+            claim = self.plain if alone is None else Claim(tuple(stay), Finding(s, stay, alone, "", False))
             return self.settle(judge(claim, self.weigh(claim), self.mismatch(claim), self.plain, self.notes))
         if finding.found:
             self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)
