@@ -127,3 +127,32 @@ def test_no_two_of_a_group_are_felt_by_the_same_bodies():
             for segment in range(3):
                 named = [c for k in group for c in felt[k][segment]]
                 assert len(named) == len(set(named))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_step_beyond_a_glancing_impact_is_no_derivative(side):
+    """A disk that passes another by less than a step, on either side: its path moves by as much as its start does."""
+    t = np.arange(0.0, 1.0, 1 / 100)
+    begin, speed = np.array([[0.0, 0.0], [0.25, side * (0.08 + 2e-7)]]), np.array([[0.5, 0.01], [0.003, 0.01]])
+    seen = begin + t[:, None, None] * speed
+    bodies = tuple(Body(n, "free", 0.04, 0.02) for n in "ab")
+    scene = Scene(bodies, (use("contact_elastic", restitution=0.9),))
+    cases = prepare_all([Recording(
+        name="r", scene=scene, t=t, ids=("a", "b"), xy=seen, sampling=100.0, position_noise=1e-4,
+    )])  # fmt: skip
+    follower = Follower(cases, Predictor(time_steps(cases)), whole=True)
+    numbers = follower.first_numbers("r")
+    here = follower._vector(cases[0], Hypothesis(), np.zeros(0), numbers)
+    assert np.abs(here).max() < 1e-6  # they do not meet
+    steps = 0.1 * follower.number_scales("r")
+
+    def change(k: int, step: float) -> float:
+        moved = numbers.copy()
+        moved[k] += step
+        return float(np.linalg.norm(follower._vector(cases[0], Hypothesis(), np.zeros(0), moved) - here))
+
+    one, other = (np.array([change(k, sign * step) for k, step in enumerate(steps)]) for sign in (1.0, -1.0))
+    beyond = (one > 50) & (other < 0.5 * one)
+    assert beyond.any() and not beyond.all()
+    _, by_start = follower._sensitivity(cases[0], Hypothesis(), np.zeros(0), numbers, False, here)
+    np.testing.assert_allclose(np.linalg.norm(by_start, axis=0), np.where(beyond, other, one) / steps, rtol=1e-6)

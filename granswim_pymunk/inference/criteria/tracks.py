@@ -122,6 +122,9 @@ class FitCriteria:
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
     straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
         by a secant; ``updates``: how often, until they are taken anew. Choice
+    jump : standard deviations that a step changes the prediction by, in all, from which the derivative is asked on the
+        other side, too;  unlike : of the larger one, below which the smaller one is taken: the step went beyond an
+        impact. Choices
     own : numbers of the starts of one recording, from which they are eliminated. Choice: two free bodies;
         ``many``: from which their normal equations stand in for singular values
     hopeless : innovation of a run that failed, in standard deviations: the step is taken back
@@ -145,6 +148,8 @@ class FitCriteria:
     renewed: float = 0.25
     straight: float = 0.1
     updates: int = 3
+    jump: float = 50.0
+    unlike: float = 0.5
     own: int = 8
     many: int = 60
     hopeless: float = 1e6

@@ -298,7 +298,7 @@ class Follower:
             steps[0, k] = step
         if starts_too:
             steps[0, p:] = 0.1 * self.number_scales(case.name)
-        result = run.derivatives(steps)
+        result = run.calmer(steps, run.derivatives(steps))
         return result[:, :p], result[:, p:]
 
     def _central(self, case: Case, fit: Fit, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -376,6 +376,28 @@ class _Moved:
             for move, runs in self._all(groups):
                 self._add(move, runs, result[:, move.column])
         return result / np.maximum(np.abs(steps).sum(axis=0), np.finfo(float).tiny)
+
+    def calmer(self, steps: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """Derivatives (n, p), from the other side where a step went beyond an impact.
+
+        A disk that passes another closely touches it, or does not, after a small step: the difference over it is of
+        two courses of events, and no derivative. Where a step changes much, that to the other side is asked as well,
+        and the smaller one taken where they are unlike.
+
+        steps : (1, p) as in ``derivatives``, which gave what was ``found``
+        """
+        fits, free = current().fits, len(self.values)
+        far = np.flatnonzero(np.linalg.norm(found, axis=0) * np.abs(steps[0]) > fits.jump)
+        back = np.zeros_like(steps)
+        back[0, far] = -steps[0, far]
+        low, high = self.hypothesis.bounds
+        there = self.values + back[0, :free]
+        back[0, :free][(there < low) | (there > high)] = 0.0
+        if not back.any():
+            return found
+        other = self.derivatives(back)
+        lengths = np.linalg.norm(other, axis=0), np.linalg.norm(found, axis=0)
+        return np.where((back[0] != 0) & (lengths[0] < fits.unlike * lengths[1]), other, found)
 
     def _values(self, moves: Sequence[Move]) -> list[list[Move]]:
         """Values in groups that are moved in one run: those of single bodies that do not bear on one another."""
