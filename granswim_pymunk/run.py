@@ -35,7 +35,7 @@ from .files import claimed, refuse_links, writing, written_whole
 from .limits import MOST_PICTURES, MOST_STATES, MOST_STEPS, check_seed
 from .packing import pack, quality
 from .render import Painter, Scale, body_force, frame_options
-from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, look, make_room
+from .run_folder import CHECKPOINT, PICTURES, REPORT, SCENE, TRAJECTORY, Earlier, look, make_room
 from .run_folder import VIDEOS as VIDEO_NAMES
 from .scene import Scene, Time, read_scene
 from .trajectory import TrajectoryWriter, read_trajectory
@@ -217,14 +217,16 @@ def resume_run(out: str | Path, *, quiet: bool = False) -> RunResult:
     """Go on with a run that was stopped, from the checkpoint in its folder.
 
     States and frames that were written after the checkpoint are computed again; the result is that of a run that
-    was never stopped, bit for bit in modes verlet and chipmunk. Raises InputError where the folder has no
-    checkpoint of a run, or a damaged one.
+    was never stopped, bit for bit in modes verlet and chipmunk. Raises InputError where the run is finished, or the
+    folder has no checkpoint of a run or a damaged one.
     """
     if not Path(out).is_dir():
         raise InputError("no such folder", file=out)
     run = _Run(quiet)
     with claimed(out) as folder:
         refuse_links(folder, [SCENE, REPORT, TRAJECTORY, CHECKPOINT, PICTURES, *VIDEO_NAMES])
+        if not (folder / CHECKPOINT).exists() and Earlier.find(folder).reason == "finished":
+            raise InputError("the run is finished: there is nothing to go on with", file=folder)
         with run.timed("setting up"):
             sim, _, note = resume(folder / CHECKPOINT)
             note = _checked(note, folder / CHECKPOINT)

@@ -145,7 +145,7 @@ def two_falling() -> Scene:
     return Scene(bodies, laws=(use("contact_linear", stiffness=2e5, damping=1e2),), time=Time(dt=2e-6, duration=0.01))
 
 
-def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on(tmp_path, monkeypatch, capsys):
     """Stopped in the middle and gone on with: trajectory and frames of the run that was never stopped."""
     write_scene(two_falling(), tmp_path / "two.toml")
     more = {"frames": 9, "video": "none", "quiet": True}
@@ -171,6 +171,12 @@ def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
     for frame in whole.frames:
         assert frame.read_bytes() == (tmp_path / "part" / "frames" / frame.name).read_bytes()
     assert not (tmp_path / "part" / CHECKPOINT).exists()
+    capsys.readouterr()
+    assert main(["run", "--resume", str(tmp_path / "part")]) == 2
+    assert capsys.readouterr().err.strip().splitlines() == [
+        f"granswim run: {tmp_path / 'part'}: the run is finished: there is nothing to go on with"
+    ]
+    (tmp_path / "part" / "run.json").unlink()
     with pytest.raises(InputError, match="no such file"):
         resume_run(tmp_path / "part", quiet=True)
 
