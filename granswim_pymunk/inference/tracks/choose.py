@@ -40,11 +40,14 @@ def worth(trial: Trial, spread: float) -> float:
     return trial.gain / spread - 2 * trial.used
 
 
-def absurd(trial: Trial) -> str:
-    """Why the numbers of a law make no sense for the apparatus; empty where they do."""
+def absurd(trial: Trial, rows: slice | None = None) -> str:
+    """Why the numbers of a law make no sense for the apparatus; empty where they do.
+
+    rows : where they lie among those of its fit; the last ones where left out
+    """
     if trial.fit is None:
         return ""
-    own = trial.fit.values[len(trial.fit.values) - trial.numbers :]
+    own = trial.fit.values[rows or slice(len(trial.fit.values) - trial.numbers, None)]
     ended = ended_at_bound(zip(trial.term.free, map(float, own), strict=True))
     return "" if ended is None else f"{ended[0]} ends at {ended[1]:g}, where its search ends"
 

@@ -66,7 +66,7 @@ from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
 from .score_test import chance_of_more
-from .settle import apparatus_beside, known_together, within_belief
+from .settle import apparatus_beside, known_together, with_numbers_that_were_found, within_belief
 from .signatures import make_bank
 from .study import (
     Study,
@@ -209,6 +209,14 @@ class Tracks(ObservationModel):
         self.spread = spread_of(revised, study.training) if found else tried.spread
         if found:
             self.tried, self.fitter, found, revised = finely(study, tried, self.fitter, found, revised, self.spread)
+            plain, spread = self.tried.recalibrated, spread_of(revised, study.training)
+            found, revised, gone = with_numbers_that_were_found(self.fitter, plain, found, revised, spread)
+            self.dropped |= gone
+            if gone:
+                # what could stand in place of one of several laws stood beside those that are gone, too
+                self.near = []
+                self.fitter = self.fitter if found else study.fitter
+                self.spread = spread_of(revised, study.training) if found else tried.spread
         return Claim(tuple(found), revised)
 
     def weigh(self, claim: Claim) -> Weighed:

@@ -15,7 +15,7 @@ from ..criteria import current
 from ..hypothesis import Term
 from ..significance import price
 from ..simpler import special_cases
-from .choose import choose, worth
+from .choose import absurd, choose, worth
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial, is_limit, is_part, label_of, pair_gains, refit, rows_of
@@ -355,7 +355,8 @@ class Exchange:
 def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Exchange]:
     """Laws in place of one of the two found, the best of each name, best first.
 
-    Beside the other one alone they are ranked by signatures, and those that come near are refitted.
+    Beside the other one alone they are ranked by signatures, and those that come near are refitted; of which a number
+    ends at its bound, none stays.
     """
     result: dict[str, Exchange] = {}
     first, spread = search.first, search.spread(revised)
@@ -372,7 +373,7 @@ def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Excha
             trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
             best = result.get(trial.mechanism)
-            if trial.gain > 0 and (best is None or trial.gain > best.trial.gain):
+            if trial.gain > 0 and not absurd(trial) and (best is None or trial.gain > best.trial.gain):
                 result[trial.mechanism] = Exchange(keep, replaced, trial, float(ahead))
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 

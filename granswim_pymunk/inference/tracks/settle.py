@@ -15,6 +15,7 @@ from ..hypothesis import Free, Term
 from ..linear import project
 from ..simpler import all_absent, by_chance, special_cases
 from .believed import stated_terms
+from .choose import absurd
 from .fit import Fitter
 from .fitted import Fit
 from .intervals import with_believed_errors
@@ -137,6 +138,48 @@ def that_earn_their_place(
         dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
         found, revised = search.as_in(fit, fewer), fit
     return found, revised, dropped
+
+
+def with_numbers_that_were_found(
+    fitter: Fitter, base: Fit, found: Sequence[Trial], revised: Fit, spread: float
+) -> tuple[list[Trial], Fit, dict[str, str]]:
+    """The laws without those of which a number ended where its search ends: such a number was not found.
+
+    Laws and faults of the apparatus alike, by the rule for one alone (``absurd``); a fault beside laws also where its
+    interval reaches that far: it may be as large as none is. One after the other, that without which chi2 is least, and
+    the rest refitted: a number may lie at its bound because of another that does. None stays where all did. Also why
+    each went, by its name.
+    spread : inflation of variances by what the fit leaves
+    """
+    found, dropped, first = list(found), dict[str, str](), len(base.values)
+    while found:
+        best: tuple[Fit, int, str] | None = None
+        rows = rows_of(found, first)
+        for k, trial in enumerate(found):
+            why = absurd(replace(trial, fit=revised), rows[k])
+            if not why and trial.apparatus and not all(t.apparatus for t in found):
+                why = _unsure(trial, revised, rows[k], spread)
+            if not why:
+                continue
+            hypothesis = base.hypothesis.with_term(*(t.term for t in found if t is not trial))
+            begin = np.delete(revised.values, rows[k])
+            evaluations = current().intervals.refit
+            fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=evaluations) if len(found) > 1 else base
+            best = (fit, k, why) if best is None or fit.chi2 < best[0].chi2 else best
+        if best is None:
+            break
+        revised, k, why = best
+        dropped[found.pop(k).mechanism] = why
+        found = [replace(t, fit=revised, gain=base.chi2 - revised.chi2) for t in found]
+    return found, revised, dropped
+
+
+def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:
+    """Which strength of a fault has an interval that reaches where its search ends; empty where none does."""
+    for k, free in enumerate(trial.term.free, rows.start):
+        if not free.inner and _endless(free, fit.interval(k, spread)[1:]):
+            return f"the interval of {free.name} reaches where its search ends"
+    return ""
 
 
 def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit) -> tuple[list[Trial], Fit]:

@@ -1,0 +1,95 @@
+"""A number that ended where its search ends is no explanation, of a law or of the apparatus."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from granswim_pymunk import diagnose
+from granswim_pymunk.inference.candidates import named_terms
+from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.settle import with_numbers_that_were_found
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.steps import time_steps
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.scene import Body, Scene, use
+
+G, MASS, STIFFNESS, MU = 9.81, 0.2, 10.0, 0.08
+NOISE = 2e-4  # m
+
+
+def block(duration: float) -> Recording:
+    """A block on a spring rubs on a table: m x'' = -k x - mu m g sign(x'), sharper about rest than the fitted law.
+
+    All lengths s times as large with a friction s times as strong are the same motion but for what is about rest.
+    """
+
+    def rate(_, y):
+        return [y[1], -STIFFNESS / MASS * y[0] - MU * G * math.tanh(y[1] / 5e-4)]
+
+    t = np.arange(int(duration * 120)) / 120
+    how = {"method": "LSODA", "rtol": 1e-8, "atol": 1e-10, "max_step": 2e-3}
+    path = solve_ivp(rate, (0, t[-1]), [0.1, 0.0], t_eval=t, **how).y[0]
+    xy = np.column_stack([path, np.zeros(len(t))])[:, None]
+    xy = np.round(xy + NOISE * np.random.default_rng(0).normal(size=xy.shape), 7)
+    scene = Scene((Body("block", "free", 0.02, MASS),), (use("spring", anchor=(0.0, 0.0), stiffness=STIFFNESS),))
+    return Recording("block", scene, t, ("block",), xy, sampling=120.0, position_noise=NOISE)
+
+
+def test_a_picture_at_its_bound_is_not_named_beside_a_friction():
+    """The picture took up how sharply the friction turns, its scale ended at 0.7, and friction was told as 0.114."""
+    verdict = diagnose([block(6.0)]).verdict
+    (only,) = verdict["mechanisms"]
+    assert only["name"] == "coulomb_substrate"
+    assert only["parameters"]["mu"]["value"] == pytest.approx(MU, rel=0.02)
+    assert any("camera_" in n and "not named" in n and "where its search ends" in n for n in verdict["notes"])
+
+
+@pytest.fixture(scope="module")
+def fits():
+    case = prepare(block(2.0), held_out=False, split=True)
+    fitter = Fitter([case], Predictor(time_steps([case])))
+    base = fitter.fit(Hypothesis(), None)
+    terms = {t.label: t for t in named_terms([case])}
+    return fitter, base, terms
+
+
+def trials(fitter, base, terms, *names):
+    return [Trial.untried(s) for s in make_bank(fitter, base, [terms[n] for n in names]).signatures]
+
+
+@pytest.mark.parametrize("order", [("coulomb_substrate", "camera_scale"), ("camera_scale", "coulomb_substrate")])
+def test_the_rest_is_fitted_again(fits, order):
+    fitter, base, terms = fits
+    begin = {"coulomb_substrate": MU / 0.7, "camera_scale": 0.7}
+    hypothesis = base.hypothesis.with_term(*(terms[n] for n in order))
+    held = (order.index("camera_scale"),)
+    both = fitter.fit(hypothesis, [begin[n] for n in order], base.starts, held=held)
+    found, fit, dropped = with_numbers_that_were_found(fitter, base, trials(fitter, base, terms, *order), both, 1.0)
+    assert [t.mechanism for t in found] == ["coulomb_substrate"] and list(dropped) == ["camera_scale"]
+    assert fit.values == pytest.approx([MU], rel=0.02)
+    assert found[0].fit is fit and found[0].gain == base.chi2 - fit.chi2
+
+
+def test_numbers_within_their_bounds_stay(fits):
+    fitter, base, terms = fits
+    names = ("coulomb_substrate", "tracking_bias")
+    hypothesis = base.hypothesis.with_term(*(terms[n] for n in names))
+    both = fitter.fit(hypothesis, [MU, 0.0, 0.0], base.starts)
+    found, fit, dropped = with_numbers_that_were_found(fitter, base, trials(fitter, base, terms, *names), both, 1.0)
+    assert len(found) == 2 and fit is both and not dropped
+
+
+def test_none_stays_where_all_ended_at_their_bounds(fits):
+    fitter, base, terms = fits
+    hypothesis = base.hypothesis.with_term(terms["camera_scale"])
+    alone = fitter.fit(hypothesis, [1.3], base.starts, stages=())
+    only = trials(fitter, base, terms, "camera_scale")
+    found, fit, dropped = with_numbers_that_were_found(fitter, base, only, alone, 1.0)
+    assert found == [] and fit is base and list(dropped) == ["camera_scale"]
