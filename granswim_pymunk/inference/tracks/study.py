@@ -100,7 +100,17 @@ def calibrated(study: Study) -> tuple[Fit, Fit]:
     naive = study.fitter.fit_widely(Hypothesis(), None, stages=study.stages)
     study.progress("recalibrating", 0.06)
     terms = study.adjustables + study.believed
-    return naive, study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages) if terms else naive
+    if not terms:
+        return naive, naive
+    recalibrated = study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages)
+    if study.fitter.segmented and recalibrated.chi2 > current().signatures.far ** 2 * recalibrated.count:
+        # starts of a scene that was caught at an impact lead the other numbers nowhere: from the tracks themselves
+        anew = study.fitter.fit_widely(Hypothesis(terms), None, stages=study.stages)
+        if anew.chi2 < recalibrated.chi2:
+            recalibrated = anew
+            again = study.fitter.fit(naive.hypothesis, naive.values, anew.starts)
+            naive = again if again.chi2 < naive.chi2 else naive
+    return naive, recalibrated
 
 
 def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
