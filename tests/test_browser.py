@@ -108,7 +108,9 @@ def test_report_is_whole_in_a_browser(report, tmp_path, width):
 NARROW = """<!doctype html><script>addEventListener("message", e => {
   for (const [k, v] of Object.entries(e.data)) document.documentElement.setAttribute("data-" + k, v);
 });</script><iframe style="border:0" width="%d" height="900" src="%s"></iframe>"""
-# frames are drawn when the machine has time for them: the page tells when the film has moved, at the latest after 6 s
+# a browser without a screen may draw no frame at all: a clock asks for them, and the player moves as by frames
+CLOCK = "<script>requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 16);</script>"
+# the page tells when the film has moved, at the latest after 6 s
 TELL = """<script>addEventListener("load", () => { let tries = 0; const tell = () => {
   const film = document.querySelector("#film"), canvas = film && film.querySelector("canvas");
   if (film && film.querySelector("input").value === "0" && tries++ < 60) { setTimeout(tell, 100); return; }
@@ -129,7 +131,8 @@ TELL = """<script>addEventListener("load", () => { let tries = 0; const tell = (
 def told(report: Path, folder: Path, width: int) -> dict[str, str]:
     """What a page says of itself in a frame of that width."""
     text = report.read_text(encoding="utf-8")
-    (folder / "told.html").write_text(text.replace("</body>", TELL + "</body>"), encoding="utf-8")
+    text = text.replace("<head>", "<head>" + CLOCK, 1).replace("</body>", TELL + "</body>")
+    (folder / "told.html").write_text(text, encoding="utf-8")
     (folder / "around.html").write_text(NARROW % (width, "told.html"), encoding="utf-8")
     page = opened(folder / "around.html", 1400, 1000, "--dump-dom", "--virtual-time-budget=9000")
     return dict(re.findall(r'data-(\w+)="(-?\d+)"', page))
