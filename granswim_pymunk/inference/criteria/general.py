@@ -191,6 +191,7 @@ class BlockCriteria:
     told : of what all data tell of a number, below which that number stays as it is where a block is left out. Choice
     draws : replicates of the noise for the floor;  bootstrap : resamples for intervals
     drawn : of the mismatch, that a resample has to hold to say something of its share. Choice
+    starts : drawn, from which a block is predicted again to tell whether it is followed. Choice
     held_out : blocks that the held-out frames of a recording are cut into, for each body, where errors are compared.
         Choice: a bootstrap of fewer makes intervals of no width
     """
@@ -209,6 +210,7 @@ class BlockCriteria:
     draws: int = 60
     bootstrap: int = 2000
     drawn: float = 0.05
+    starts: int = 12
     held_out: int = 8
 
 

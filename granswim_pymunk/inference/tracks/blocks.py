@@ -20,6 +20,7 @@ from ..linear import project
 from ..noise import Noise
 from .fit import Fitter
 from .fitted import Fit, spin_at
+from .follow import POOL
 from .segments import find_impacts, make_segments
 
 
@@ -213,7 +214,8 @@ def score(
     """Predict each block from a start fitted on its first frames, with numbers found without it.
 
     The expected covariance is that of white noise and of the start that comes of it: 1 + J_2 (J_1'J_1)^-1 J_2', J the
-    derivatives by the start on its frames and on the rest. A block that cannot be run counts as ``failed``.
+    derivatives by the start on its frames and on the rest. A block that cannot be run counts as ``failed``; bodies that
+    are not followed for so long from a start as well as it is known are not scored there.
     """
     criteria = criteria or current().blocks
     sums: dict[tuple[Any, ...], float] = {}
@@ -225,7 +227,7 @@ def score(
     for b, block in enumerate(blocks):
         try:
             values = outside(fit, block, cases, predictor)
-            left, raw, whiten, answer = _predicted(fit, values, block, predictor, criteria)
+            left, raw, whiten, answer, bent = _predicted(fit, values, block, predictor, criteria, rng.spawn(1)[0])
         except Failed as error:
             failed.append(f"{block.case.name}: {error}")
             continue
@@ -234,13 +236,17 @@ def score(
         body_of = np.array([channel.body for channel in block.case.channels])[np.nonzero(seen)[1]]
         stretch_of = _stretches(len(left), len(blocks), criteria)[np.nonzero(seen)[0]]
         draws = whiten(answer(_drawn(block, Noise() if block.case.noise.size else noise, rng, criteria.draws)))
+        told = len(floor)
         for body in dict.fromkeys(body_of.tolist()):
             for k in range(stretch_of.max(initial=-1) + 1):
                 mine = (body_of == body) & (stretch_of == k)
-                if mine.any():
+                if mine.any() and np.mean(bent[mine]) <= current().segments.bend:
                     sums[b, body, k] = float(np.sum(white[mine] ** 2))
                     counts[b, body, k] = int(mine.sum())
                     floor.append(np.sum(draws[mine] ** 2, axis=0))
+        if len(floor) == told:
+            failed.append(f"{block.case.name}: no body is followed from a start as well as it is known")
+            continue
         residuals[b] = raw * block.case.sigma
     return Scores(sums, counts, residuals, np.array(floor).T.reshape(criteria.draws, len(floor)), tuple(failed))
 
@@ -263,13 +269,16 @@ def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> 
     return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
 
 
-def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor, criteria: BlockCriteria):
+def _predicted(
+    fit: Fit, values: np.ndarray, block: Block, predictor: Predictor, criteria: BlockCriteria, rng: np.random.Generator
+):
     """Residuals (T_rest, c) in standard deviations, what whitens them, and what noise makes of them. Raises Failed.
 
     values : (p,) of the fit, found without the block
-    Where what an error of the start, of one standard deviation, does to the rest is no longer in proportion to it, the
-    spread that is expected means nothing, and what is left says nothing of a law: a block that cannot be followed.
-    Of the residuals first without the memory of the noise (``Case.white``), then with it.
+    Of the residuals first without the memory of the noise (``Case.white``), then with it. Last, mean squares (n,) of
+    what is bent: of starts as far off as they are known, the part of the prediction that is not in proportion. Where it
+    is no less than the noise, as where disks touch each other or not, the spread that is expected means nothing, and
+    what is left says nothing of a law.
     """
     case = block.case
     spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
@@ -290,13 +299,6 @@ def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor,
     inverse = (vt[kept].T / s[kept]) @ u[:, kept].T  # pseudo-inverse of J_1
     errors = vt[kept].T / s[kept]
     left, size, axes = np.linalg.svd(j2 @ errors, full_matrices=False)
-    if size.max(initial=0) > 1:
-        ends = [numbers + side * (errors @ axes[0]) for side in (-1.0, 1.0)]
-        runs = [fitter.innovations(case, fit.hypothesis, values, end, block.frames)[0] for end in ends]
-        low, middle, high = (run[rest][seen[rest]] for run in (runs[0], here, runs[1]))
-        bent = np.linalg.norm(low + high - 2 * middle)
-        if bent > current().segments.bend * np.linalg.norm(high - low):
-            raise Failed("a block is not followed from a start as well as it is known")
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def whiten(vectors: np.ndarray) -> np.ndarray:
@@ -306,5 +308,17 @@ def _predicted(fit: Fit, values: np.ndarray, block: Block, predictor: Predictor,
     def answer(noise: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         return noise[1] - j2 @ (inverse @ noise[0])
 
+    def bend(off: np.ndarray) -> np.ndarray:
+        run = fitter.innovations(case, fit.hypothesis, values, numbers + off, block.frames)[0]
+        return whiten((run - here)[rest][seen[rest]] + j2 @ off) ** 2
+
+    bent = np.zeros(int(seen[rest].sum()))
+    if size.max(initial=0) > 1:
+        along = [errors @ axes[0], -errors @ axes[0]]
+        along += list((errors @ rng.normal(size=(errors.shape[1], criteria.starts))).T)
+        with np.errstate(over="ignore", invalid="ignore"):
+            bent = np.mean(list(POOL.map(bend, along)), axis=0)
+        bent = np.where(np.isfinite(bent), bent, np.inf)
     raw = case.raw(here, block.frames)
-    return np.where(seen[rest], here[rest], np.nan), np.where(seen[rest], raw[rest], np.nan), whiten, answer
+    masked = (np.where(seen[rest], part[rest], np.nan) for part in (here, raw))
+    return *masked, whiten, answer, bent

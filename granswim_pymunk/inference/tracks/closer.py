@@ -25,7 +25,9 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
     """The fitter and the recalibrated fit with steps at impacts as narrow as the recordings allow.
 
     Allowed is what chance brings, of the scene itself or of the scene with one law that acts where bodies meet: then
-    that law alone takes away what the narrower steps show, its price paid.
+    that law alone takes away what the narrower steps show, its price paid. No further than the scene itself follows:
+    where it is lost, first order says little of any law, and none finds its way from there. What was found is joined
+    more closely later (``fit.joined``).
     """
     if not base.ties:
         return fitter, base
@@ -39,7 +41,8 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
         if again.chi2 - loose.chi2 <= loose.allowed_rise:
             fitter, base = closer, again
             continue
-        if not _explained_by_one(closer, again, loose, rivals):
+        lost = again.chi2 > current().signatures.far ** 2 * again.count
+        if lost or not _explained_by_one(closer, again, loose, rivals):
             break
         fitter, base = closer, again
     return fitter, base
