@@ -38,6 +38,7 @@ class HeldOut:
     claim : what is left of the claim; held-out data may take from it, and apparatus that was put right first is in it
     explained : of that, where it is not what was judged;  window [s] : that errors are of, None for whole runs
     whole : errors where the start is fitted to whole held-out recordings, by model
+    unlike : they are off by more than numbers of the claimed law, were it right and they found from as noisy frames, leave
     """
 
     train: Mapping[str, float | None]
@@ -48,6 +49,7 @@ class HeldOut:
     explained: Explained | None = None
     window: float | None = None
     whole: Mapping[str, float | None] = field(default_factory=dict)
+    unlike: bool = False
 
     def without(self) -> HeldOut:
         """Where the claim does not stand: the revised scene is the recalibrated one."""

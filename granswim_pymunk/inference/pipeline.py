@@ -42,10 +42,12 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
 def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
     """What stands where held-out data turn down a law that training data could not tell from others.
 
-    Training data say that it is one of a class; held-out data say which of them it is not.  The next one stands where
-    training data name it by the same rules and held-out data are predicted better with it; otherwise all is as it was.
+    Training data say that it is one of a class; held-out data say which of them it is not: what they are predicted
+    worse with than without, or with errors that its numbers cannot have where it is right.  The next one stands where
+    training data name it by the same rules and held-out data are as it predicts them; otherwise all is as it was.
     """
-    if held.outcome != "fails" or len(judged.claim.laws) != 1 or judged.claim.nameless:
+    fails = held.outcome == "fails"
+    if not (fails or held.unlike) or len(judged.claim.laws) != 1 or judged.claim.nameless:
         return judged, held
     others = model.alike(judged)
     told = len(model.notes)
@@ -54,10 +56,11 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         other = model.settle(other)
         if other.claim.laws and not other.claim.nameless:
             found = model.hold_out(other)
-            if found.outcome == "holds":
+            if found.outcome == "holds" and (fails or not found.unlike):
+                how = "worse than without" if fails else "worse than the right law's numbers could"
                 model.notes.append(
                     f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted"
-                    " worse than without; the data that were learnt from cannot"
+                    f" {how}; the data that were learnt from cannot"
                 )
                 return other, found
         del model.notes[told:]  # of what was only tried

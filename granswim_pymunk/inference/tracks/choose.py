@@ -69,13 +69,19 @@ def ordinary(trial: Trial) -> bool:
     return True
 
 
+def extraordinary(trial: Trial) -> bool:
+    """Whether it is what laboratories are off by, a mass or a picture's scale, and by more than they are."""
+    may_be = trial.apparatus or any(free.ordinary for free in trial.term.free)
+    return may_be and not ordinary(trial)
+
+
 def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
     """The candidate to be named.
 
     Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
     training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
-    one with fewest numbers, what laboratories are off by before physics, and a law on all bodies before the same law on
-    one of them, which had as many chances as there are bodies.
+    one with fewest numbers, what laboratories are off by before physics, physics before what they are not off by that
+    much, and a law on all bodies before the same law on one of them, which had as many chances as there are bodies.
     """
     verdict, sets = current().verdict, current().sets
     trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
@@ -112,7 +118,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     chosen = min(
         same,
         key=lambda t: (t.used + part[id(t)], not ordinary(t), t.term.special, ordinary(t) and not t.apparatus,
-                       is_part(t.term, forms), -t.gain),
+                       extraordinary(t), is_part(t.term, forms), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)
 

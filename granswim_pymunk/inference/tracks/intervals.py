@@ -137,6 +137,12 @@ def with_believed_errors(fitter: Fitter, fit: Fit, spread: float) -> Fit:
     return replace(fit, believed=whole - alone)
 
 
+def precision(covariance: np.ndarray) -> np.ndarray:
+    """(p,) of numbers by themselves, the others held: the diagonal of the inverse of their covariance (p, p)."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.diag(np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)) / size**2
+
+
 def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
     """The fit with limits of its numbers from ``first`` on that hold what other noise would make of them, too.
 
@@ -149,12 +155,14 @@ def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
         return fit
     moved, covariance = averaged(recordings)
     limits = dict(fit.limits)
+    # of a number by itself, as what only several are known by together has a variance of rounding alone
+    told, known = np.diag(information_of(fit.jacobian, p)) / spread, precision(covariance)
     for k in range(first, p):
         value, low, high = replace(fit, believed=None).interval(k, spread)
         below = above = half_interval(float(covariance[k, k]))
         if k in fit.limits:  # a profile keeps its shape
-            share = below / max(half_interval(float(fit.covariance[k, k]) * spread), 1e-300)
-            below, above = (value - low) * max(share, 1.0), (high - value) * max(share, 1.0)
+            share = max(math.sqrt(told[k] / known[k]), 1.0) if known[k] > 0 else 1.0
+            below, above = (value - low) * share, (high - value) * share
         limits[k] = min(low, value + float(moved[k]) - below), max(high, value + float(moved[k]) + above)
     return replace(fit, limits=limits)
 

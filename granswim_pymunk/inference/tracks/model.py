@@ -43,7 +43,7 @@ from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
 from .believed import off_belief
 from .blocks import make_blocks, score
-from .choose import rivals_of, worth
+from .choose import choose, rivals_of, worth
 from .experiment import propose
 from .fit import Fitter, joined
 from .fitted import Fit
@@ -321,7 +321,16 @@ class Tracks(ObservationModel):
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
-        return [Claim((t,), t.fit) for t, same in self.beside(judged) if same]
+        winner, spread = judged.claim.laws[0], self.spread
+        ahead = partial(worth, spread=spread)
+        same = [t for t in self.tried.alive if ahead(winner) - ahead(t) < current().verdict.same]
+        least, found = self.tried.inner["recalibrated"] + self.study.inner.slack, []
+        while same := [t for t in same if t.mechanism not in {winner.mechanism, *(u.mechanism for u in found)}]:
+            best = choose(same, spread, least)
+            if best is None:
+                break
+            found.append(best)
+        return [Claim((t,), t.fit) for t in found]
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         study, revised = self.study, judged.claim.fit
@@ -338,6 +347,7 @@ class Tracks(ObservationModel):
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
         beyond = rms is not None and floor and rms > current().left.asked * floor
+        self.right = np.zeros(0)
         if beyond and len(revised.values) and not study.late(current().budget.experiment):
             self.right = right_law_errors(*how, followed=self.followed)
         outcome = None
@@ -351,7 +361,7 @@ class Tracks(ObservationModel):
         )
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
-            self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+            self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
         )  # fmt: skip
 
     def _by_its_start(self) -> bool:
