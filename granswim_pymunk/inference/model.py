@@ -38,7 +38,8 @@ class HeldOut:
     claim : what is left of the claim; held-out data may take from it, and apparatus that was put right first is in it
     explained : of that, where it is not what was judged;  window [s] : that errors are of, None for whole runs
     whole : errors where the start is fitted to whole held-out recordings, by model
-    unlike : they are off by more than numbers of the claimed law, were it right and they found from as noisy frames, leave
+    unlike : they are off by more than where the claimed law is right and its numbers come from as noisy frames
+    detail : errors with the claim, frame by frame, as the model has them
     """
 
     train: Mapping[str, float | None]
@@ -50,6 +51,7 @@ class HeldOut:
     window: float | None = None
     whole: Mapping[str, float | None] = field(default_factory=dict)
     unlike: bool = False
+    detail: Any = field(default=None, repr=False, compare=False)
 
     def without(self) -> HeldOut:
         """Where the claim does not stand: the revised scene is the recalibrated one."""
@@ -161,6 +163,10 @@ class ObservationModel(ABC):
     def alike(self, judged: Judgement) -> Sequence[Claim]:
         """Single laws that training data cannot tell from the one that was claimed, best first."""
         return ()
+
+    def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:
+        """Whether one claim predicts held-out data better than another, by paired errors of blocks of frames."""
+        return False
 
     @abstractmethod
     def hold_out(self, judged: Judgement) -> HeldOut:

@@ -43,29 +43,41 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     """What stands where held-out data turn down a law that training data could not tell from others.
 
     Training data say that it is one of a class; held-out data say which of them it is not: what they are predicted
-    worse with than without, or with errors that its numbers cannot have where it is right.  The next one stands where
-    training data name it by the same rules and held-out data are as it predicts them; otherwise all is as it was.
+    worse with than without, or with errors that its numbers cannot have where it is right.  Of the others, which
+    training data name by the same rules, the next one stands whose errors are those of its numbers; where more is
+    missing, so that there is none, the one that predicts held-out data best.  Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
     if not (fails or held.unlike) or len(judged.claim.laws) != 1 or judged.claim.nameless:
         return judged, held
-    others = model.alike(judged)
-    told = len(model.notes)
-    for claim in others:
+    better, last = [], judged
+    for claim in model.alike(judged):
+        told = len(model.notes)
         other = judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
         other = model.settle(other)
-        if other.claim.laws and not other.claim.nameless:
-            found = model.hold_out(other)
-            if found.outcome == "holds" and (fails or not found.unlike):
-                how = "worse than without" if fails else "worse than the right law's numbers could"
-                model.notes.append(
-                    f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted"
-                    f" {how}; the data that were learnt from cannot"
-                )
-                return other, found
+        if not other.claim.laws or other.claim.nameless:
+            del model.notes[told:]
+            continue
+        last, found = other, model.hold_out(other)
+        notes = model.notes[told:]
         del model.notes[told:]  # of what was only tried
-    # what the model keeps of its last look belongs to the first claim again
-    return judged, model.hold_out(judged) if others else held
+        if found.outcome != "holds" or (not fails and found.unlike and not model.predicts_better(held, found)):
+            continue
+        better.append((found.gain or 0.0, other, found, notes))
+        if not found.unlike:
+            break
+    if not better:
+        # what the model keeps of its last look belongs to the first claim again
+        return judged, held if last is judged else model.hold_out(judged)
+    as_its_own = [entry for entry in better if not entry[2].unlike]
+    _, other, found, notes = max(as_its_own or better, key=lambda entry: entry[0])
+    how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
+    model.notes += notes
+    model.notes.append(
+        f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted {how}; the"
+        " data that were learnt from cannot"
+    )
+    return other, found if last is other else model.hold_out(other)
 
 
 def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:

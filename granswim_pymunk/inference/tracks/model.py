@@ -324,13 +324,17 @@ class Tracks(ObservationModel):
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
         same = [t for t in self.tried.alive if ahead(winner) - ahead(t) < current().verdict.same]
-        least, found = self.tried.inner["recalibrated"] + self.study.inner.slack, []
+        least = self.tried.inner["recalibrated"] + self.study.inner.slack
+        found: list[Trial] = []
         while same := [t for t in same if t.mechanism not in {winner.mechanism, *(u.mechanism for u in found)}]:
             best = choose(same, spread, least)
             if best is None:
                 break
             found.append(best)
         return [Claim((t,), t.fit) for t in found]
+
+    def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:
+        return paired_verdict(before.detail, after.detail, self.study.rng) == "holds"
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         study, revised = self.study, judged.claim.fit
@@ -362,6 +366,7 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
+            self.held["revised"],
         )  # fmt: skip
 
     def _by_its_start(self) -> bool:
