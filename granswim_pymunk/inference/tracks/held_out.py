@@ -274,6 +274,38 @@ def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Genera
     return float(np.nanmean(((np.array(runs[1:]) - runs[0]) / case.sigma) ** 2))
 
 
+def worse_by_chance(
+    training: Fit, case: Case, apart: np.ndarray, predictor: Predictor, rng: np.random.Generator
+) -> float:
+    """By how much the right law may do worse than none in windows of held-out frames, in chi2, in one of twenty films.
+
+    With an error d of its prediction, by the starts of the windows and by the numbers of the training fit, and with
+    noise n, it is off by d + n and the scene without it by d + n - D: chi2 rises by 2 D'(d + n) - D'D, of a spread of
+    2 sqrt(<(D'd)^2> + D'D). All frames after an impact that a start may miss are off together. d is drawn.
+
+    apart : D (T, c), what the scene without the law predicts less what it does with it, over the noise; NaN elsewhere
+    Infinite where nothing can be said.
+    """
+    low, high = training.hypothesis.bounds
+    apart = np.nan_to_num(apart)
+    along = np.zeros(current().blocks.draws)
+    drawn = rng.multivariate_normal(training.values, training.covariance, size=len(along))
+    try:
+        for first, rest in _windows(case):
+            fitter = Fitter([case], predictor, {case.name: first})
+            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=10)
+            here = fitter.predict(fit, case, rest)[rest]
+            spread = np.linalg.pinv(fit.jacobian[case.name][1].T @ fit.jacobian[case.name][1])
+            for k, values in enumerate(np.clip(drawn, low, high)):
+                starts = {case.name: rng.multivariate_normal(fit.starts[case.name], spread)}
+                there = fitter.predict(replace(fit, values=values, starts=starts), case, rest)[rest]
+                along[k] += float(np.nansum((there - here) / case.sigma * apart[rest]))
+    except (Failed, np.linalg.LinAlgError):
+        return math.inf
+    size = float(np.sum(apart**2))
+    return 2 * math.sqrt(current().left.within * (float(np.mean(along**2)) + size)) - size
+
+
 def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
     """Windows of held-out frames with starts of their own, (frames of the start, the rest), where a run would part.
 

@@ -59,6 +59,7 @@ from .held_out import (
     paired_verdict,
     right_law_errors,
     training_errors,
+    worse_by_chance,
 )
 from .innovations import Whiteness, WindowMap, locate, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits
@@ -357,7 +358,7 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
-            if outcome == "fails" and (self._by_its_start() or self._by_its_numbers()):
+            if outcome == "fails" and (self._by_its_start(revised) or self._by_its_numbers()):
                 outcome = "undecided"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
@@ -369,16 +370,24 @@ class Tracks(ObservationModel):
             self.held["revised"],
         )  # fmt: skip
 
-    def _by_its_start(self) -> bool:
-        """Whether runs that go on through impacts are worse by no more than the start of one such run is unsure.
+    def _by_its_start(self, revised: Fit) -> bool:
+        """Whether runs through impacts are worse by no more than their starts, and numbers, are unsure.
 
-        All frames of it are off together: there is one number of evidence, however many blocks of them are compared.
+        All frames of one run are off together: there is one number of evidence, however many blocks of them are
+        compared. Where held-out frames are cut into windows, each of these is such a run.
         """
-        before, after = (self.held[name].scored or {} for name in ("recalibrated", "revised"))
-        worse = {n: float(np.nansum(after[n] ** 2 - before[n] ** 2)) for n in after if n in before}
-        count = {n: int(np.isfinite(after[n]).sum()) for n in worse}
-        within = current().left.within
-        return all(worse[n] <= within * self.followed.get(n, 0.0) * count[n] for n in worse)
+        before, after = (self.held[name] for name in ("recalibrated", "revised"))
+        scored, left = before.scored or {}, after.scored or {}
+        study, within = self.study, current().left.within
+        for case in (c for c in study.cases if c.name in scored and c.name in left):
+            worse = float(np.nansum(left[case.name] ** 2 - scored[case.name] ** 2))
+            allowed = within * self.followed.get(case.name, 0.0) * int(np.isfinite(left[case.name]).sum())
+            if worse > allowed and case.name not in self.followed and after.window is not None:
+                apart = left[case.name] - scored[case.name]
+                allowed = worse_by_chance(revised, case, apart, study.predictor, study.rng.spawn(1)[0])
+            if worse > allowed:
+                return False
+        return True
 
     def _by_its_numbers(self) -> bool:
         """Whether numbers of the right law, found from as noisy frames, leave as much by chance as the claim does.
