@@ -1,8 +1,11 @@
 """Least squares over segments that join closely."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from granswim_pymunk.inference.tracks.name import Trial, _to_its_end
 from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
 
 
@@ -50,9 +53,41 @@ def test_segments_that_join_closely_are_moved_together_at_once(tie):
     def left(seen_only: bool) -> float:
         problem, least = chained(tie, seen_only)
         begin, wide = (np.zeros(1), [np.zeros(20)]), (np.array([-np.inf]), np.array([np.inf]))
-        values, starts = descend(problem, begin, wide, stale=False, evaluations=6)
+        values, starts, _ = descend(problem, begin, wide, stale=False, evaluations=6)
         return problem.loss(problem.evaluate(values, starts)) - least
 
     assert left(True) < 0.02
     if tie < 1e-3:
         assert left(False) > 100
+
+
+def test_a_search_tells_whether_it_came_to_its_end():
+    """After one evaluation in hand it has not: what it is compared with by chi2 may have."""
+    problem, least = chained(1e-4, seen_only=False)
+    begin, wide = (np.zeros(1), [np.zeros(20)]), (np.array([-np.inf]), np.array([np.inf]))
+    *_, ended = descend(problem, begin, wide, stale=False, evaluations=3)
+    assert not ended
+    values, starts, ended = descend(problem, begin, wide, stale=False, evaluations=400)
+    assert ended and problem.loss(problem.evaluate(values, starts)) == pytest.approx(least, rel=1e-3)
+
+
+def test_a_short_search_through_segments_goes_on_where_it_may_matter():
+    """A drag that explains all was given up ten steps on its way, with 600 of chi2 left at an impact."""
+    calls = []
+
+    class Fits:
+        def fit(self, hypothesis, values, starts, evaluations):
+            calls.append(evaluations)
+            return SimpleNamespace(values=values, starts=starts, chi2=150.0, excess=0.0, ended=True)
+
+    def tried(chi2: float, excess: float, ended: bool) -> Trial:
+        fit = SimpleNamespace(hypothesis=None, values=np.zeros(1), starts={}, chi2=chi2, excess=excess, ended=ended)
+        signature = SimpleNamespace(term=SimpleNamespace(free=(SimpleNamespace(inner=False),)))
+        return Trial(signature, fit, 3000.0 - chi2, float("inf"))
+
+    base = SimpleNamespace(chi2=3000.0)
+    short = _to_its_end(Fits(), base, tried(800.0, 600.0, False), least=1000.0)
+    assert short.gain == 2850.0 and len(calls) == 1
+    for other, least in ((tried(800.0, 600.0, True), 1000.0), (tried(2500.0, 2300.0, False), 1000.0)):
+        assert _to_its_end(Fits(), base, other, least) is other
+    assert len(calls) == 1

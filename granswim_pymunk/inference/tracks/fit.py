@@ -176,12 +176,12 @@ class Fitter(Follower):
         if self.segmented:
             active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
             known = self._known(near)
-            x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, known)
-            return self._finish(hypothesis, x, numbers, fixed, known)
+            x, numbers, ended = self._descend(hypothesis, x, numbers, active, evaluations, known)
+            return replace(self._finish(hypothesis, x, numbers, fixed, known), ended=ended)
         for share in stages:
             if share == 1 and near is not None and not fixed and self.of_many_numbers:
                 active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
-                x, numbers = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
+                x, numbers, _ = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
             else:
                 x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
         return self._finish(hypothesis, x, numbers, fixed)
@@ -215,8 +215,8 @@ class Fitter(Follower):
     def _descend(
         self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
         evaluations: int, known: dict[str, Slow],
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
-        """The numbers that are ``active`` and all starts, by ``solve.descend``."""
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:  # fmt: skip
+        """The numbers that are ``active`` and all starts, by ``solve.descend``, and whether it came to its end."""
         low, high = hypothesis.bounds
         at = np.array(active, dtype=int)
 
@@ -262,14 +262,14 @@ class Fitter(Follower):
         begin = (np.asarray(x, dtype=float)[at], [numbers[c.name] for c in self.cases])
         try:
             with np.errstate(all="ignore"):
-                part, starts = descend(
+                part, starts, ended = descend(
                     Problem(evaluate, differentiate, loss), begin, (low[at], high[at]), stale=bool(known),
                     evaluations=evaluations, stop=self.stop,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
-            return x, dict(numbers)
-        return whole(part), {c.name: s for c, s in zip(self.cases, starts, strict=True)}
+            return x, dict(numbers), True
+        return whole(part), {c.name: s for c, s in zip(self.cases, starts, strict=True)}, ended
 
     def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
         """Fit from several beginnings and keep the best: an oscillation has a local minimum in every period.

@@ -34,6 +34,7 @@ class Fit:
     chi2, count : sum of squared innovations and steps, and how many innovations there are
     jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers, then on the steps
     limits : of numbers whose 95 % interval was found by profiles, see ``intervals.py``
+    ended : whether the search through segments came to its end; not where its evaluations did
     """
 
     hypothesis: Hypothesis
@@ -49,6 +50,7 @@ class Fit:
     steps: Mapping[str, np.ndarray] = field(default_factory=dict)
     whitened: Mapping[str, np.ndarray] = field(default_factory=dict)
     believed: np.ndarray | None = None
+    ended: bool = True
 
     @property
     def white(self) -> Mapping[str, np.ndarray]:

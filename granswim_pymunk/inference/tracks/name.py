@@ -325,7 +325,7 @@ def try_candidates(
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
         best = max([ahead, *(t.gain for t in trials)])
-        jobs = [partial(_down_its_valley, base=base, trial=t, least=current().refits.valley * best) for t in trials]
+        jobs = [partial(_to_its_end, base=base, trial=t, least=current().refits.valley * best) for t in trials]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)
 
@@ -402,13 +402,15 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
     return Trial(trial.signature, found, base.chi2 - found.chi2, float("inf"))
 
 
-def _down_its_valley(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
-    """Strength and shape of a law lie along a bent valley, which a short search does not walk to its end.
+def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
+    """A search that was short goes on: to the end of a bent valley, or through segments.
 
+    Strength and shape of a law lie along a bent valley.  Through segments a scene without the law has bent what leads
+    through an impact, and the few steps of a first search only begin to straighten it.
     Laws that gain no more than ``least`` stay as they are.
     """
     fit = trial.fit
-    if fit is None or trial.gain <= least or not any(f.inner for f in trial.term.free):
+    if fit is None or trial.gain <= least or (fit.ended and not any(f.inner for f in trial.term.free)):
         return trial
     if not fit.excess:
         return trial

@@ -82,8 +82,10 @@ def descend(
     evaluations: int,
     tolerance: float = 1e-5,
     stop: Callable[[], bool] = lambda: False,
-) -> Numbers:
+) -> tuple[np.ndarray, list[np.ndarray], bool]:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
+
+    Returns values and starts, and whether the search came to its end rather than to that of its ``evaluations``.
 
     stale : the derivatives by starts are those of a neighbouring fit: kept as long as steps are as good as promised;
     where starts are tied closely (``Blocks.seen``) twice as long each time new ones made them no better: then the
@@ -102,7 +104,7 @@ def descend(
     damping, used, fresh = criteria.damping, 1, not stale
     age, patience = 0, 1  # steps since derivatives by starts were taken, and for how many they are kept whatever comes
     if stop():
-        return values, starts
+        return values, starts, False
     blocks = differentiate(values, starts, residuals, fresh)
     closely = any(b.seen is not None for b in blocks)
     while used < evaluations and not stop():
@@ -118,7 +120,7 @@ def descend(
             values, starts, residuals, chi2 = new_values, new_starts, found, now
             damping = max(damping / 5, criteria.least) if good > criteria.good else damping
             if fall < max(tolerance * chi2, criteria.enough):
-                break
+                return values, starts, True
             poor = good < criteria.renewed
             patience = min(2 * patience, evaluations) if poor and fresh else patience
             age = 1 if fresh else age + 1
@@ -130,8 +132,8 @@ def descend(
         else:
             damping = max(10 * damping, criteria.again)
             if damping > criteria.stiff or promised < max(tolerance * chi2, criteria.enough):
-                break
-    return values, starts
+                return values, starts, True
+    return values, starts, False
 
 
 def _step(
