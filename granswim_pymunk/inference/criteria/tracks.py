@@ -133,6 +133,7 @@ class FitCriteria:
     chaotic : of the change before, one that is no smaller is no error of the steps: the motion is chaotic. Choice
     shift : of its standard error, that a number may move when the steps are halved, at most ``halvings`` times. Choice:
         with it intervals are wider by a fiftieth
+    flights : evaluations of starts from flights alone, which are nearly linear. Choice
     """
 
     rough: float = 1e-3
@@ -159,6 +160,7 @@ class FitCriteria:
     chaotic: float = 0.8
     shift: float = 0.2
     halvings: int = 2
+    flights: int = 6
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..start import Pendulum
 from ..threads import ContextPool
 from .fitted import Fit, huber, information_of, weight_roots
 from .follow import POOL, Follower, Slow
-from .segments import Segment, limits_of
+from .segments import Segment, find_impacts, limits_of
 from .solve import Blocks, Problem, Secant, descend
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
@@ -133,6 +133,28 @@ class Fitter(Follower):
                 numbers[at : at + following.size] -= run.steps * following.tie
             starts[case.name] = numbers
         return starts
+
+    def from_flights(self, hypothesis: Hypothesis, values: Sequence[float] | np.ndarray) -> dict[str, np.ndarray]:
+        """Numbers of all starts from the frames of each segment in which a body was not struck yet, and from no steps.
+
+        What comes after an impact that a start a little off misses, or makes where there was none, leads it astray; a
+        flight alone leads every start to where it is. Few starts see no impact in their segment: several bodies meet
+        while two are still near each other.
+        """
+        cases, segments = [], {}
+        for case in self.cases:
+            seen, impacts = case.values.copy(), find_impacts(case)
+            for segment in self.segments[case.name]:
+                rows = np.flatnonzero(segment.frames)
+                for k, channel in enumerate(case.channels):
+                    hits = [i.row for i in impacts if channel.body in i.bodies and rows[0] <= i.row <= rows[-1]]
+                    if hits and min(hits) - rows[0] >= current().segments.frames:
+                        seen[min(hits) : rows[-1] + 1, k] = np.nan
+            cases.append(replace(case, values=seen))
+            segments[case.name] = tuple(replace(s, tie=np.full(s.tie.shape, 1e9)) for s in self.segments[case.name])
+        free = Fitter(cases, self.predictor, self.frames, self.stop, self.weights, spin=self.spin)
+        free.segments = segments
+        return dict(free.fit(hypothesis, values, fixed=True, evaluations=current().fits.flights).starts)
 
     def apart(self) -> Fitter:
         """The same for fits of their own: what these leave behind is not seen here."""

@@ -97,20 +97,32 @@ def study_of(
 def calibrated(study: Study) -> tuple[Fit, Fit]:
     """The scene as it is believed to be, and with its adjustables fitted: recalibration comes first."""
     study.progress("fitting the starts of the naive scene", 0.02)
-    naive = study.fitter.fit_widely(Hypothesis(), None, stages=study.stages)
+    fitter = study.fitter
+    naive = fitter.fit_widely(Hypothesis(), None, stages=study.stages)
+    flights = None
+    if _caught(study, naive):
+        flights = fitter.from_flights(naive.hypothesis, naive.values)
+        again = fitter.fit(naive.hypothesis, naive.values, flights)
+        naive = again if again.chi2 < naive.chi2 else naive
     study.progress("recalibrating", 0.06)
     terms = study.adjustables + study.believed
     if not terms:
         return naive, naive
-    recalibrated = study.fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages)
-    if study.fitter.segmented and recalibrated.chi2 > current().signatures.far ** 2 * recalibrated.count:
+    recalibrated = fitter.fit_widely(Hypothesis(terms), naive, stages=study.stages)
+    if flights is not None and _caught(study, recalibrated):
         # starts of a scene that was caught at an impact lead the other numbers nowhere: from the tracks themselves
-        anew = study.fitter.fit_widely(Hypothesis(terms), None, stages=study.stages)
+        first = [f.first for f in recalibrated.hypothesis.free]
+        anew = fitter.fit(recalibrated.hypothesis, first, flights)
         if anew.chi2 < recalibrated.chi2:
             recalibrated = anew
-            again = study.fitter.fit(naive.hypothesis, naive.values, anew.starts)
+            again = fitter.fit(naive.hypothesis, naive.values, anew.starts)
             naive = again if again.chi2 < naive.chi2 else naive
     return naive, recalibrated
+
+
+def _caught(study: Study, fit: Fit) -> bool:
+    """Whether a fit to segments leaves more than noise, so that some may be caught beside an impact."""
+    return study.fitter.segmented and fit.excess > 0
 
 
 def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
