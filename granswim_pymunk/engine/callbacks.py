@@ -222,7 +222,7 @@ def each(count, o, t, step, parameters, work):
     o = uses[u, 1]
     step = scalars[5] * dt
 {_indent(pair.read if pair.reach else [], 1)}    reach = 0.0{pair.reach}
-    flat = state.reshape(state.size)
+    {_FLAT}
     end = near_starts[b + 1]
     for first in range(near_starts[b], end, {BLOCK}):
         last = min(first + {BLOCK}, end)
@@ -265,6 +265,8 @@ def _slot(law: Law, name: str) -> int:
     return [a for p in law.parameters for a in p.arguments].index(name)
 
 
+# numba would call a function for ``state.reshape`` in every step
+_FLAT = f"flat = carray(pointer_to(I[STATE]), n * {ROW}, np.float64)"
 _BLOCK = """@cfunc(types.void(*[types.int64] * 3, types.float64, types.float64, types.int64, types.float64), **CALLBACK)
 def block(context, u, b, t, dt, twice, fresh):"""
 
@@ -297,7 +299,7 @@ def _body_text(law: Law) -> str:
         f"        bx, by = {_call(law, available | {'vx': 'mx', 'vy': 'my'})}",
         "        add_two(flat, i * P_ROW + P_FX, bx - (1.0 - fresh) * ax, by - (1.0 - fresh) * ay)",
     ]
-    lines = ["o = uses[u, 1]", "r0 = parameters[o - 1]", "flat = state.reshape(state.size)", *read]
+    lines = ["o = uses[u, 1]", "r0 = parameters[o - 1]", _FLAT, *read]
     if law.damping:
         lines += ["if twice:", *("    " + line for line in again), "else:", *("    " + line for line in plain)]
     else:
