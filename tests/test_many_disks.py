@@ -11,6 +11,7 @@ from granswim_pymunk.inference.hypothesis import Hypothesis
 from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.blocks import make_blocks, score
 from granswim_pymunk.inference.tracks.closer import joined_closely
+from granswim_pymunk.inference.tracks.segments import find_impacts
 from granswim_pymunk.inference.tracks.study import calibrated, study_of
 from granswim_pymunk.recording import Recording, read_recording, write_recording
 from granswim_pymunk.scene import Body, Scene, use
@@ -64,6 +65,16 @@ def test_starts_that_missed_an_impact_are_found_from_the_flights_before_it(tmp_p
     """Nothing is missing: from the first frames the fit ended beside an impact, and left 1.3 of the noise."""
     naive, recalibrated = calibrated(study_in(tmp_path, 12, 0.95, 360))
     assert naive.excess == 0 and recalibrated.excess == 0
+
+
+def test_impacts_that_follow_at_once_are_seen_as_in_a_corner(tmp_path):
+    """Disk d1 was seen in four frames between two walls: neither impact was told, and 13 times the noise was left."""
+    study = study_in(tmp_path, 4, 0.95, 360)
+    (case,) = study.cases
+    at_walls = [float(case.t[i.row]) for i in find_impacts(case) if i.bodies == ("d1",) and i.row < 100]
+    assert at_walls == pytest.approx([0.3418, 0.3597], abs=0.005)
+    naive = study.fitter.fit(Hypothesis(), None)
+    assert naive.excess == 0
 
 
 def test_segments_join_no_more_closely_than_the_scene_without_a_law_follows(study, fits):

@@ -51,7 +51,8 @@ class SegmentCriteria:
 
     near : of the sum of two radii, a gap below which they may have met. Choice: radii are known to a few per cent
     around : frames on either side from which a change of velocity is told, doubled so many times as ``wider`` says: a
-        glancing impact shows over a long time;  kick : its standard deviations
+        glancing impact shows over a long time;  kick : its standard deviations;  velocity : frames, from which one is
+        told with its error. Theory: one more than a line has numbers
     at_once : frames, within which minima of a gap are those of one meeting, but for ``risen`` standard deviations
         between them. Choice
     frames : the least of a segment;  start_frames : the least of one that no impact ends. Choice
@@ -85,6 +86,7 @@ class SegmentCriteria:
     around: int = 6
     wider: int = 2
     kick: float = 6.0
+    velocity: int = 3
     at_once: int = 3
     risen: float = 4.0
     frames: int = 4

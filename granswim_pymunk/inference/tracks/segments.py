@@ -226,10 +226,8 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
         bodies = tuple(b for b in pair if b in paths)
         told = {}
         for b in bodies:
-            # no other meeting of this body lies in the frames that tell of this one
-            first = max((m[1] for m in met if b in m[2] and m[0] < row), default=0)
-            last = min((m[0] for m in met if b in m[2] and m[0] > row), default=len(case.t))
-            told[b] = _kick(case.t, *paths[b], (min(first, row), row, apart, max(last, apart)), criteria)
+            mine = [(m[0], m[1]) for m in met if b in m[2]]
+            told[b] = _kick(case.t, *paths[b], _span(mine, (row, apart), len(case.t), criteria), criteria)
         kick = {b: size for b, (size, _) in told.items()}
         if len(bodies) > 1 and any(kick.values()):
             # of one that meets others just then, by what the partner's momentum changes
@@ -341,6 +339,29 @@ def _minima(gap: np.ndarray, near: float, spread: float) -> list[tuple[int, int]
     return rows
 
 
+def _span(
+    mine: Sequence[tuple[int, int]], here: tuple[int, int], count: int, criteria: SegmentCriteria
+) -> tuple[int, int, int, int]:
+    """First row of those before a meeting, rows, end of those after it, with no other meeting of the body in between.
+
+    Where too few rows for a velocity lie between two meetings, as in the corner of a box, one change tells of both.
+
+    mine : (row, first row in which it is clear) of all meetings of the body;  here : of this one;  count : of rows
+    """
+    row, apart = here
+    while True:
+        before = max((m for m in mine if m[0] < row), key=lambda m: m[1], default=(0, 0))
+        if before[1] == 0 or row - before[1] >= criteria.velocity:
+            break
+        row = before[0]
+    while True:
+        after = min((m for m in mine if m[0] > apart or (m[0] > here[0] and m[1] > apart)), default=(count, count))
+        if after[0] == count or after[0] - apart >= criteria.velocity:
+            break
+        apart = max(after[1], apart)
+    return min(before[1], row), row, apart, max(after[0], apart)
+
+
 def _kick(
     t: np.ndarray, xy: np.ndarray, sigma: float, span: tuple[int, int, int, int], criteria: SegmentCriteria
 ) -> tuple[float, np.ndarray]:
@@ -355,7 +376,7 @@ def _kick(
         spreads: list[float] = []
         for rows in (np.arange(max(row - n, first), row), np.arange(apart, min(apart + n, last))):
             rows = rows[np.isfinite(xy[rows]).all(axis=1)]
-            if len(rows) < 3:
+            if len(rows) < criteria.velocity:
                 return 0.0, before
             s = t[rows] - t[rows].mean()
             speeds.append(s @ xy[rows] / float(s @ s))
