@@ -20,7 +20,7 @@ from granswim_pymunk.validation.hard_disks import Impacts, Physics, Table, run
 COUNT, SIDE, RADIUS, MASS, NOISE = 12, 0.4, 0.015, 0.018, 3e-4  # -, m, m, kg, m
 
 
-def study_in(folder, seed, restitution, frames):
+def study_in(folder, seed, restitution, frames, substrate=0.0, skipped=0):
     """Of a film of twelve disks that are believed to have a restitution of 0.95."""
     rng, places = np.random.default_rng(seed), list[np.ndarray]()
     while len(places) < COUNT:
@@ -32,10 +32,11 @@ def study_in(folder, seed, restitution, frames):
     walls = tuple(zip(corners, [*corners[1:], corners[0]], strict=True))
     t = np.arange(frames) / 240
     table = Table(np.full(COUNT, RADIUS), np.full(COUNT, MASS), np.zeros(COUNT, bool), walls)
-    flight = run(table, Physics(restitution=restitution), start, t, Impacts(), rng)
+    flight = run(table, Physics(restitution=restitution, substrate=substrate), start, t, Impacts(), rng)
     assert len(flight.touches) > 30
     ids = tuple(f"d{k}" for k in range(COUNT))
     scene = Scene(tuple(Body(b, "free", RADIUS, MASS) for b in ids), (use("contact_elastic", restitution=0.95),))
+    rng.normal(size=skipped)  # other noise
     xy = np.round(flight.xy + NOISE * rng.normal(size=flight.xy.shape), 7)
     made = Recording("disks", scene, np.round(t, 7), ids, xy, sampling=240.0, position_noise=NOISE)
     folder = write_recording(made, folder / "disks")
@@ -93,3 +94,12 @@ def test_what_is_not_followed_from_a_start_says_nothing_against_the_right_law(st
     floor, spread = found.floors.mean(), found.floors.std()
     assert found.mean < floor + 4 * spread < naive.mean
     assert sum(found.counts.values()) > 0.7 * sum(int(b.rest.sum()) * 2 * COUNT for b in make_blocks(study.cases))
+
+
+def test_starts_are_drawn_where_the_flight_leaves_open_how_bodies_meet(tmp_path):
+    """Of dry friction: two disks meet slowly, and the flights before lead to the wrong side of what comes of it."""
+    study = study_in(tmp_path, 2, 0.95, 480, substrate=0.03, skipped=12)
+    law = next(t for t in named_terms(study.cases) if t.label == "coulomb_substrate")
+    _, plain = calibrated(study)
+    fit = study.fitter.fit(plain.hypothesis.with_term(law), [*plain.values, 0.03], plain.starts)
+    assert fit.excess == 0 and fit.values[-1] == pytest.approx(0.03, abs=1e-3)

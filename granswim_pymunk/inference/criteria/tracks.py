@@ -135,7 +135,8 @@ class FitCriteria:
     chaotic : of the change before, one that is no smaller is no error of the steps: the motion is chaotic. Choice
     shift : of its standard error, that a number may move when the steps are halved, at most ``halvings`` times. Choice:
         with it intervals are wider by a fiftieth
-    flights : evaluations of starts from flights alone, which are nearly linear. Choice
+    flights : evaluations of starts from flights alone, which are nearly linear;  drawn : starts, as well known as
+        these, that are tried through the impacts. Choices
     """
 
     rough: float = 1e-3
@@ -163,6 +164,7 @@ class FitCriteria:
     shift: float = 0.2
     halvings: int = 2
     flights: int = 6
+    drawn: int = 24
 
 
 @dataclass(frozen=True)

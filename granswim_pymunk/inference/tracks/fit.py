@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.sparse.csgraph import connected_components
 
 from ..criteria import current
 from ..data import Case
@@ -154,7 +155,45 @@ class Fitter(Follower):
             segments[case.name] = tuple(replace(s, tie=np.full(s.tie.shape, 1e9)) for s in self.segments[case.name])
         free = Fitter(cases, self.predictor, self.frames, self.stop, self.weights, spin=self.spin)
         free.segments = segments
-        return dict(free.fit(hypothesis, values, fixed=True, evaluations=current().fits.flights).starts)
+        fit = free.fit(hypothesis, values, fixed=True, evaluations=current().fits.flights)
+        return {case.name: self._drawn(case, fit) for case in self.cases}
+
+    def _drawn(self, case: Case, flights: Fit) -> np.ndarray:
+        """Of starts drawn as well as flights tell them, those that follow best what comes after the impacts.
+
+        Bodies that meet in a segment are chosen together, the others apart from them.
+        """
+        rng, criteria = np.random.default_rng(0), current().fits
+        numbers, by_start = flights.starts[case.name], flights.jacobian[case.name][1]
+        size = np.maximum(np.linalg.norm(by_start, axis=0), 1e-300)
+        told, turned = np.linalg.eigh((by_start / size).T @ (by_start / size))
+        told = np.where(told > current().rounding.told * told.max(initial=0.0), told, np.inf)
+        off = turned @ (rng.normal(size=(len(told), criteria.drawn)) / np.sqrt(told)[:, None]) / size[:, None]
+        drawn = numbers + np.vstack([np.zeros(len(numbers)), off.T])
+        segments, impacts = self.segments[case.name], find_impacts(case)
+        bodies = list(dict.fromkeys([c.body for c in case.channels] + [s.body for s in segments[0].starts]))
+        column = np.array([bodies.index(c.body) for c in case.channels])
+        frames, left = self.frames[case.name], []
+        for one in drawn:
+            parts = self._parts(case, one, frames)
+            runs = self._through(case, flights.hypothesis, flights.values, parts, together=True)
+            squares = (np.nansum(np.minimum(np.abs(run.innovations), criteria.hopeless) ** 2, axis=0) for run in runs)
+            left.append([np.bincount(column, s, len(bodies)) for s in squares])
+        best, at = numbers.copy(), 0
+        for k, segment in enumerate(segments[: len(left[0])]):
+            rows = np.flatnonzero(segment.frames)
+            met = np.eye(len(bodies))
+            for impact in impacts:
+                mine = [bodies.index(b) for b in impact.bodies if rows[0] <= impact.row <= rows[-1]]
+                met[np.ix_(mine, mine)] = 1
+            group = connected_components(met, directed=False)[1]
+            loss = np.array([np.bincount(group, one[k]) for one in left])
+            chosen = loss.argmin(axis=0)[group]
+            for s in segment.starts:
+                for _ in range(int(s.free.sum())):
+                    best[at] = drawn[chosen[bodies.index(s.body)], at]
+                    at += 1
+        return best
 
     def apart(self) -> Fitter:
         """The same for fits of their own: what these leave behind is not seen here."""
