@@ -4,17 +4,20 @@ import math
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.criteria import DEFAULT, using
 from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.inference.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.start import describe_starts, first_numbers
 from granswim_pymunk.inference.tracks import diagnose_tracks, fit
-from granswim_pymunk.inference.tracks.fit import Fitter, side_by_side
+from granswim_pymunk.inference.tracks.fit import Fitter, promised, side_by_side
+from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
@@ -48,6 +51,31 @@ def test_a_simulation_begun_again_predicts_as_a_new_one():
         fresh = Predictor(dt)(hypothesis, case, [c], starts, begin, t[0], t)
         np.testing.assert_array_equal(again, fresh)
     assert used.runs == 4
+
+
+def test_a_search_led_by_longer_steps_ends_where_one_with_fine_steps_does():
+    truth = pendulum(use("quadratic_drag", c=0.02))
+    belief = pendulum(adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02), Adjustable("pin", "length", 0.15, 0.25)))
+    cases = prepare_all([filmed(truth, belief, 4)])
+    hypothesis, case = Hypothesis(adjustable_terms(cases)), cases[0]
+
+    def ended(longer: float) -> tuple[Fit, Predictor]:
+        fits = replace(DEFAULT.fits, longer=longer)
+        with using(replace(DEFAULT, fits=fits)):
+            used = Predictor(time_steps(cases))
+            return Fitter(cases, used).fit(hypothesis, stages=(0.35, 1.0)), used
+
+    fine, used = ended(1.0)
+    # steps as long as the swing itself follow nothing: what they lead astray the fine ones bring back
+    for longer in (5.0, 100.0):
+        led, other = ended(longer)
+        spread = np.sqrt(np.diag(fine.covariance))
+        assert (np.abs(led.values - fine.values) < 0.1 * spread).all()
+        assert led.chi2 == pytest.approx(fine.chi2, abs=2 * DEFAULT.fits.enough, rel=1e-5)
+        np.testing.assert_allclose(led.covariance, fine.covariance, rtol=1e-2)
+        assert promised(led, [0, 1]) < max(DEFAULT.fits.enough, 1e-4 * led.chi2)
+        assert other.with_steps(longer).dt[case.name] == longer * used.dt[case.name]
+        assert other.runs and not other.with_steps(longer).runs  # counted where the others are
 
 
 def test_inertia_that_was_not_counted_is_added_mass():

@@ -214,6 +214,16 @@ class Predictor:
     failures: list[str] = field(default_factory=list)
     _last: _Last = field(default_factory=lambda: _Last(), repr=False)
     _kept: _Kept = field(default_factory=lambda: _Kept(), repr=False)
+    _counted: Predictor | None = field(default=None, repr=False)  # who counts its runs, where it does not itself
+    _others: dict[float, Predictor] = field(default_factory=dict, repr=False)  # by times the step
+
+    def with_steps(self, times: float) -> Predictor:
+        """The same with steps ``times`` as long. Its failures are its own: what it is asked for can be had without."""
+        dt = {name: times * dt for name, dt in self.dt.items()}
+        found = self._others.get(times)
+        if found is None or found.dt != dt:
+            found = self._others[times] = Predictor(dt, _kept=self._kept, _counted=self)
+        return found
 
     def __call__(
         self,
@@ -257,7 +267,7 @@ class Predictor:
         except InputError as error:  # numbers that a search tried and no law takes
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
-        self.runs += 1
+        (self._counted or self).runs += 1
         # angles of hinged bodies follow from the places of those that they hang from
         rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]
         times = np.maximum(t + offset, t0 + offset)

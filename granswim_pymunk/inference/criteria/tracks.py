@@ -137,6 +137,10 @@ class FitCriteria:
         with it intervals are wider by a fiftieth
     flights : evaluations of starts from flights alone, which are nearly linear;  drawn : starts, as well known as
         these, that are tried through the impacts. Choices
+    longer : times the step, with which a search takes its first derivatives. Theory: both sides of a difference have
+        the same error of the steps; what is left of it leaves that share of the way open in each step of Gauss-Newton.
+        Such a search ends early (``rough``); the fine derivatives at its end, which errors are told from, lead on where
+        they promise more than a fit ends for
     """
 
     rough: float = 1e-3
@@ -165,6 +169,7 @@ class FitCriteria:
     halvings: int = 2
     flights: int = 6
     drawn: int = 24
+    longer: float = 5.0
 
 
 @dataclass(frozen=True)

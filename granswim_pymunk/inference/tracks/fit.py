@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.linalg import block_diag
+from scipy.optimize import least_squares, lsq_linear
 from scipy.sparse.csgraph import connected_components
 
 from ..criteria import current
@@ -62,6 +63,24 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     # how late each impact was stays open: what one start through rigid impacts would say is too sharp
     again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=30)
     return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
+
+
+def promised(fit: Fit, active: Sequence[int]) -> float:
+    """The fall of chi2 that a step of Gauss-Newton from the end of a fit promises, within the bounds of its numbers."""
+    names, at = list(fit.jacobian), list(active)
+    r = np.concatenate([fit.used(name) for name in names])
+    own = block_diag(*(fit.jacobian[name][1] for name in names))
+    j = np.hstack([np.vstack([fit.jacobian[name][0][:, at] for name in names]), own])
+    size = np.linalg.norm(j, axis=0)
+    told = size > 0
+    low, high = (np.full(j.shape[1], end) for end in (-np.inf, np.inf))
+    for edge, bound in zip((low, high), fit.hypothesis.bounds, strict=True):
+        edge[: len(at)] = (bound - fit.values)[at]
+    box = np.minimum(low, 0.0)[told] * size[told], np.maximum(high, 0.0)[told] * size[told]
+    if not told.any() or not np.isfinite(j).all():
+        return 0.0
+    step = lsq_linear(j[:, told] / size[told], r, box, method="bvls", lsq_solver="exact")
+    return float(r @ r - 2 * step.cost)
 
 
 def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> list[Found]:
@@ -239,13 +258,24 @@ class Fitter(Follower):
             known = self._known(near)
             x, numbers, ended = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return replace(self._finish(hypothesis, x, numbers, fixed, known), ended=ended)
+        # a number that bears on none of these recordings would only run into its bounds and shorten every step
+        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
+        left = 0
         for share in stages:
             if share == 1 and near is not None and not fixed and self.of_many_numbers:
-                active = [k for k, f in enumerate(free) if self._bears(f) and k not in held]
                 x, numbers, _ = self._descend(hypothesis, x, numbers, active, evaluations, self._known(near))
             else:
-                x, numbers = self._solve(hypothesis, x, numbers, fixed, share, evaluations, held)
-        return self._finish(hypothesis, x, numbers, fixed)
+                x, numbers, left = self._solve(hypothesis, x, numbers, active, share, evaluations, True)
+        found = self._finish(hypothesis, x, numbers, fixed)
+        enough = max(self._share(found.count) * found.chi2, current().fits.enough)
+        if left > 0 and not self.stop() and promised(found, active) > enough:
+            x, numbers, _ = self._solve(hypothesis, x, numbers, active, 1.0, left, False)
+            found = self._finish(hypothesis, x, numbers, fixed)
+        return found
+
+    def _share(self, count: int, rough: bool = False) -> float:
+        """Of chi2, the fall at which a fit ends."""
+        return current().fits.rough if rough or self.rough else max(current().fits.fine / count, 1e-7)
 
     def _known(self, near: Fit | None) -> dict[str, Slow]:
         """Derivatives by the starts, and by numbers with a prior, from a fit nearby, where there are any.
@@ -399,18 +429,21 @@ class Fitter(Follower):
         part[rows[: max(int(len(rows) * share), min(8, len(rows)))]] = True
         return part
 
-    def _solve(self, hypothesis, x, numbers, fixed, share, evaluations, held):
+    def _solve(
+        self, hypothesis: Hypothesis, x: np.ndarray, numbers: dict[str, np.ndarray], active: list[int], share: float,
+        evaluations: int, longer: bool,
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:  # fmt: skip
+        """Numbers and starts, and how many evaluations are left. ``longer``: derivatives as ``FitCriteria`` says."""
         free, cases = hypothesis.free, self.cases
+        fixed, held = not active, [k for k in range(len(free)) if k not in set(active)]
+        led = self.with_steps(current().fits.longer) if longer else self
         parts = {c.name: self._part(c, share) for c in cases}
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
-        # a number that bears on none of these recordings would only run into its bounds and shorten every step
-        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
         p, place = len(active), {k: n for n, k in enumerate(active)}
-        sizes = [len(numbers[c.name]) for c in cases]
-        offsets = p + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        offsets = p + np.concatenate([[0], np.cumsum([len(numbers[c.name]) for c in cases])]).astype(int)
         scale, low, high = self._box([free[k] for k in active])
         if not len(scale):
-            return x, numbers
+            return x, numbers, 0
 
         def unpack(z):
             z = np.clip(z * scale, low, high)
@@ -440,45 +473,42 @@ class Fitter(Follower):
         rows = np.concatenate([[0], np.cumsum([u.sum() for u in use.values()])]).astype(int)
 
         def jacobian(z):
-            values, starts = unpack(z)
             if not last or not np.array_equal(last["z"], z):
                 residuals(z)
+            values, starts = unpack(z)
             seen = seen_of(values)
             result = np.zeros((len(seen), len(z)))
             if (updated := secant.at(z, seen)) is not None:
                 return updated
             for k, c in enumerate(cases):
-                here = last["seen"][c.name]
-                given = c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held
-                columns, block = self.derivatives(*given)
-                span = slice(rows[k], rows[k + 1])
-                for index, column in zip(columns, block, strict=True):
-                    target = place[index] if index >= 0 else offsets[k] - index - 1
-                    result[span, target] = -column[use[c.name]] * scale[target]
+                here = None if longer else last["seen"][c.name]
+                moved = led.derivatives(c, hypothesis, values, starts[c.name], parts[c.name], fixed, here, held)
+                for index, column in zip(*moved, strict=True):
+                    at = place[index] if index >= 0 else offsets[k] - index - 1
+                    result[rows[k] : rows[k + 1], at] = -column[use[c.name]] * scale[at]
             for k in set(hypothesis.believed) & set(place):
                 result[rows[-1] :, place[k]] = self._by_prior(hypothesis, values, k) * scale[place[k]]
             secant.anew(z, seen, result)
             return result
 
-        rough = self.rough or share < 1
         z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
-        fall = current().fits.rough if rough else max(current().fits.fine / rows[-1], 1e-7)
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
         try:
             # a first-order amount can be far off: what overflows is a step that is taken back
             with np.errstate(all="ignore"):
-                end = least_squares(
+                found = least_squares(
                     residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
-                    max_nfev=evaluations, xtol=1e-6, ftol=fall, gtol=1e-9,
-                ).x  # fmt: skip
+                    max_nfev=evaluations, xtol=1e-6, gtol=1e-9, ftol=self._share(int(rows[-1]), share < 1 or longer),
+                )  # fmt: skip
+            end, left = found.x, evaluations - int(found.nfev)
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
-            return x, numbers
+            return x, numbers, evaluations if longer else 0
         except TimeUp:
-            end = best[1]
+            end, left = best[1], 0
         values, starts = unpack(end)
-        return np.array(values), {name: np.array(v) for name, v in starts.items()}
+        return np.array(values), {name: np.array(v) for name, v in starts.items()}, left
 
     def _box(self, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Scale, low and high of numbers and, after them, of all starts."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -89,6 +91,12 @@ class Follower:
         self.predictor = predictor
         criteria = replace(current().segments, frames=10**9) if whole else current().segments
         self.segments = {c.name: self._segments(c, criteria, whole) for c in self.cases}
+
+    def with_steps(self, times: float) -> Self:
+        """The same with steps ``times`` as long, for derivatives."""
+        other = copy.copy(self)
+        other.predictor = self.predictor.with_steps(times)
+        return other
 
     def _segments(self, case: Case, criteria: SegmentCriteria, whole: bool) -> tuple[Segment, ...]:
         """Cut at impacts, or where chaos has made too much of a small error of the start."""
@@ -244,13 +252,15 @@ class Follower:
 
     def derivatives(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, frames: np.ndarray,
-        fixed: bool, here: np.ndarray, held: Collection[int] = (),
+        fixed: bool, here: np.ndarray | None = None, held: Collection[int] = (),
     ) -> tuple[list[int], list[np.ndarray]]:  # fmt: skip
         """d(predicted/sigma) on ``frames`` by the numbers that bear on a recording: (indices, list of (T, c)).
 
-        Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand.
+        Indices below zero are numbers of the start: -1 the first. ``here``: the innovations where they stand, if known.
         Numbers that are ``held`` have none. For a recording of one segment.
         """
+        if here is None:
+            here = self.innovations(case, hypothesis, values, numbers, frames)[0]
         columns: list[int] = []
         changes: list[tuple[np.ndarray, np.ndarray, float]] = []
         for k, shifted, step in () if fixed else self._value_steps(case, hypothesis, values, held):
