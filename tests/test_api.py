@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import granswim_pymunk as gs
 import granswim_pymunk.api
@@ -364,3 +365,17 @@ def test_the_page_on_python(tmp_path):
 def test_the_page_names_what_the_module_offers():
     page = (Path(__file__).parent.parent / "docs/python.md").read_text()
     assert {name for name in re.findall(r"gs\.(\w+)", page)} <= set(gs.__all__)
+
+
+def test_matrices_of_a_diagnosis_take_one_thread_from_python_too(monkeypatch):
+    """Two threads took a small matrix a hundred times as long, where scipy was loaded before the package."""
+    seen = []
+
+    def method(*_, **__):
+        seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        raise InputError("enough")
+
+    monkeypatch.setitem(METHODS, "bodies", method)
+    with pytest.raises(InputError, match="enough"), threadpool_limits(limits=2, user_api="blas"):
+        gs.diagnose(["pendulum"])
+    assert seen and set(seen) == {1}

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from ..errors import InputError
 from ..files import claimed
 from ..recording import Recording, read_recording, resolve_recording
@@ -103,8 +105,9 @@ def diagnose(
         raise InputError("two recordings have this name", where=twice)
     groups = grouped(training, held)
     tell = progress or (lambda text, share: None)
-    # tried before the search, not after it
-    with using(criteria), nullcontext() if out is None else claimed(out):
+    # the folder is tried before the search, not after it; matrices are small, and threads of BLAS wait for each other
+    folder = nullcontext() if out is None else claimed(out)
+    with using(criteria), threadpool_limits(limits=1, user_api="blas"), folder:
         if len(groups) > 1:
             diagnosis = diagnose_together(groups, METHODS, minutes=minutes, seed=seed, progress=tell)
         else:
