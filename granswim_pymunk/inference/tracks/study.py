@@ -55,7 +55,7 @@ class Study:
 
 
 @dataclass
-class Tried:
+class FittedAlone:
     """All that was fitted alone: the scene as believed, recalibrated, and with each candidate in turn.
 
     alive : candidates that were refitted, ``untried`` those that were not;  forms : laws without a name
@@ -135,7 +135,7 @@ def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
     return replace(study, fitter=fitter, inner=inner), fit
 
 
-def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
+def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     """Each candidate alone, and the laws without a name beside them."""
     fitter, late, progress = study.fitter, study.late, study.progress
     named = named_terms(study.cases)
@@ -180,10 +180,10 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> Tried:
     alive, forms_alive = score_inner(study.inner, alive), score_inner(study.inner, forms_alive, ahead)
     scores |= {t.term.label: t.inner for t in alive + forms_alive}
     untried = [t for t in trials if t.fit is None]
-    return Tried(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
+    return FittedAlone(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
 
 
-def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
+def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
     """The study with the slow part of the noise in its likelihood, and all fits that matter again from where they were.
 
     Where what the best fit leaves has no memory, both as they were. A slow part is counted as far as it passes for
@@ -233,10 +233,10 @@ def with_memory(study: Study, tried: Tried) -> tuple[Study, Tried]:
     forms = [t for t in alive if t.term.label in flexible]
     named = [t for t in alive if t.term.label not in flexible]
     untried = [t for t in untried if t.term.label not in flexible]
-    return study, Tried(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
+    return study, FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
 
 
-def _slow_noise(study: Study, tried: Tried) -> Noise:
+def _slow_noise(study: Study, tried: FittedAlone) -> Noise:
     """The slow part of the noise; what one more law beside the best explains is slow too, and is not taken for it."""
     best, fitter = tried.best, study.fitter
     noise = memory_of(best, fitter.cases)
@@ -260,7 +260,7 @@ def _form(term: Term) -> tuple[str, tuple[float, ...]]:
     return term.label, tuple(f.neutral for f in term.free if f.inner)
 
 
-def beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]:
+def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial | None]:
     """The same search on data without a mismatch, and the candidate to be named where it gains more than that."""
     study.progress("nulls", 0.64)
     sets, late = current().sets, study.late(current().budget.exchanges)
@@ -277,7 +277,7 @@ def beyond_nulls(study: Study, tried: Tried) -> tuple[Null | None, Trial | None]
 
 
 def explained_by(
-    study: Study, tried: Tried, chosen: Trial | None
+    study: Study, tried: FittedAlone, chosen: Trial | None
 ) -> tuple[list[Trial], Fit, dict[str, str], list[tuple[Trial, bool]]]:
     """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
 
@@ -337,8 +337,8 @@ def explained_by(
 
 
 def finely(
-    study: Study, tried: Tried, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
-) -> tuple[Tried, Fitter, list[Trial], Fit]:
+    study: Study, tried: FittedAlone, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
+) -> tuple[FittedAlone, Fitter, list[Trial], Fit]:
     """What was found, with steps so short that no number hangs on them: halved and fitted again where one does."""
     for _ in range(current().fits.halvings):
         moved = shifts(fitter, revised, spread)
