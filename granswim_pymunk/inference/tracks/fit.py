@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -368,11 +369,18 @@ class Fitter(Follower):
         Beginnings: gradually from the tracks, from ``base``, from every adjustable on a grid, and from swings
         of other amplitudes (an undamped pendulum follows a decaying one best with an amplitude in between).
         """
-        found = [self.fit(hypothesis, None, base.starts if base else None, stages=stages)]
+
+        def gradually(own: Fitter) -> Fit:
+            return own.fit(hypothesis, None, base.starts if base else None, stages=stages)
+
+        def begun(own: Fitter, values: np.ndarray, starts: Mapping[str, np.ndarray]) -> Fit:
+            return own.fit(hypothesis, values, starts)
+
+        if self.segmented:
+            first = gradually(self)
+            return first if base is None else self._from_grid(hypothesis, first, base)
         values = np.array([f.first for f in hypothesis.free], dtype=float)
         beginnings: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
-        if self.segmented:
-            return found[0] if base is None else self._from_grid(hypothesis, found[0], base)
         starts = {c.name: self.first_numbers(c.name) for c in self.cases}
         bodies = [s for segments in self.segments.values() for s in segments[0].starts]
         swinging = any(isinstance(s.coordinates, Pendulum) for s in bodies)
@@ -388,11 +396,12 @@ class Fitter(Follower):
             beginnings += [(v, {name: n * share for name, n in starts.items()}) for v in grid]
         if base is not None:
             beginnings += [(v, dict(base.starts)) for v in grid]
+        jobs: list[Callable[[Fitter], Fit]] = [gradually]
         if len(beginnings) > 1:
             chi2 = list(POOL.map(lambda b: self._chi2(hypothesis, *b), beginnings))
-            for k in np.argsort(chi2)[:3]:
-                found.append(self.fit(hypothesis, beginnings[k][0], beginnings[k][1]))
-        return min(found, key=lambda fit: fit.chi2)
+            nearest = [beginnings[k] for k in np.argsort(chi2)[:3]]
+            jobs += [partial(begun, values=values, starts=starts) for values, starts in nearest]
+        return min(side_by_side(self, jobs), key=lambda fit: fit.chi2)
 
     def _from_grid(self, hypothesis: Hypothesis, first: Fit, base: Fit) -> Fit:
         """The best of a fit and of those that begin where single numbers lie elsewhere between their bounds."""

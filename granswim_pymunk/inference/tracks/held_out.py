@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor, Term
 from ..judge import Remains, paired
 from .blocks import cut
-from .fit import Fitter
+from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .segments import find_impacts, make_segments
 
@@ -413,18 +414,18 @@ def right_law_errors(
             truths[case.name] = _as_explained(training, case, predictor, stop)[0]
         except Failed:
             continue
-    result = []
-    for _ in range(repeats):
-        replicates = [_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths]
-        again = Fitter(replicates, predictor, None, stop)
+    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in range(repeats)]
+
+    def left(replicates: list[Case], own: Fitter) -> float | None:
+        again = Fitter(replicates, predictor, None, own.stop)
         try:
             fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=20)
         except Failed:
-            continue
-        rms = held_out_errors(fit, replicates, predictor, stop, whole=False, followed=followed).rms
-        if rms is not None:
-            result.append(rms)
-    return np.array(result)
+            return None
+        return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms
+
+    found = side_by_side(Fitter(cases, predictor, None, stop), [partial(left, replicates) for replicates in filmed])
+    return np.array([rms for rms in found if rms is not None])
 
 
 def _as_explained(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy import stats
@@ -23,7 +24,7 @@ from ..linear import project
 from ..noise import averaged
 from ..significance import half_interval
 from .believed import error_name, with_error
-from .fit import Fitter
+from .fit import Fitter, side_by_side
 from .fitted import Fit, information_of
 from .innovations import seen_by
 from .signatures import columns_of, stacked
@@ -37,24 +38,35 @@ def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Calla
     fit = fitter.sharpened(fit)
     uneven: list[int] = []
     probes: dict[int, tuple[tuple[float, float] | None, Fit]] = {}
+    rows = range(first, len(fit.values))
+
+    def probed(own: Fitter, k: int, fit: Fit) -> tuple[tuple[float, float] | None, Fit] | None:
+        return None if late() else _probe(own, fit, k, spread)
+
     for _ in range(current().intervals.again):
-        probes = {k: _probe(fitter, fit, k, spread) for k in range(first, len(fit.values)) if not late()}
+        found = side_by_side(fitter, [partial(probed, k=k, fit=fit) for k in rows])
+        probes = {k: probe for k, probe in zip(rows, found, strict=True) if probe is not None}
         uneven = [k for k, (ends, _) in probes.items() if ends is None]
-        lowest = min((found for _, found in probes.values()), key=lambda f: f.chi2, default=fit)
+        lowest = min((best for _, best in probes.values()), key=lambda f: f.chi2, default=fit)
         if lowest.chi2 > fit.chi2 - spread or late():
             break
         # the fit was not at its end yet
         better = fitter.fit(fit.hypothesis, lowest.values, lowest.starts, evaluations=current().intervals.evaluations)
         fit = fitter.sharpened(min(lowest, better, key=lambda f: f.chi2))
     told = information_of(fit.jacobian, len(fit.values))
-    limits = {k: ends for k, (ends, _) in probes.items() if ends is not None and _lopsided(fit, k, ends, spread)}
-    for k in sorted({*unknown_alone(told), *uneven}):
-        if k < first or late():
-            continue
+    limits = {k: both for k, (both, _) in probes.items() if both is not None and _lopsided(fit, k, both, spread)}
+
+    def ended(own: Fitter, k: int, side: float) -> float | None:
         free = fit.hypothesis.free[k]
         least = current().intervals.at_first * (abs(float(fit.values[k]) - free.neutral) or free.scale)
         step = min(current().intervals.normal / math.sqrt(told[k, k]), least) if told[k, k] > 0 else least
-        limits[k] = _end(fitter, fit, k, spread, -1.0, step), _end(fitter, fit, k, spread, 1.0, step)
+        return None if late() else _end(own, fit, k, spread, side, step)
+
+    open_ = [k for k in sorted({*unknown_alone(told), *uneven}) if k >= first]
+    ends = iter(side_by_side(fitter, [partial(ended, k=k, side=side) for k in open_ for side in (-1.0, 1.0)]))
+    for k, low, high in zip(open_, ends, ends, strict=True):
+        if low is not None and high is not None:
+            limits[k] = low, high
     return replace(fit, limits=limits) if limits else fit
 
 

@@ -371,10 +371,14 @@ def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, li
     """
     n = len(base.values)
     best = base
-    for t in sorted(trials, key=lambda t: -t.gain)[:3]:
-        if t.fit is not None and t.gain > current().verdict.noticed:
-            found = fitter.fit(base.hypothesis, t.fit.values[:n], t.fit.starts)
-            best = found if found.chi2 < best.chi2 - current().refits.unstuck else best
+    leaders = sorted(trials, key=lambda t: -t.gain)[:3]
+    ends = [t.fit for t in leaders if t.fit is not None and t.gain > current().verdict.noticed]
+
+    def again(own: Fitter, end: Fit) -> Fit:
+        return own.fit(base.hypothesis, end.values[:n], end.starts)
+
+    for found in side_by_side(fitter, [partial(again, end=end) for end in ends]):
+        best = found if found.chi2 < best.chi2 - current().refits.unstuck else best
     if best is base:
         return base, list(trials)
     moved = [t if t.fit is None else replace(t, gain=best.chi2 - t.fit.chi2) for t in trials]
