@@ -2,6 +2,7 @@
 
 import json
 import math
+from copy import copy
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -196,8 +197,9 @@ def test_lossy_collision_is_restitution():
     found = diagnose_tracks([filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))])
     assert found.verdict["verdict"] == "missing_physics"
     close(found, "restitution", "restitution", 0.75)
-    # they have met before: with the law one run goes through the impact and on to what comes later, without it none
-    assert found.verdict["heldout"] == "holds"
+    # nothing meets in the held-out part: what is off there hangs on the noise alone, and that is said
+    alone = any("holds no impact, where alone restitution shows" in note for note in found.verdict["notes"])
+    assert found.verdict["heldout"] == ("undecided" if alone else "holds") and found.verdict["complete"]
 
 
 def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():
@@ -648,6 +650,12 @@ def test_a_fit_that_was_caught_gains_nothing_by_any_law():
     """Whatever helps a fit out of a minimum would seem to be a law; the fit without one is begun there again."""
 
     class Basin:
+        def apart(self):
+            return copy(self)
+
+        def stop(self):
+            return False
+
         def fit(self, hypothesis, values, starts):
             return replace(caught, chi2=101.0 if starts["r"] is free else 140.0)
 

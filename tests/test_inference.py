@@ -305,10 +305,10 @@ def test_least_squares_finds_shared_and_own_numbers_within_bounds():
         loss = lambda vectors: sum(float(v @ v) for v in vectors)  # noqa: E731
         return descend(Problem(evaluate, differentiate, loss), begin, (low, high), stale=False, evaluations=20)
 
-    values, starts = solve(np.full(2, -np.inf), np.full(2, np.inf))
+    values, starts, _ = solve(np.full(2, -np.inf), np.full(2, np.inf))
     np.testing.assert_allclose(values, truth, atol=1e-3)
     np.testing.assert_allclose(starts[1], own[1], atol=1e-3)
-    values, _ = solve(np.array([-9.0, -9.0]), np.array([1.5, 9.0]))
+    values, *_ = solve(np.array([-9.0, -9.0]), np.array([1.5, 9.0]))
     assert values[0] == 1.5
 
 
