@@ -24,6 +24,17 @@ def basis(columns: np.ndarray) -> np.ndarray:
     return u[:, s > current().rounding.singular * s[0]]
 
 
+def errors_of(columns: np.ndarray) -> np.ndarray:
+    """E (k, k) with E E' = (J'J)^-1 of the columns J (n, k): E z are errors of numbers, z standard normal.
+
+    What shows in nothing is left where it is.
+    """
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    told, turned = np.linalg.eigh((columns / size).T @ (columns / size))
+    told = np.where(told > current().rounding.told * told.max(initial=0.0), told, np.inf)
+    return np.asarray(turned / np.sqrt(told) / size[:, None])
+
+
 def project(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Projection of ``vectors`` (n, m) on the span of ``columns`` (n, k)."""
     if columns.shape[1] > current().fits.many:

@@ -55,22 +55,22 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         told = len(model.notes)
         other = judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
         other = model.settle(other)
-        if not other.claim.laws or other.claim.nameless:
-            del model.notes[told:]
+        found = model.hold_out(other) if other.claim.laws and not other.claim.nameless else None
+        notes, model.notes[told:] = model.notes[told:], []  # of what was only tried
+        if found is None:
             continue
-        last, found = other, model.hold_out(other)
-        notes = model.notes[told:]
-        del model.notes[told:]  # of what was only tried
+        last = other
         if found.outcome != "holds" or (not fails and found.unlike and not model.predicts_better(held, found)):
             continue
-        better.append((found.gain or 0.0, other, found, notes))
+        better.append((other, found, notes))
         if not found.unlike:
             break
     if not better:
         # what the model keeps of its last look belongs to the first claim again
         return judged, held if last is judged else model.hold_out(judged)
-    as_its_own = [entry for entry in better if not entry[2].unlike]
-    _, other, found, notes = max(as_its_own or better, key=lambda entry: entry[0])
+    other, found, notes = better[-1]
+    if found.unlike:  # as all of them are
+        other, found, notes = max(better, key=lambda entry: entry[1].gain or 0.0)
     how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
     model.notes += notes
     model.notes.append(

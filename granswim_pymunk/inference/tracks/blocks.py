@@ -240,7 +240,7 @@ def score(
         for body in dict.fromkeys(body_of.tolist()):
             for k in range(stretch_of.max(initial=-1) + 1):
                 mine = (body_of == body) & (stretch_of == k)
-                if mine.any() and np.mean(bent[mine]) <= current().segments.bend:
+                if mine.any() and np.mean(bent[mine]) <= criteria.bent:
                     sums[b, body, k] = float(np.sum(white[mine] ** 2))
                     counts[b, body, k] = int(mine.sum())
                     floor.append(np.sum(draws[mine] ** 2, axis=0))

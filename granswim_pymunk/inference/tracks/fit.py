@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Free, Hypothesis, Predictor
+from ..linear import errors_of
 from ..start import Pendulum
 from ..threads import ContextPool
 from .fitted import Fit, huber, information_of, weight_roots
@@ -184,11 +185,8 @@ class Fitter(Follower):
         Bodies that meet in a segment are chosen together, the others apart from them.
         """
         rng, criteria = np.random.default_rng(0), current().fits
-        numbers, by_start = flights.starts[case.name], flights.jacobian[case.name][1]
-        size = np.maximum(np.linalg.norm(by_start, axis=0), 1e-300)
-        told, turned = np.linalg.eigh((by_start / size).T @ (by_start / size))
-        told = np.where(told > current().rounding.told * told.max(initial=0.0), told, np.inf)
-        off = turned @ (rng.normal(size=(len(told), criteria.drawn)) / np.sqrt(told)[:, None]) / size[:, None]
+        numbers, errors = flights.starts[case.name], errors_of(flights.jacobian[case.name][1])
+        off = errors @ rng.normal(size=(len(numbers), criteria.drawn))
         drawn = numbers + np.vstack([np.zeros(len(numbers)), off.T])
         segments, impacts = self.segments[case.name], find_impacts(case)
         bodies = list(dict.fromkeys([c.body for c in case.channels] + [s.body for s in segments[0].starts]))
@@ -254,13 +252,12 @@ class Fitter(Follower):
         free = hypothesis.free
         x = np.array([f.first for f in free] if values is None else values, dtype=float)
         numbers = {c.name: self._begin(c.name, starts) for c in self.cases}
+        # a number that bears on none of these recordings would only run into its bounds and shorten every step
+        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
         if self.segmented:
-            active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
             known = self._known(near)
             x, numbers, ended = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return replace(self._finish(hypothesis, x, numbers, fixed, known), ended=ended)
-        # a number that bears on none of these recordings would only run into its bounds and shorten every step
-        active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
         left = 0
         for share in stages:
             if share == 1 and near is not None and not fixed and self.of_many_numbers:

@@ -15,6 +15,7 @@ from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor, Term
 from ..judge import Remains, paired
+from ..linear import errors_of
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
@@ -257,16 +258,12 @@ def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Genera
     fitter = Fitter([case], predictor, {case.name: case.training})
     fitter.segments = {case.name: fit.segments[case.name]}
     p = len(fit.values)
-    both = np.hstack(fit.jacobian[case.name])
-    size = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
-    told, turned = np.linalg.eigh((both / size).T @ (both / size))
-    # what shows in nothing changes nothing
-    told = np.where(told > current().rounding.told * told.max(initial=0.0), told, np.inf)
+    errors = errors_of(np.hstack(fit.jacobian[case.name]))
     low, high = fit.hypothesis.bounds
     try:
         runs = [fitter.predict(fit, case, case.scored)[case.scored]]
         for _ in range(current().left.starts):
-            off = turned @ (rng.normal(size=len(told)) / np.sqrt(told)) / size
+            off = errors @ rng.normal(size=len(errors))
             values = np.clip(fit.values + off[:p], low, high)
             drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})
             runs.append(fitter.predict(drawn, case, case.scored)[case.scored])

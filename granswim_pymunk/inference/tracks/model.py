@@ -143,7 +143,6 @@ class Tracks(ObservationModel):
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
-        self.right = np.zeros(0)
         # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
         self.followed: dict[str, float] = {}
         self.floor: tuple[float | None, float | None] = (None, None)
@@ -352,9 +351,8 @@ class Tracks(ObservationModel):
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
         beyond = rms is not None and floor and rms > current().left.asked * floor
-        self.right = np.zeros(0)
-        if beyond and len(revised.values) and not study.late(current().budget.experiment):
-            self.right = right_law_errors(*how, followed=self.followed)
+        asked = beyond and len(revised.values) and not study.late(current().budget.experiment)
+        self.right = right_law_errors(*how, followed=self.followed) if asked else np.zeros(0)
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
