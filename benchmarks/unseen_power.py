@@ -53,7 +53,7 @@ def table(model: Packings) -> list[str]:
     s = model.state
     lines = ["| law | number | one standard error | found from | bends over angles |", "|---|---|---|---|---|"]
     for x in model.candidates:
-        whole = None if x.apparatus or x.size > 1 else model_of(s, [x])
+        whole = None if x.apparatus or x.numbers > 1 else model_of(s, [x])
         if whole is None:
             continue
         plain = {c.name: np.eye(len(c.seen)) for c in s.training}

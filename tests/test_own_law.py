@@ -57,12 +57,12 @@ def of_a_bed() -> set[str]:
 
 
 def of_unseen_packings() -> set[str]:
-    return {x.name for x in candidates_of(conditions_of([unseen(swimming(T))], [], 0))}
+    return {x.mechanism for x in candidates_of(conditions_of([unseen(swimming(T))], [], 0))}
 
 
 def of_a_curve() -> set[str]:
     recorded = only_curve(toy_scene(F), *((f, 0.0, 0.01, 1e-3, 3) for f in (8.0, 9.0, 10.0)))
-    return {x.name for x in candidates_of(conditions_of([recorded], [], 0))}
+    return {x.mechanism for x in candidates_of(conditions_of([recorded], [], 0))}
 
 
 @pytest.mark.parametrize("candidates", [of_bodies, of_a_bed, of_unseen_packings, of_a_curve])

@@ -23,7 +23,7 @@ from granswim_pymunk.inference.packings import diagnose_unseen
 from granswim_pymunk.inference.packings.amounts import Amount, amount_jobs
 from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
-from granswim_pymunk.inference.packings.conclude import again, pair_gains, plainer, still_earned
+from granswim_pymunk.inference.packings.conclude import again, best_pair, plainer, still_earned
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
 from granswim_pymunk.inference.packings.recalibrate import begin, recalibrate
@@ -257,7 +257,7 @@ def test_softer_contacts_keep_the_restitution():
 def test_every_candidate_can_be_put_into_the_scene_and_known_ones_are_no_candidates():
     condition = conditions_of([recording(swimming(T))], [], 0)[0]
     candidates = candidates_of([condition])
-    names = {x.name for x in candidates}
+    names = {x.mechanism for x in candidates}
     assert {"linear_drag", "coulomb_substrate", "contact_friction"} <= names
     assert {"actuator_lag", "weak_joint", "camera_scale"} <= names
     for x in candidates:
@@ -268,7 +268,7 @@ def test_every_candidate_can_be_put_into_the_scene_and_known_ones_are_no_candida
                 if item.name != "wall_drag":
                     changed.resolved(item)
     known = toy_scene(F).with_laws(use("linear_drag", c=1e-5))
-    known_names = {x.name for x in candidates_of(conditions_of([recording(swimming(T), known)], [], 0))}
+    known_names = {x.mechanism for x in candidates_of(conditions_of([recording(swimming(T), known)], [], 0))}
     assert "linear_drag" not in known_names
 
 
@@ -321,7 +321,7 @@ def own_law():
 def test_a_law_of_the_users_own_is_tried_where_it_says(own_law, kind, c, first):
     mine = own_law(kind=kind, c=c)
     conditions = conditions_of([recording(swimming(T))], [], 0)
-    (found,) = [x for x in candidates_of(conditions) if x.name == mine.name]
+    (found,) = [x for x in candidates_of(conditions) if x.mechanism == mine.name]
     assert found.design.tolist() == [[pytest.approx(first)]]
     changed, _ = found.term.apply(conditions[0].scene, {}, [first])
     assert changed.laws[-1].values["c"] == pytest.approx(first)
@@ -334,7 +334,7 @@ def test_a_users_law_is_tried_at_what_it_says_and_then_at_what_its_unit_tells(ow
     """A size that is far off, as for other bodies, does not keep the law from being tried."""
     mine = own_law(kind="body", c={"unit": "kg/m", "meaning": "drag", "low": 0.0, "typical": 1.0})
     conditions = conditions_of([recording(swimming(T))], [], 0)
-    (found,) = [x for x in candidates_of(conditions) if x.name == mine.name]
+    (found,) = [x for x in candidates_of(conditions) if x.mechanism == mine.name]
     bed = conditions[0].scene.bed
     mass = bed.density * math.pi / 6 * 1.875 * 1e-9 * 2  # <d^3> of diameters from 1 to 2 mm is 3.75 mm^3
     speed = 0.15 * math.pi / 4 * 2 * math.pi * F * 0.021
@@ -403,12 +403,13 @@ def test_pairs_are_priced_by_the_normal_equations():
 
     def bank(r: np.ndarray, low: float) -> Bank:
         signs = dict.fromkeys(names, (-np.inf, np.inf)) | {names[0]: (low, np.inf)}
-        return Bank({}, r, np.zeros((40, 0)), columns, {}, signs, {}, {})
+        directions = {name: column / np.linalg.norm(column) for name, column in columns.items()}
+        return Bank({}, r, np.zeros((40, 0)), columns, directions, signs, {}, {})
 
     r = 8 * (b - a)[:, 0]
-    gain, x, y = pair_gains(bank(r, -np.inf), [first, second, third])[0]
+    gain, x, y = best_pair(bank(r, -np.inf), [first, second, third])
     assert {x.label, y.label} == set(names[:2]) and gain == pytest.approx(float(r @ r), rel=1e-9)
-    assert {names[0], names[1]} != {z.label for z in pair_gains(bank(r, 0.0), [first, second, third])[0][1:]}
+    assert {names[0], names[1]} != {z.label for z in best_pair(bank(r, 0.0), [first, second, third])[1:]}
     assert price(40) == pytest.approx(21.2, abs=0.1)
 
 
@@ -505,9 +506,9 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     found = diagnose_unseen(filmed(laws, 3, films))
     verdict = found.verdict
     f = found.evidence
-    assert verdict["verdict"] == "missing_physics" and [t.candidate.name for t in f.found] == ["weak_joint"]
+    assert verdict["verdict"] == "missing_physics" and [t.candidate.mechanism for t in f.found] == ["weak_joint"]
     joint = next(t for t in f.search.trials if t.candidate.label == "weak_joint at joint 3")
-    others = [t for t in f.search.trials if not t.reason and t.candidate.name != "weak_joint"]
+    others = [t for t in f.search.trials if not t.reason and t.candidate.mechanism != "weak_joint"]
     worse = sorted(others, key=lambda t: -t.worth)[:2]
     for t in worse:
         if t.fit is None:  # it was too far behind to be refitted
@@ -549,9 +550,9 @@ def test_a_flow_without_speed_is_drag(world, push, named):
     s.runner.do([j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, [0, 1])])
     s.means.refresh()
     screen(s, chosen)
-    trial = next(t for t in s.trials if t.candidate.name == "ambient_flow")
+    trial = next(t for t in s.trials if t.candidate.mechanism == "ambient_flow")
     again(s, trial, 0.5, 2, 6)
-    assert plainer(s, trial, [trial]).candidate.name == named
+    assert plainer(s, trial, [trial]).candidate.mechanism == named
 
 
 def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):

@@ -15,15 +15,15 @@ from ...scene import Scene, use
 from ..candidates import applies
 from ..criteria import current
 from ..hypothesis import Free, Term
-from ..mechanisms import APPARATUS
 from ..swimmer_terms import swimmer_terms, tried_below
+from ..trial import Tried
 from .summaries import Condition, Shim
 
 KINDS = ("body", "pair", "constraint")  # of laws that act on all bodies alike; those of a chain: ``swimmer_terms``
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Tried):
     """A candidate and the points at which it is run first.
 
     design : (n, n) rows are amounts (value less neutral) of its n numbers; empty for the apparatus, which needs
@@ -37,24 +37,8 @@ class Candidate:
     other: float | None = None
 
     @property
-    def name(self) -> str:
-        return self.term.mechanism
-
-    @property
-    def label(self) -> str:
-        return self.term.label
-
-    @property
-    def apparatus(self) -> bool:
-        return self.term.mechanism in APPARATUS
-
-    @property
     def neutral(self) -> np.ndarray:
         return np.array([f.neutral for f in self.term.free])
-
-    @property
-    def size(self) -> int:
-        return len(self.term.free)
 
     def scaled(self, factor: float) -> Candidate:
         """The same, first tried at another amount, inside its bounds."""

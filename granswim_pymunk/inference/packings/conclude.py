@@ -15,11 +15,12 @@ from ..explained import Explained
 from ..mechanisms import UNKNOWN
 from ..significance import at_alarm, price
 from ..simpler import all_absent, ended_at_bound, special_cases
+from ..trial import Tried, best_of_each, pair_gains, rows_of
 from .candidates import Candidate
 from .refitting import arrived, refit
 from .response import Fit, fit, spread_of, whitened
 from .screening import Bank, counts, extended, model_of
-from .state import NAIVE, Search, Trial, base_point, rounded
+from .state import NAIVE, Search, Trial, base_point, extra_at, rounded
 
 BY_CHANCE = "with the scene's own contacts it is not beyond chance"
 
@@ -63,26 +64,16 @@ class Finding:
 
     def own(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """A found law's numbers in the revised fit, and their covariance, see ``Fit.told``."""
-        at = len(self.search.adjust)
-        for t in self.found:
-            if t is trial:
-                break
-            at += t.numbers
-        n = trial.numbers
+        own = zip(self.found, rows_of(self.found, len(self.search.adjust)), strict=True)
+        rows = next(rows for t, rows in own if t is trial)
         f = self.revised
         student = float(stats.t.ppf(0.975, max(f.dof, 2))) / current().intervals.normal
-        return f.u[at : at + n], f.told[at : at + n, at : at + n] * student**2
+        return f.u[rows], f.told[rows, rows] * student**2
 
 
-def extra_of(s: Search, found: Sequence[Trial], fitted: Fit) -> list[tuple]:
+def extra_of(s: Search, found: Sequence[Tried], fitted: Fit) -> list[tuple]:
     """(term, values) of laws in a fit, the apparatus left out."""
-    at = len(s.adjust)
-    result = []
-    for t in found:
-        if not t.apparatus:
-            result.append((t.term, rounded(fitted.u[at : at + t.numbers])))
-        at += t.numbers
-    return result
+    return extra_at(s, found, rounded(fitted.u))
 
 
 # ---- the search -----------------------------------------------------------------------------------
@@ -110,18 +101,19 @@ def named_laws(
     if pair is not None:
         found, revised = pair
     names = {f.mechanism for f in found}
-    curves = all(c.any_view.curve for c in s.training)
-    rivals = [
-        (t, _alike(s, chosen, t) or (curves and t.gain > criteria.of_a_class * chosen.gain))
-        for t in leaders if t.mechanism not in names and t.gain > criteria.rival * chosen.gain
+    near = [t for t in leaders if t.gain > criteria.rival * chosen.gain]
+    # a few speeds say one thing only: whatever explains it to first order is of the same class
+    curves, least = all(c.any_view.curve for c in s.training), criteria.of_a_class * open_[0].gain
+    first_order = [
+        _to_first_order(s, t) for t in open_
+        if curves and t.fit is None and t.gain > least and t.mechanism not in names
     ]  # fmt: skip
-    if curves:
-        # a few speeds say one thing only: whatever explains it to first order is of the same class
-        rivals += [
-            (_to_first_order(s, t), True) for t in open_
-            if t.fit is None and t.gain > criteria.of_a_class * open_[0].gain and t.mechanism != chosen.mechanism
-        ]  # fmt: skip
-    return found, revised, _once(rivals)
+
+    def alike(t: Trial) -> bool:
+        one_class = curves and t.gain > criteria.of_a_class * chosen.gain
+        return one_class or any(t is o for o in first_order) or _alike(s, chosen, t)
+
+    return found, revised, best_of_each([*near, *first_order], alike, names)
 
 
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
@@ -200,8 +192,8 @@ def _nested(s: Search, x: Candidate, found: Fit, at: int) -> Trial | None:
 
     found : a fit in which the numbers of x begin at ``at``
     """
-    names = special_cases(x.name)
-    added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.size))
+    names = special_cases(x.mechanism)
+    added = ((found.model.free[k].neutral, *found.interval(k)) for k in range(at + 1, at + x.numbers))
     if not names or not all_absent(added):
         return None
     return next((t for t in s.trials if t.mechanism in names and not t.reason), None)
@@ -227,7 +219,7 @@ def _sound(s: Search, x: Candidate, values: np.ndarray) -> bool:
         s.notes.append(f"{x.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
         return False
     value = float(values[0])
-    if x.name == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
+    if x.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
         s.notes.append(f"{x.label} is no explanation: {x.term.free[0].name} would be {value:.3g}")
         return False
     return True
@@ -266,14 +258,6 @@ def _alike(s: Search, best: Trial, other: Trial) -> bool:
     return best.worth - other.worth < current().verdict.same + _noise(s, best, other)
 
 
-def _once(rivals: list[tuple[Trial, bool]]) -> list[tuple[Trial, bool]]:
-    """The best of each mechanism, in order."""
-    best: dict[str, tuple[Trial, bool]] = {}
-    for trial, same in rivals:
-        best.setdefault(trial.mechanism, (trial, same))
-    return list(best.values())
-
-
 def again(s: Search, t: Trial, share: float, rounds: int, count: int) -> None:
     """Refit a trial by simulation, from where it stands."""
     found, done, reason = refit(s, [t.candidate], share, rounds, count, t.fit)
@@ -297,23 +281,20 @@ def _level(s: Search) -> None:
 # ---- two laws ---------------------------------------------------------------------------------------
 
 
-def pair_gains(bank: Bank, candidates: Sequence[Candidate]) -> list[tuple[float, Candidate, Candidate]]:
-    """First-order gain of all pairs from the normal equations, best first; none where a bound forbids a sign."""
+def best_pair(bank: Bank, candidates: Sequence[Candidate]) -> tuple[float, Candidate, Candidate] | None:
+    """The pair that gains most to first order, of those of which no bound forbids a sign; None where there is none."""
     left = bank.left - bank.adjust @ (bank.adjust.T @ bank.left)
-    result = []
-    for i, a in enumerate(candidates):
-        for b in candidates[i + 1 :]:
-            if a.name == b.name:
-                continue
-            columns = np.hstack([bank.columns[a.label], bank.columns[b.label]])
-            amounts, *_ = np.linalg.lstsq(columns, left, rcond=None)
-            if any(
-                x.size == 1 and not bank.signs[x.label][0] <= v <= bank.signs[x.label][1]
-                for x, v in ((a, amounts[0]), (b, amounts[-1]))
-            ):
-                continue
-            result.append((float(left @ columns @ amounts), a, b))
-    return sorted(result, key=lambda item: -item[0])
+    shapes = [bank.directions[x.label] for x in candidates]
+    for gain, i, j in pair_gains(left, [x.mechanism for x in candidates], shapes):
+        a, b = candidates[i], candidates[j]
+        columns = np.hstack([bank.columns[a.label], bank.columns[b.label]])
+        amounts, *_ = np.linalg.lstsq(columns, left, rcond=None)
+        if all(
+            x.numbers > 1 or bank.signs[x.label][0] <= v <= bank.signs[x.label][1]
+            for x, v in ((a, amounts[0]), (b, amounts[-1]))
+        ):
+            return gain, a, b
+    return None
 
 
 def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) -> tuple[list[Trial], Fit] | None:
@@ -323,13 +304,14 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
     cost = price(max(len(alive), 2))
     tried: list[tuple[float, list[Candidate], Fit | None]] = []
     for x in alive:
-        if x.name == first.mechanism or _one_and_the_same(x.name, first.mechanism):
+        if x.mechanism == first.mechanism or _one_and_the_same(x.mechanism, first.mechanism):
             continue
         both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
-        tried.append((first.fit.objective - both.objective - 2 * (x.size - 1), [first.candidate, x], both))
-    for gain, a, b in pair_gains(bank, alive)[:1]:
-        if first.label not in (a.label, b.label):
-            tried.append((gain - first.gain - 2 * (a.size + b.size - 2), [a, b], None))
+        tried.append((first.fit.objective - both.objective - 2 * (x.numbers - 1), [first.candidate, x], both))
+    together = best_pair(bank, alive)
+    if together is not None and first.label not in (together[1].label, together[2].label):
+        gain, a, b = together
+        tried.append((gain - first.gain - 2 * (a.numbers + b.numbers - 2), [a, b], None))
     tried.sort(key=lambda item: -item[0])
     for gain, pair, start in tried[:2]:
         if gain < cost:
@@ -346,7 +328,7 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
         _level(s)
         found = fit(found.model, s.means, s.training)
         assert first.fit is not None
-        if first.fit.objective - found.objective < cost + 2 * (pair[1].size - 1):
+        if first.fit.objective - found.objective < cost + 2 * (pair[1].numbers - 1):
             continue
         if min(_from_absence(s, pair, found, found.covariance)) < cost:
             continue
@@ -361,30 +343,25 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
 
 def _simpler(s: Search, pair: list[Candidate], found: Fit) -> list[Candidate]:
     """The laws, each that is a simpler one within its intervals as that one; the same where that is there already."""
-    at = len(s.adjust)
     result: list[Candidate] = []
-    for x in pair:
-        plain = _nested(s, x, found, at)
-        at += x.size
+    for x, rows in zip(pair, rows_of(pair, len(s.adjust)), strict=True):
+        plain = _nested(s, x, found, rows.start)
         other = x if plain is None else plain.candidate
-        result.append(x if other.name in {o.name for o in (*pair, *result)} else other)
+        result.append(x if other.mechanism in {o.mechanism for o in (*pair, *result)} else other)
     return result
 
 
 def _own(s: Search, laws: Sequence[Candidate], found: Fit) -> list[tuple[Candidate, np.ndarray]]:
     """Each law of a set with its own numbers in a fit."""
-    ends = len(s.adjust) + np.cumsum([x.size for x in laws])
-    return [(x, found.u[end - x.size : end]) for x, end in zip(laws, ends, strict=True)]
+    return [(x, found.u[rows]) for x, rows in zip(laws, rows_of(laws, len(s.adjust)), strict=True)]
 
 
 def _from_absence(s: Search, laws: Sequence[Candidate], found: Fit, covariance: np.ndarray) -> list[float]:
     """How far each law of a set is from its absence, in chi2 of its numbers: what its price is held against."""
-    at = len(s.adjust)
     result = []
-    for x, own in _own(s, laws, found):
-        away, spread = own - x.neutral, covariance[at : at + x.size, at : at + x.size]
-        result.append(float(away @ np.linalg.pinv(spread) @ away))
-        at += x.size
+    for x, rows in zip(laws, rows_of(laws, len(s.adjust)), strict=True):
+        away = found.u[rows] - x.neutral
+        result.append(float(away @ np.linalg.pinv(covariance[rows, rows]) @ away))
     return result
 
 

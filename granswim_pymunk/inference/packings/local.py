@@ -16,7 +16,7 @@ from .candidates import Candidate
 from .response import Fit, Means, Model, Point, Sum, add
 from .runs import Job
 from .screening import columns_of
-from .state import Search, jobs_for, label_of, rounded
+from .state import Search, extra_at, jobs_for, label_of, rounded
 from .summaries import Condition
 
 
@@ -34,7 +34,7 @@ def near(s: Search, model: Model, candidates: Sequence[Candidate]) -> tuple[Mode
         where = [c for c in s.training if c.name in model.slopes[k]]
         labels[k] = []
         for u in ends:
-            theta, extra = u[: len(s.adjust)], _extra(s, candidates, u)
+            theta, extra = u[: len(s.adjust)], extra_at(s, candidates, u)
             labels[k].append(label_of(s.adjust, theta, extra))
             jobs += jobs_for(where, s.adjust, theta, extra, count, True)
     s.runner.do(jobs, lambda k, n: s.progress("near what was found", 0.92 + 0.02 * k / n))
@@ -68,16 +68,6 @@ def _sides(s: Search, model: Model, candidates: Sequence[Candidate]) -> dict[int
         if low[k] < high[k]:
             found[k] = low, high
     return found
-
-
-def _extra(s: Search, candidates: Sequence[Candidate], u: np.ndarray) -> list[tuple]:
-    """(term, values) of laws at a point u, the apparatus left out."""
-    at, result = len(s.adjust), []
-    for x in candidates:
-        if not x.apparatus:
-            result.append((x.term, u[at : at + x.size].copy()))
-        at += x.size
-    return result
 
 
 def shrunk(

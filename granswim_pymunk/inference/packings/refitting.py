@@ -14,7 +14,7 @@ from ..significance import rank
 from .candidates import Candidate
 from .response import Fit, Model, add, fit
 from .screening import model_of
-from .state import NAIVE, Search, jobs_for, label_of, rounded
+from .state import NAIVE, Search, extra_at, jobs_for, label_of, rounded
 
 
 def refit(
@@ -36,13 +36,8 @@ def refit(
     n = len(s.base.u)
     done = 0
     for _ in range(rounds):
-        extra = []
-        at = n
         here = rounded(run_at(s, found, candidates))
-        for x in candidates:
-            if not x.apparatus:
-                extra.append((x.term, here[at : at + x.size].copy()))
-            at += x.size
+        extra = extra_at(s, candidates, here)
         theta = here[:n].copy()
         label = label_of(s.adjust, theta, extra)
         s.runner.do(
@@ -76,7 +71,7 @@ def run_at(s: Search, found: Fit, candidates: Sequence[Candidate]) -> np.ndarray
     """
     (x, *more), u = candidates, found.u.copy()
     n = len(s.base.u)
-    if more or x.apparatus or x.size != 1:
+    if more or x.apparatus or x.numbers != 1:
         return u
     absent = u.copy()
     absent[n] = x.neutral[0]

@@ -116,7 +116,7 @@ def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
     if not directions.shape[1]:
         return np.zeros(r.shape[1])
     found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
-    if candidate.size == 1:
+    if candidate.numbers == 1:
         amount = bank.columns[candidate.label][:, 0] @ left
         low, high = bank.signs[candidate.label]
         found = np.where(((amount > 0) & (high <= 0)) | ((amount < 0) & (low >= 0)), 0.0, found)
@@ -169,7 +169,7 @@ def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
     alive = [x for x in candidates if counts(bank, x)]
     best = np.zeros(replicates)
     for x in alive:
-        best = np.maximum(best, gains(bank, x, r) - 2 * (x.size - 1))
+        best = np.maximum(best, gains(bank, x, r) - 2 * (x.numbers - 1))
     refitted = r - bank.adjust @ (bank.adjust.T @ r)
     whole, left = np.sum(r**2, axis=0), np.sum(refitted**2, axis=0)
     return Nulls(whole, whole - left, best, left, r.T, refitted.T)

@@ -10,7 +10,7 @@ import numpy as np
 from ...scene import Scene
 from ..criteria.packings import Sizes
 from ..hypothesis import NO_CAMERA, Term
-from ..trial import Tried
+from ..trial import Tried, rows_of
 from .candidates import Candidate
 from .response import Fit, Means
 from .runs import Change, Job, Runner
@@ -124,6 +124,12 @@ def jobs_for(
 ) -> list[Job]:  # fmt: skip
     name = label or label_of(adjust, theta, extra)
     return [Job(c, name, change_of(c, adjust, theta, extra), k, soft) for k in range(count) for c in conditions]
+
+
+def extra_at(s: Search, laws: Sequence[Tried], u: np.ndarray) -> list[tuple[Term, np.ndarray]]:
+    """(term, values) of laws at the numbers u of a fit, the apparatus left out."""
+    rows = zip(laws, rows_of(laws, len(s.adjust)), strict=True)
+    return [(t.term, u[own].copy()) for t, own in rows if not t.apparatus]
 
 
 def base_point(s: Search) -> str:

@@ -14,6 +14,7 @@ from ..candidates import for_bodies, owners
 from ..criteria import current
 from ..data import Case
 from ..simpler import by_chance, ended_at_bound, special_cases
+from ..trial import best_of_each
 from .fit import Fitter
 from .fitted import Fit
 from .name import InnerSplit, Trial, is_part, spread_of
@@ -234,17 +235,12 @@ def left_over(revised: Fit, recalibrated: Fit, inner: float, base: float, traini
 
 def rivals_of(found: list[Trial], alive: list[Trial], spread: float) -> list[tuple[Trial, bool]]:
     """Other candidates than the one found, best first, once for each name; True where data cannot tell them apart."""
-    if not found:
+    if not found or found[0].fit is None:
         return []
-    winner = found[0]
-    result: list[tuple[Trial, bool]] = []
-    seen = {winner.mechanism}
-    for t in sorted(alive, key=lambda t: -t.gain):
-        if t.mechanism in seen or t.fit is None or winner.fit is None:
-            continue
-        if t.gain < current().verdict.rival * winner.gain:
-            continue
-        seen.add(t.mechanism)
-        same = worth(winner, spread) - worth(t, spread) < current().verdict.same
-        result.append((t, bool(same)))
-    return result[: current().verdict.rivals]
+    winner, criteria = found[0], current().verdict
+    near = [t for t in alive if t.fit is not None and t.gain >= criteria.rival * winner.gain]
+
+    def same(t: Trial) -> bool:
+        return worth(winner, spread) - worth(t, spread) < criteria.same
+
+    return best_of_each(sorted(near, key=lambda t: -t.gain), same, {winner.mechanism})[: criteria.rivals]

@@ -17,9 +17,10 @@ from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis
 from ..mechanisms import plainly
+from ..trial import rows_of
 from .fit import Fitter
 from .fitted import Fit
-from .name import Trial, rows_of
+from .name import Trial
 from .signatures import columns_of, stacked
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count, pairwise
+from itertools import count
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -420,32 +420,6 @@ def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
         return trial
     found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=150)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
-
-
-def pair_gains(bank: Bank) -> list[tuple[float, int, int]]:
-    """First-order gains of all pairs of candidates, best first: (gain beyond the better one, i, j)."""
-    left = bank.innovations - bank.nuisance @ (bank.nuisance.T @ bank.innovations)
-    result = []
-    for i, a in enumerate(bank.signatures):
-        if a.directions.shape[1] == 0:
-            continue
-        rest = left - a.directions @ (a.directions.T @ left)
-        for j in range(i + 1, len(bank.signatures)):
-            b = bank.signatures[j]
-            if b.directions.shape[1] == 0 or a.term.mechanism == b.term.mechanism:
-                continue
-            extra = b.directions - a.directions @ (a.directions.T @ b.directions)
-            u, s, _ = np.linalg.svd(extra, full_matrices=False)
-            u = u[:, s > current().signatures.beside]
-            both = a.gain + float(np.sum((u.T @ rest) ** 2))
-            result.append((both - max(a.gain, b.gain), i, j))
-    return sorted(result, reverse=True)
-
-
-def rows_of(found: Sequence[Trial], first: int) -> list[slice]:
-    """Where the numbers of each of several laws lie among those of their fit; ``first``: of the adjustables."""
-    ends = first + np.cumsum([0, *(t.numbers for t in found)])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def label_of(*trials: Trial) -> str:

@@ -15,10 +15,11 @@ from ..criteria import current
 from ..hypothesis import Term
 from ..significance import price
 from ..simpler import special_cases
+from ..trial import pair_gains, rows_of
 from .choose import absurd, choose, worth
 from .fit import Fitter
 from .fitted import Fit
-from .name import Trial, is_limit, is_part, label_of, pair_gains, refit, rows_of
+from .name import Trial, is_limit, is_part, label_of, refit
 from .nulls import noise_of, search_nulls
 from .sets import SetSearch
 from .signatures import Signature, make_bank
@@ -248,7 +249,10 @@ def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signat
     start = short.fit(search.base.hypothesis, search.base.values)
     bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2])
     tried: set[tuple[str, str]] = set()
-    for extra, i, j in pair_gains(bank):
+    mechanisms = [s.term.mechanism for s in bank.signatures]
+    ranked = pair_gains(bank.left, mechanisms, [s.directions for s in bank.signatures])
+    beyond = [(both - max(bank.signatures[i].gain, bank.signatures[j].gain), i, j) for both, i, j in ranked]
+    for extra, i, j in sorted(beyond, reverse=True):
         a, b = bank.signatures[i], bank.signatures[j]
         names = (a.term.mechanism, b.term.mechanism)
         if extra <= current().sets.together or len(tried) == current().sets.pairs:

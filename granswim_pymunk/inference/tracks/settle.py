@@ -14,12 +14,13 @@ from ..criteria import current
 from ..hypothesis import Free, Term
 from ..linear import project
 from ..simpler import all_absent, by_chance, special_cases
+from ..trial import rows_of
 from .believed import stated_terms
 from .choose import absurd
 from .fit import Fitter
 from .fitted import Fit
 from .intervals import with_believed_errors
-from .name import Trial, rows_of
+from .name import Trial
 from .sets import SetSearch
 from .signatures import columns_of, make_bank
 

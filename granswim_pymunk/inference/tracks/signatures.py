@@ -42,6 +42,11 @@ class Bank:
     nuisance: np.ndarray
     signatures: tuple[Signature, ...]
 
+    @property
+    def left(self) -> np.ndarray:
+        """(n,) innovations, starts and free numbers projected out."""
+        return np.asarray(self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations))
+
     def gains(self, innovations: np.ndarray) -> np.ndarray:
         """Fall in chi2 of every candidate (m,) for other innovations (n,), or (m, k) for k of them (n, k)."""
         left = innovations - self.nuisance @ (self.nuisance.T @ innovations)

@@ -13,9 +13,10 @@ from scipy import stats
 
 from ..candidates import owners
 from ..criteria import current
+from ..trial import rows_of
 from .choose import prune
 from .fitted import Fit
-from .name import Trial, rows_of
+from .name import Trial
 from .sets import SetSearch
 
 

@@ -10,8 +10,10 @@ import numpy as np
 from scipy import stats
 
 from ..criteria import current
+from ..mechanisms import UNKNOWN
 from ..places import Place
 from ..significance import after_looks
+from ..trial import best_of_each
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .search import Search
 from .trial import BedTrial
@@ -145,14 +147,11 @@ def rivals_of(found: BedTrial | None, trials: Sequence[BedTrial]) -> list[tuple[
     if found is None:
         return []
     score = max((t.worth for t in trials if t.mechanism == found.mechanism and t.gain is not None), default=found.worth)
-    seen = {(found.mechanism, *sorted(map(str, found.term.choices.items())))}
-    names = {found.mechanism, "unknown"} if "joint" not in found.term.choices else {"unknown"}
-    rivals = []
-    for t in trials:
-        key = (t.mechanism, *sorted(map(str, t.term.choices.items())))
-        if t.gain is None or t.mechanism in names or key in seen or t.worth < current().verdict.rival * score:
-            continue
-        seen.add(key)
-        names.add(t.mechanism)
-        rivals.append((t, bool(score - t.worth < current().verdict.same + current().windows.search.chaos)))
-    return rivals
+    near = [t for t in trials if t.gain is not None and t.worth >= current().verdict.rival * score]
+    if "joint" in found.term.choices:  # at another joint it is another law
+        near = [t for t in near if t.mechanism != found.mechanism or t.term.choices != found.term.choices]
+        taken = {UNKNOWN}
+    else:
+        taken = {UNKNOWN, found.mechanism}
+    same = current().verdict.same + current().windows.search.chaos
+    return best_of_each(near, lambda t: score - t.worth < same, taken)
