@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
-from .inference.judge import NOISE_ALONE
+from .inference.mechanisms import forms_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -220,10 +220,8 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
             f"explains {_percent(told['share'])} ({100 * told['low']:.0f} to {_percent(told['high'])}) "
             f"of the mismatch on blocks that the fit did not see{beside}"
         )
-    if left and left["looks_like"].startswith(NOISE_ALONE):
-        lines.append(
-            f"what is left passes for noise; but {left['looks_like'].removeprefix(NOISE_ALONE)}: its form is not told"
-        )
+    if left and left.get("alike"):
+        lines.append(f"what is left passes for noise; but {forms_in_words(left['alike'])}: its form is not told")
     elif left:
         lines.append(
             f"the best approximation so far: {_times(left['times_floor'])} times the noise is left, most on "

@@ -23,6 +23,7 @@ import granswim_pymunk.result
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.entry import METHODS
+from granswim_pymunk.inference.judge import Remains
 from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry
 from granswim_pymunk.report.page import SECTIONS
@@ -288,6 +289,11 @@ def test_summary_reads_like_a_report_of_a_fit(verdict):
         assert " ".join(line.split()) in " ".join(text.split()), line
     weak = verdict | {"next_experiment": {"change": "half the speed", "separates": ["a", "b"], "d_prime": 0.5}}
     assert "none that was thought of would decide; the best is half the speed" in gs.Result(weak).summary()
+    forms = (("flexible_power", "quadratic_drag", False), ("flexible_place", "quadratic_drag", True))
+    left = Remains(1e-4, 1.0, ("a",), None, None, "nothing that was tried", alike=forms).as_dict()
+    assert left["looks_like"].startswith("nothing but noise; ") and left["looks_like"].count(" does ") == 2
+    untold = gs.Result(verdict | {"remains": left}).summary()
+    assert f"what is left passes for noise; but {left['looks_like'].partition('; ')[2]}: its form is not told" in untold
     assert repr(text) == str(text) and "None" not in text
     assert repr(result) == "<Result missing_physics: ambient_flow on a, b (86 % explained)>"
     page = result._repr_html_()

@@ -11,7 +11,7 @@ from scipy import stats
 
 from .criteria import Criteria, current
 from .explained import Explained, Scores
-from .mechanisms import APPARATUS, nameless
+from .mechanisms import APPARATUS, forms_in_words, nameless
 from .noise import Noise, chance_of, fit_noise
 
 
@@ -45,13 +45,16 @@ def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
     return float(stats.t.sf((np.log(error) - logs.mean()) / max(spread, 1e-12), len(logs) - 1))
 
 
-# of what is left, where it is no more than noise and yet the form of a law is not told
-NOISE_ALONE = "nothing but noise; "
+NOTHING = "nothing that was tried"  # what is left looks like that
 
 
 @dataclass(frozen=True)
 class Remains:
-    """What is left of unseen training data: rms [m or rad], its ratio to the floor, whom, when, and what it is like."""
+    """What is left of unseen training data: rms [m or rad], its ratio to the floor, whom, when, and what it is like.
+
+    alike : (form, law, whether better) of forms without a name that do as well in place of a named law: what is left
+        is no more than noise then, and yet the form of the law is not told
+    """
 
     rms: float | None
     times_floor: float | None
@@ -60,12 +63,14 @@ class Remains:
     before_contact: bool | None
     looks_like: str
     phase: tuple[float, float] | None = None
+    alike: tuple[tuple[str, str, bool], ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         when = {"t": self.t, "phase": self.phase, "before_contact": self.before_contact}
+        looks = f"nothing but noise; {forms_in_words(self.alike)}" if self.alike else self.looks_like
         return {
             "rms": self.rms, "times_floor": self.times_floor, "bodies": list(self.bodies), "when": when,
-            "looks_like": self.looks_like,
+            "looks_like": looks, "alike": [list(entry) for entry in self.alike],
         }  # fmt: skip
 
 

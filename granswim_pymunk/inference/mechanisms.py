@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..laws import all_laws
 
 # name to (how a sentence calls it, what its parameter means)
@@ -33,6 +35,12 @@ def plainly(mechanism: str) -> str:
     if declared is not None and declared.phrase:
         return declared.phrase
     return _OTHERS.get(mechanism) or mechanism.replace("_", " ")
+
+
+def forms_in_words(alike: Sequence[tuple[str, str, bool]]) -> str:
+    """Forms that do as well as a law, or better: (form, law, whether better) each; every one is said once."""
+    told = [f"{plainly(f)} does {'better than' if better else 'as well as'} {plainly(law)}" for f, law, better in alike]
+    return ", ".join(dict.fromkeys(told))
 
 
 def meaning(mechanism: str, parameter: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..inference.judge import NOISE_ALONE
-from ..inference.mechanisms import APPARATUS
+from ..inference.judge import NOTHING
+from ..inference.mechanisms import APPARATUS, forms_in_words
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
@@ -161,14 +161,14 @@ def _left(d: Diagnosis) -> str:
     left = v["remains"]
     if left is None:
         return "No more than noise." if v["complete"] and v["mechanisms"] and v["explained"] else ""
-    if left["looks_like"].startswith(NOISE_ALONE):
-        return f"No more than noise; but {escaped(left['looks_like'].removeprefix(NOISE_ALONE))}: its form is not told."
+    if left.get("alike"):
+        return f"No more than noise; but {escaped(forms_in_words(left['alike']))}: its form is not told."
     size = f", {length(left['rms'], unit_of(d))} rms on such data" if left["rms"] is not None else ""
     ratio = f", {times(left['times_floor'])} times the floor" if left["times_floor"] is not None else ""
     whom = f", most of it on {listed(bodies(left['bodies']), 3)}" if left["bodies"] else ""
     t = left["when"]["t"]
     when = f" from {number(t[0])} to {number(t[1])} s" if t else ""
-    like = "" if left["looks_like"].startswith("nothing") else f"; it looks like {escaped(left['looks_like'])}"
+    like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
     return f"More than noise{size}{ratio}{whom}{when}{like}."
 
 

@@ -16,7 +16,6 @@ from ..candidates import asked_terms, owners
 from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis
-from ..mechanisms import plainly
 from ..trial import rows_of
 from .fit import Fitter
 from .fitted import Fit
@@ -31,10 +30,6 @@ class Alike:
     form: Term
     law: Trial
     better: bool
-
-    def __str__(self) -> str:
-        how = "better than" if self.better else "as well as"
-        return f"{plainly(self.form.mechanism)} does {how} {plainly(self.law.mechanism)}"
 
 
 def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, spread: float) -> list[Alike]:

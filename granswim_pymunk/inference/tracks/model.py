@@ -21,7 +21,7 @@ from ..data import Case
 from ..explained import Scores, explained, spread_with_mismatch
 from ..hypothesis import Failed, Free
 from ..judge import (
-    NOISE_ALONE,
+    NOTHING,
     Claim,
     Completeness,
     Form,
@@ -446,7 +446,7 @@ class Tracks(ObservationModel):
             return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
-            return Left(False, remains and replace(remains, looks_like=f"{NOISE_ALONE}{alike}")), False
+            return Left(False, remains and replace(remains, alike=alike)), False
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None), False
         return Left(False, self._remains(judged.claim)), True
@@ -456,14 +456,13 @@ class Tracks(ObservationModel):
         rms = self.held["revised"].rms
         return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
 
-    def _forms_as_good(self, claim: Claim) -> str:
-        """That forms without a name do as well as a law, or better, in words; empty where none does."""
+    def _forms_as_good(self, claim: Claim) -> tuple[tuple[str, str, bool], ...]:
+        """Forms without a name that do as well as a law, or better, see ``Remains``; none where time is up."""
         if self.study.late(current().budget.remains):
-            return ""
+            return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
-        told = dict.fromkeys(map(str, alike))
-        return ", ".join(told)
+        return tuple(dict.fromkeys((a.form.mechanism, a.law.mechanism, a.better) for a in alike))
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
@@ -496,7 +495,7 @@ class Tracks(ObservationModel):
         ]
         signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
         best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
-        looks = "nothing that was tried"
+        looks = NOTHING
         if best is not None and best.gain > few.looks:
             looks = plainly(best.term.mechanism)
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)

@@ -14,7 +14,7 @@ from ...recording import Recording
 from ..criteria import current
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
-from ..judge import Remains
+from ..judge import NOTHING, Remains
 from ..kept import Store
 from ..places import Place
 from ..simpler import special_cases
@@ -39,7 +39,7 @@ from .search import (
 )
 from .signatures import BedSignature, make_signature, off, recombined
 from .trial import BedTrial, beyond_nothing, first_order, moved_to
-from .weigh import NOTHING, held_verdict, like_replicates, looks_like, remains_in
+from .weigh import held_verdict, like_replicates, looks_like, remains_in
 from .windows import BedCase, bed_case
 from .work import Work
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..criteria import current
 from ..explained import Explained, Scores, explained
 from ..hypothesis import Hypothesis
-from ..judge import Remains, paired
+from ..judge import NOTHING, Remains, paired
 from ..mechanisms import UNKNOWN, nameless, plainly
 from ..significance import student
 from .judge import disks_of, errors, noise_floor
@@ -19,8 +19,6 @@ from .places import maps
 from .search import Answer, Search
 from .signatures import Noise, make_signature, off
 from .trial import BedTrial, first_order
-
-NOTHING = "nothing that was tried"
 
 
 def squares_of(
