@@ -23,7 +23,7 @@ from granswim_pymunk.proof.real_beds import real_bed_case
 from granswim_pymunk.proof.real_life import disturbed, draw_errors, real_bodies_case
 from granswim_pymunk.proof.real_score import read_real_rows, real_figures, score_real
 from granswim_pymunk.proof.seal import checked_out, generator, opened, series_secret
-from granswim_pymunk.proof.setups import Setup, cart, meetings, pendulum, pucks
+from granswim_pymunk.proof.setups import Setup, cart, meeting, meetings, pendulum, pucks
 from granswim_pymunk.proof.world import Effect, World
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.scene import Body, Scene
@@ -52,6 +52,14 @@ class TestIdeal:
         assert sigma == pytest.approx(0.02 / (1e-4 * np.sqrt(720 / (100 * 2.0**5))), rel=0.03)
         # a tilt of unknown size up to 0.5 mm/m hides a force below it
         assert r.sigma("first") == pytest.approx(0.02 / (9.81 * 5e-4), rel=0.05)
+
+    def test_a_number_that_may_be_adjusted_conceals_nothing(self) -> None:
+        setup = next(s for k in range(20) if (s := meeting(np.random.default_rng(k))).scene.adjustable)
+        assert [a.name for a in setup.scene.adjustable] == ["contact_elastic.restitution"]
+        truth = Truth(setup, first=Effect("restitution", {"restitution": 0.8}))
+        assert response(truth).sigma("first") == pytest.approx(0.0, abs=1e-3)
+        fixed = replace(setup, scene=replace(setup.scene, adjustable=()))
+        assert response(replace(truth, setup=fixed)).sigma("first") > 5
 
     def test_slow_noise_and_jitter_take_strength_away(self) -> None:
         setup = slider()

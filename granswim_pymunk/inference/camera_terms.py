@@ -112,6 +112,6 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
     fixed = {"o": ([float(m) for m in middle], "m")}
     both = (("k", (0,)), ("o", (1, 2)))
     return [
-        Term(name, name, (k,), apply, expression=expression, groups=both[:1], fixed=fixed),
-        Term(name, f"{name}, its middle sought", (k, *o), apply, expression=expression, groups=both),
+        Term(name, name, (k,), apply, expression=expression, groups=both[:1], fixed=fixed, special=True),
+        Term(name, f"{name}, its middle sought", (k, *o), apply, expression=expression, groups=both, special=True),
     ]

@@ -43,6 +43,14 @@ def fitted(effect: Effect) -> tuple[str, ...]:
     return FITTED.get(effect.name) or (STRENGTH[effect.name],)
 
 
+def stands_for(effect: Effect) -> str:
+    """The number of the scene that an effect takes the place of, as contact_elastic.restitution; "" where it adds one."""
+    if effect.name != "restitution":
+        return ""
+    key = fitted(effect)[0]
+    return f"{'contact_elastic' if key == 'restitution' else 'contact_linear'}.{key}"
+
+
 def numbers(effect: Effect) -> np.ndarray:
     """The fitted numbers as one vector."""
     return np.concatenate([np.atleast_1d(np.asarray(effect.values[key], dtype=float)) for key in fitted(effect)])
@@ -251,8 +259,7 @@ def scale_strength(effect: Effect, factor: float, setup: Setup) -> Effect:
     values = dict(effect.values)
     if effect.name == "restitution":
         key = fitted(effect)[0]
-        law = "contact_elastic" if key == "restitution" else "contact_linear"
-        believed = float(setup.scene.parameter(f"{law}.{key}"))
+        believed = float(setup.scene.parameter(stands_for(effect)))
         values[key] = float(
             np.clip(believed + factor * (values[key] - believed), 0.05, 1.0 if key == "restitution" else 500)
         )

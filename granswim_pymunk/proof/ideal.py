@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 
 from ..errors import InputError, SimulationError
 from ..scene import Body, Scene
-from .candidates import APPARATUS, Sizes, numbers, scale_strength, typical, with_numbers
+from .candidates import APPARATUS, Sizes, numbers, scale_strength, stands_for, typical, with_numbers
 from .fitting import Sight, Starts, look, solve, with_adjusted
 from .setups import Setup
 from .world import Effect, World
@@ -205,9 +205,15 @@ class Response:
 
             def of(name: str) -> Callable[[float], np.ndarray]:
                 value = float(scene.parameter(name))
-                return lambda step: self._look(
-                    self.truth, self.truth.effects, self.start, with_adjusted(scene, {name: value + step})
-                )
+
+                def moved(step: float) -> np.ndarray:
+                    # an effect that takes the place of this very number moves with it: then nothing is missing
+                    effects = [
+                        with_numbers(e, numbers(e) + step) if stands_for(e) == name else e for e in self.truth.effects
+                    ]
+                    return self._look(self.truth, effects, self.start, with_adjusted(scene, {name: value + step}))
+
+                return moved
 
             return [self._twice(of(a.name), 1e-4 * (a.high - a.low)) for a in scene.adjustable]
 

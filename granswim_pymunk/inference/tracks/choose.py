@@ -57,7 +57,7 @@ def ordinary(trial: Trial) -> bool:
     """Whether a law is no more than what laboratories are off by: a mass by some per cent, a picture by its scale.
 
     Of apparatus: its numbers lie within a part of the way to where they are absurd (``VerdictCriteria.ordinary``); and
-    no special fault, for which a camera has to stand otherwise than it was put.
+    no special fault: a camera that stands otherwise than it was put, a lens that bends the picture.
     """
     if trial.fit is None:
         return False

@@ -90,6 +90,31 @@ def _in_place(
     return best, fit
 
 
+def two_for_one(
+    search: SetSearch, alive: Sequence[Trial], found: list[Trial], revised: Fit
+) -> tuple[list[Trial], Fit]:
+    """Two laws in place of one that has as many numbers as both, where they are followed more closely and predict better.
+
+    What a stream or a bent picture, its middle sought, can do is a little of many things. A second law beside it then
+    has nothing left to explain, though two simple ones explain more. They have to be ahead by what a further law earns.
+    """
+    if len(found) != 1 or found[0].used < current().sets.numbers + 1 or math.isinf(found[0].inner):
+        return found, revised
+    best, score = revised, found[0].inner
+    pair: list[Trial] = []
+    earned = price(len(search.terms))
+    for a, b, fit in _beside_each(search, alive, numbers=found[0].used, below=revised.chi2 - earned):
+        # over what the better fit leaves: the other's spread is that of what it does not follow
+        if fit.chi2 > min(revised.chi2 - earned * search.spread(fit), best.chi2):
+            continue
+        now, _ = search.inner.score(fit)
+        if now < score:
+            best, score, pair = fit, now, search.scored(fit, [Trial.untried(a), Trial.untried(b)], now)
+    if pair:
+        pair = _partners(search, pair)
+    return (pair, pair[0].fit or best) if pair else (found, revised)
+
+
 def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """A stream that hardly moves told as what it is then: a drag in still air, and a steady push.
 
@@ -263,12 +288,17 @@ def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signat
             yield a, b, search.fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
 
 
-def _beside_each(search: SetSearch, alive: Sequence[Trial]) -> Iterator[tuple[Signature, Signature, Fit]]:
-    """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first."""
+def _beside_each(
+    search: SetSearch, alive: Sequence[Trial], numbers: float = math.inf, below: float = math.inf
+) -> Iterator[tuple[Signature, Signature, Fit]]:
+    """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first.
+
+    numbers : that both have together at most;  below : where chi2 is to first order
+    """
     sets, firsts = current().sets, list[Trial]()
     for t in alive:
         variant = sum(t.mechanism == f.mechanism for f in firsts)
-        if t.fit is not None and variant < sets.variants and len(firsts) < sets.firsts:
+        if t.fit is not None and t.numbers < numbers and variant < sets.variants and len(firsts) < sets.firsts:
             firsts.append(t)
     ranked = []
     for first in firsts:
@@ -276,9 +306,10 @@ def _beside_each(search: SetSearch, alive: Sequence[Trial]) -> Iterator[tuple[Si
         spread = search.spread(first.fit)
         others = [t for t in search.terms if t.mechanism != first.mechanism]
         others = [t for t in others if not any_field(first.term, t, search.terms)]
+        others = [t for t in others if first.numbers + len(t.free) <= numbers]
         bank = make_bank(search.fitter, first.fit, others)
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
-        ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside]
+        ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside if first.fit.chi2 - s.gain < below]
     tried: set[frozenset[str]] = set()
     for _, first, second in sorted(ranked, key=lambda r: r[0]):
         names = frozenset((first.term.label, second.term.label))

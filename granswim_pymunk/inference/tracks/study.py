@@ -23,7 +23,7 @@ from .fitted import Fit
 from .innovations import memory_of
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
-from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law
+from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law, two_for_one
 from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
@@ -315,6 +315,7 @@ def explained_by(
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
     if not study.late(current().budget.exchanges):
+        found, revised = two_for_one(search, tried.alive, found, revised)
         found, revised = drag_and_push(search, found, revised)
     others: list[Exchange] = []
     if len(found) == 2 and not study.late(current().budget.exchanges):
