@@ -44,7 +44,7 @@ def fitted(effect: Effect) -> tuple[str, ...]:
 
 
 def stands_for(effect: Effect) -> str:
-    """The number of the scene that an effect takes the place of, as contact_elastic.restitution; "" where it adds one."""
+    """The number of the scene in whose place an effect stands, as contact_elastic.restitution; "" where it adds one."""
     if effect.name != "restitution":
         return ""
     key = fitted(effect)[0]

@@ -93,7 +93,7 @@ def _in_place(
 def two_for_one(
     search: SetSearch, alive: Sequence[Trial], found: list[Trial], revised: Fit
 ) -> tuple[list[Trial], Fit]:
-    """Two laws in place of one that has as many numbers as both, where they are followed more closely and predict better.
+    """Two laws in place of one with as many numbers as both, where they follow more closely and predict better.
 
     What a stream or a bent picture, its middle sought, can do is a little of many things. A second law beside it then
     has nothing left to explain, though two simple ones explain more. They have to be ahead by what a further law earns.
