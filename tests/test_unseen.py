@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from unseen_world import STIFFNESS, World, curve_of, filmed, world_candidates
 
 from granswim_pymunk.engine import Simulation, softened
@@ -23,7 +24,7 @@ from granswim_pymunk.inference.packings import diagnose_unseen
 from granswim_pymunk.inference.packings.amounts import Amount, amount_jobs
 from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
-from granswim_pymunk.inference.packings.conclude import again, best_pair, plainer, still_earned
+from granswim_pymunk.inference.packings.conclude import again, best_pair, both_earned, by_themselves, plainer
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
 from granswim_pymunk.inference.packings.recalibrate import begin, recalibrate
@@ -481,15 +482,16 @@ def world(monkeypatch):
 
 def test_a_law_of_the_world_is_named_from_one_film_and_from_four(world):
     x = world["weak_joint at joint 3"]
-    for films in (1, 4):
-        found = diagnose_unseen(filmed({x.label: [0.85], "stiffness": [1.95e-3]}, 3, films))
+    off: list[float] = []
+    for films, seed in product((1, 4), (3, 4, 5)):
+        found = diagnose_unseen(filmed({x.label: [0.85], "stiffness": [1.95e-3]}, seed, films))
         verdict = found.verdict
         assert verdict["verdict"] == "missing_physics" and verdict["complete"] and verdict["heldout"] == "holds"
         (entry,) = verdict["mechanisms"]
         assert (entry["name"], entry["parameters"]["joint"]["value"]) == ("weak_joint", 3)
         factor = entry["parameters"]["factor"]
-        # within three standard errors of it, and far from absent
-        assert abs(factor["value"] - 0.85) < 0.75 * (factor["high"] - factor["low"]) and factor["high"] < 0.95
+        off.append((factor["value"] - 0.85) / (0.25 * (factor["high"] - factor["low"])))
+        assert factor["high"] < 0.95  # far from absent
         assert entry["gain_heldout"] > 10
         assert verdict["explained"]["low"] > 0.7 and verdict["explained"]["high"] <= 1
         assert (verdict["explained"]["best_free_form"] is None) == (films == 1)
@@ -497,6 +499,8 @@ def test_a_law_of_the_world_is_named_from_one_film_and_from_four(world):
             assert rival["gain_heldout"] is not None and rival["gain_heldout"] < entry["gain_heldout"]
         p = verdict["mismatch"][0]["p"]
         assert verdict["mismatch"][0]["z"] == pytest.approx(norm.isf(p)) and p < 1 / 300 and verdict["null"]["tail"]
+    # as far off as standard errors say: one film's packing is one draw, six of them are a sum of squares
+    assert chi2.sf(np.sum(np.square(off)), len(off)) > 1e-3
 
 
 @pytest.mark.parametrize("films", [1, 3])
@@ -565,19 +569,20 @@ def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
     assert abs(drag["value"] - laws["linear_drag"][0]) < 0.75 * (drag["high"] - drag["low"])
     # both stand with the scene's own contacts; one that is within chance of none there, or at its bound, does not
     f = found.evidence
-    assert still_earned(f) == f.found
+    assert both_earned(f)
     at = len(f.search.adjust) + sum(t.numbers for t in f.found[: [t.mechanism for t in f.found].index("linear_drag")])
     for value in (0.3 * np.sqrt(f.revised.told[at, at]), 0.0):  # nearly absent; at the end of what it can be
         u = f.revised.u.copy()
         u[at] = value
-        f.search.notes.clear()
-        (left,) = still_earned(replace(f, revised=replace(f.revised, u=u)))
-        assert left.mechanism == "weak_joint" and len(left.fit.u) == len(u) - 1
-        assert any("linear_drag" in note for note in f.search.notes)
+        assert not both_earned(replace(f, revised=replace(f.revised, u=u)))
+    alone = by_themselves(f)
+    assert [t.mechanism for t in alone] == [t.mechanism for t in f.found]
+    assert all(t.refitted and len(t.fit.u) == len(f.revised.u) - 1 for t in alone)
 
 
-def test_what_is_left_of_two_laws_is_weighed_and_run_by_itself(world, monkeypatch):
-    """As a diagnosis that found one: with its own fit, share, runs and held-out errors."""
+@pytest.mark.parametrize("fallen", ["linear_drag", "weak_joint"])
+def test_of_two_laws_that_fall_the_one_is_told_that_explains_more_by_itself(world, monkeypatch, fallen):
+    """Whichever lost its number beside the other; told as by a diagnosis that found one: fit, share, runs, errors."""
 
     asked = []
 
@@ -586,18 +591,20 @@ def test_what_is_left_of_two_laws_is_weighed_and_run_by_itself(world, monkeypatc
         u = f.revised.u.copy()
         at = len(f.search.adjust)
         for t in f.found:
-            if t.mechanism == "linear_drag":
-                u[at] = 1e-12
+            if t.mechanism == fallen:
+                u[at] = t.candidate.neutral[0] + 1e-12
             at += t.numbers
-        return still_earned(replace(f, revised=replace(f.revised, u=u)))
+        return both_earned(replace(f, revised=replace(f.revised, u=u)))
 
-    monkeypatch.setattr("granswim_pymunk.inference.packings.model.still_earned", first)
+    monkeypatch.setattr("granswim_pymunk.inference.packings.model.both_earned", first)
     laws = {"weak_joint at joint 4": [0.7], "linear_drag": [0.6 * world["linear_drag"].design[0, 0]]}
     found = diagnose_unseen(filmed(laws, 4, 1))
     verdict, f = found.verdict, found.evidence
     assert asked == [2, 1]
     (entry,) = verdict["mechanisms"]
     assert entry["name"] == "weak_joint" and [t.mechanism for t in f.found] == ["weak_joint"] and f.true
+    assert "linear_drag is not named beside weak_joint" in " ".join(verdict["notes"])
+    assert "linear_drag" in [r["name"] for r in verdict["rivals"]]
     assert verdict["fit"]["heldout"]["revised"] < verdict["fit"]["heldout"]["recalibrated"]
     assert [law.name for law in next(iter(found.revised.values())).laws].count("weak_joint") == 1
 

@@ -301,7 +301,7 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
     """Two laws, where each earns its price beside the other; refitted together by simulation."""
     assert first.fit is not None
     alive = [x for x in candidates if counts(bank, x)]
-    cost = price(max(len(alive), 2))
+    cost = price(s.looked)
     tried: list[tuple[float, list[Candidate], Fit | None]] = []
     for x in alive:
         if x.mechanism == first.mechanism or _one_and_the_same(x.mechanism, first.mechanism):
@@ -365,29 +365,29 @@ def _from_absence(s: Search, laws: Sequence[Candidate], found: Fit, covariance: 
     return result
 
 
-def still_earned(f: Finding) -> list[Trial]:
-    """Of two laws those that earn their price beside the other in the scene as it is given to the user, too.
+def both_earned(f: Finding) -> bool:
+    """Whether of two laws each earns its price beside the other in the scene as it is given to the user, too.
 
-    The search ran with softer contacts and fewer packings, and what differs there looks like a weak second law. The
-    one that is left stands with its own fit; of two that do not earn it, the one that is farther from absent. None,
-    where that one alone is no explanation.
+    The search ran with softer contacts and fewer packings, and what differs there looks like a weak second law.
     """
     s, both = f.search, [t.candidate for t in f.found]
     if len(both) != 2:
-        return f.found
-    cost = price(max(sum(not t.reason for t in s.trials), 2))
-    own = _own(s, both, f.revised)
+        return True
     far = _from_absence(s, both, f.revised, f.revised.told)
-    away = [d if _sound(s, *law) else -1.0 for d, law in zip(far, own, strict=True)]
-    if min(away) >= cost:
-        return f.found
-    kept, gone = (both[k] for k in np.argsort(away)[::-1])
-    if 0 <= min(away):
-        s.notes.append(f"{gone.label} is not named beside {kept.label}: {BY_CHANCE}")
-    alone = next(t for t in s.trials if t.label == kept.label)
-    if alone.fit is None:
-        again(s, alone, 0.93, 2, s.sizes.leader)
-    return [alone] if alone.fit is not None and sensible(s, alone) else []
+    sound = [_sound(s, *law) for law in _own(s, both, f.revised)]
+    return all(sound) and min(far) >= price(s.looked)
+
+
+def by_themselves(f: Finding) -> list[Trial]:
+    """The laws of a pair, each with its own fit, that can be an explanation without the other."""
+    s, found = f.search, []
+    for law in f.found:
+        alone = next(t for t in s.trials if t.label == law.label)
+        if alone.fit is None or not alone.refitted:
+            again(s, alone, 0.93, 2, s.sizes.leader)
+        if alone.fit is not None and sensible(s, alone):
+            found.append(alone)
+    return found
 
 
 # ---- what is explained ------------------------------------------------------------------------------

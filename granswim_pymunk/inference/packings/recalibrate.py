@@ -10,6 +10,7 @@ from ...errors import InputError
 from ..criteria import current
 from ..criteria.packings import Sizes
 from ..hypothesis import adjustable_terms
+from ..simpler import ended_at_bound
 from .response import Means, Model, Sum, add, fit
 from .runs import Job, Runner
 from .state import NAIVE, Progress, Search, bears_on, jobs_for, label_of, rounded
@@ -47,7 +48,10 @@ def begin(
 
 
 def recalibrate(s: Search) -> None:
-    """Gauss-Newton on simulated differences; the adjustables' slopes are taken once, the anchor follows."""
+    """Gauss-Newton on simulated differences; the adjustables' slopes are taken once, the anchor follows.
+
+    Where a number ends at its bound the anchor stays at the believed scene.
+    """
     if not s.adjust:
         return
     criteria, first = current().packings, s.theta.copy()
@@ -101,4 +105,9 @@ def recalibrate(s: Search) -> None:
             for c in s.conditions
         }
         s.base = fit(replace(model, centre=theta, anchor=anchor), s.means, s.training)
+    ended = ended_at_bound(zip(free, map(float, s.base.u), strict=True))
+    if ended is not None:
+        # something else is missing, and at a bound the scene is far from the one in which candidates are tried
+        s.notes.append(f"recalibration alone runs into the bound {ended[0]} = {ended[1]:.3g}")
+        s.base = fit(model, s.means, s.training)
     s.theta = s.base.model.centre.copy()

@@ -200,6 +200,7 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
         gain = 0.0 if reason else float(gains(bank, x, bank.left[:, None])[0])
         s.trials.append(Trial(x, bank.surviving[x.label], gain, None, 0, reason))
     s.nulls = draw_nulls(s, bank, candidates)
+    s.looked = max(sum(counts(bank, x) for x in candidates), 2)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
     along = bank.adjust.T @ apart
     s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0

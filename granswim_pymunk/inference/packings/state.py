@@ -60,7 +60,7 @@ class Nulls:
 
 @dataclass
 class Search:
-    """Everything that the search knows."""
+    """Everything that the search knows. ``looked``: candidates that count, by which a further law is priced."""
 
     conditions: list[Condition]
     runner: Runner
@@ -78,6 +78,7 @@ class Search:
     notes: list[str] = field(default_factory=list)
     p_recalibration: float = 1.0
     p_search: float = 1.0
+    looked: int = 2
 
     @property
     def training(self) -> list[Condition]:
