@@ -148,20 +148,24 @@ class Packings(ObservationModel):
         The other is its rival. Without laws where neither can be an explanation.
         """
         s = self.state
-        alone = [(t, Finding(s, [t], t.fit, "", False)) for t in by_themselves(pair) if t.fit is not None]
+        alone = [(t, self._claim(t).fit) for t in by_themselves(pair)]
         for _, finding in alone:
             confirm(finding, [])
         # all runs tell the spread by which each is weighed
         worth = {t.label: s.base.objective - fit(f.revised.model, s.means, s.training).objective - 2 * t.numbers
                  for t, f in alone}  # fmt: skip
         told = sorted((t for t, _ in alone), key=lambda t: -worth[t.label])
-        if not told or told[0].fit is None:
+        if not told:
             return self.plain
-        kept = told[0]
+        kept, *others = told
         for gone in (t for t in pair.found if t.label != kept.label):
             s.notes.append(f"{gone.label} is not named beside {kept.label}: {BY_CHANCE}")
-        self.near = [(t, worth[kept.label] - worth[t.label] < current().verdict.same) for t in told[1:]] + self.near
-        return Claim((kept,), Finding(s, [kept], kept.fit, "", False))
+        self.near = [(t, worth[kept.label] - worth[t.label] < current().verdict.same) for t in others] + self.near
+        return self._claim(kept)
+
+    def _claim(self, law: Trial) -> Claim:
+        assert law.fit is not None
+        return Claim((law,), Finding(self.state, [law], law.fit, "", False))
 
     def hold_out(self, judged: Judgement) -> HeldOut:
         self.progress("held-out data", 0.95)
@@ -205,10 +209,7 @@ class Packings(ObservationModel):
         return Left(False, Remains(rms, times, bodies, None, None, looks, phase))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
-        return [
-            Claim((t,), Finding(self.state, [t], t.fit, "", False))
-            for t, same in self.near if same and t.fit is not None and t.refitted
-        ]  # fmt: skip
+        return [self._claim(t) for t, same in self.near if same and t.fit is not None and t.refitted]
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         return [(t, same) for t, same in self.near if all(t is not law for law in judged.claim.laws)]
