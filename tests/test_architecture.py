@@ -17,6 +17,7 @@ from granswim_pymunk.laws import all_laws
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "granswim_pymunk"
 BESIDE = {"benchmarks", "validation"}  # installed with the package, and no part of it
+UNITS = ("6", "60", "60.0", "100", "1000", "1000.0", "1000000.0")  # ball volumes, seconds, per cent, seeds, mm, um
 SHORT, FEW = 80, 8  # lines of a function, parameters of a signature in the inference
 
 # against the flow, each imported late, inside a function: (who, what)
@@ -225,11 +226,47 @@ def literals_of(tree: ast.Module) -> int:
     return sum(decides(inner) for side in sides for inner in ast.walk(side))
 
 
+def odd(node: ast.expr | None) -> bool:
+    """Whether a literal is more than how many there are of something, its half, or where rounding ends."""
+    node = node.operand if isinstance(node, ast.UnaryOp) else node
+    if not (isinstance(node, ast.Constant) and type(node.value) in (int, float)):
+        return False
+    return node.value not in (0, 1, 2, 3, 4, 0.5) and not 0 < node.value <= 1e-6
+
+
+def inline_of(tree: ast.Module) -> int:
+    """Literals that are passed by a name, are defaults, factors, or stand in a row of numbers.
+
+    Units of a text, volumes of balls and ratios of two whole numbers are none that decide; nor are how much is done of
+    a diagnosis, shapes of arrays and how exactly equations are solved.
+    """
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    told = [c for c in calls if ast.unparse(c.func).endswith(("progress", "again", "zeros"))]
+    left_out = {id(inner) for call in told for inner in ast.walk(call)}
+    found = 0
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword):
+            found += node.arg not in ("rcond", "mode") and odd(node.value)
+        elif isinstance(node, ast.arguments):
+            found += sum(map(odd, (*node.defaults, *node.kw_defaults)))
+        elif id(node) in left_out:
+            continue
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+            sides = [s for s in (node.left, node.right) if odd(s) and ast.unparse(s).strip("-") not in UNITS]
+            found += len(sides) * (not number(node))
+        elif isinstance(node, ast.Tuple | ast.List):
+            found += number(node) and any(map(odd, node.elts))
+    return found
+
+
 def test_what_decides_is_a_field_of_the_criteria():
     """No module of the inference has a number for a constant, or compares with another literal than 0 to 3, or asks
-    with one whether it is late."""
+    with one whether it is late, or hands one on that is more than a count."""
     here = {n: t for n, t in modules().items() if place_of(n) == "inference" and ".criteria" not in n}
-    for count in (constants_of, literals_of):
+    told = "f(a, evaluations=20)\ng(0.4 * a)\ndef h(most=400): ...\nfor k in (0.6, 1.4): ..."
+    assert inline_of(ast.parse(told)) == 4
+    assert not inline_of(ast.parse("f(a, ddof=1)\nprogress('', 0.2 + 0.7 * k)\nb = 1e3 * a / 2\nc = 17 / 18 * pi / 6"))
+    for count in (constants_of, literals_of, inline_of):
         found = {name: count(tree) for name, tree in here.items() if count(tree)}
         assert not found, f"make it a field of inference/criteria: {found}"
 

@@ -25,24 +25,26 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
     rate = cases[0].recording.sampling or 1.0 / float(np.median(np.diff(cases[0].t)))
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
-    terms = []
+    terms, ends = [], current().apparatus
+    tilt = Free("camera.tilt", "rad", -ends.tilt, ends.tilt, 0.0, ends.scale)
+    offset = Free("camera.time_offset", "s", -ends.offset, ends.offset, 0.0, ends.frame / rate)
     if positions:
         off = current().verdict.scale_off
-        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, 1e-3, None, 1.0)
+        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, current().apparatus.scale, None, 1.0)
         terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
-    terms.append(Term("camera_tilt", "camera_tilt", (Free("camera.tilt", "rad", -0.8, 0.8, 0.0, 1e-3),), put("tilt"),
+    terms.append(Term("camera_tilt", "camera_tilt", (tilt,), put("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
     if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
         terms.append(
-            Term("time_offset", "time_offset", (Free("camera.time_offset", "s", -0.2, 0.2, 0.0, 0.1 / rate),),
+            Term("time_offset", "time_offset", (offset,),
                  put("time_offset"), expression="a frame stamped t shows the state at t + offset",
                  groups=(("offset", (0,)),))
         )  # fmt: skip
     if positions and any(_holds(item.law) for c in cases for item in c.recording.scene.laws):
         terms.append(
             Term("tracking_bias", "tracking_bias",
-                 (Free("camera.bias_x", "m", -1.0, 1.0, 0.0, 1e-4), Free("camera.bias_y", "m", -1.0, 1.0, 0.0, 1e-4)),
+                 tuple(Free(f"camera.bias_{k}", "m", -ends.bias, ends.bias, 0.0, ends.shift) for k in "xy"),
                  put("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
         )  # fmt: skip
     return terms + _oblique_terms(positions) + _lens_terms(cases)
@@ -61,8 +63,9 @@ def _oblique_terms(positions: bool) -> list[Term]:
     if not positions:
         return []
     name, off = "camera_foreshortening", current().verdict.scale_off
-    factor = Free("camera.foreshortening", "1", 1 - off, 1 + off, 1.0, 1e-3, None, 1.0)
-    any_way = Free("camera.direction", "rad", -math.pi, math.pi, math.pi / 4, 0.1, None, math.pi / 4, inner=True)
+    factor = Free("camera.foreshortening", "1", 1 - off, 1 + off, 1.0, current().apparatus.scale, None, 1.0)
+    turn = current().apparatus.turn
+    any_way = Free("camera.direction", "rad", -math.pi, math.pi, math.pi / 4, turn, None, math.pi / 4, inner=True)
     expression = "seen = true - (1 - f) (true . e) e"
 
     def along(direction: float):
@@ -103,9 +106,10 @@ def _lens_terms(cases: Sequence[Case]) -> list[Term]:
         return scene, {**camera, "distortion": float(values[0]), "middle": about}
 
     most, far = current().verdict.scale_off / extent**2, current().candidates.farthest * extent
-    k = Free("camera.distortion", "1/m^2", -most, most, 0.0, 1e-3 / extent**2)
+    k = Free("camera.distortion", "1/m^2", -most, most, 0.0, current().apparatus.scale / extent**2)
+    step = current().apparatus.middle * extent
     o = [
-        Free(f"camera.middle_{axis}", "m", m - far, m + far, m, 0.1 * extent, None, m, inner=True)
+        Free(f"camera.middle_{axis}", "m", m - far, m + far, m, step, None, m, inner=True)
         for axis, m in zip("xy", map(float, middle), strict=True)
     ]
     name, expression = "lens_distortion", "seen = o + (true - o)(1 + k |true - o|^2)"

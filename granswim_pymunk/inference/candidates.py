@@ -97,7 +97,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 inner = p.name not in law.strength
                 grown = r0 / current().candidates.radius if p.unit == "m" else 1.0
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
-                scale = 0.1 * abs(typical) if inner else 1.0
+                scale = current().candidates.step * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
                 low = max(low, lightest) if p.within == "weight" else low
                 for argument in p.arguments:
@@ -133,7 +133,8 @@ def _stretches(law: Law) -> tuple[float, ...]:
     shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
     if not shapes:
         return (1.0,)
-    return (1.0, 0.1, 3.0) if any(p.unit == "m" for p in shapes) else (1.0, 0.3, 3.0)
+    criteria = current().candidates
+    return criteria.ranges if any(p.unit == "m" for p in shapes) else criteria.shapes
 
 
 def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
@@ -149,7 +150,7 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     cases = [case for case in cases if not case.held_out]
     if "top" in names:
-        result["top"] = 1.2 * fastest_of(cases)
+        result["top"] = current().candidates.top * fastest_of(cases)
     if "begin" in names:
         begin = min(float(c.t[c.training][0]) for c in cases)
         end = max(float(c.t[c.training][-1]) for c in cases)
@@ -194,7 +195,7 @@ def fastest_of(cases: Sequence[Case]) -> float:
             arm = arm_of(case.recording.scene, channel.body) if channel.kind == "angle" else 1.0
             step = np.abs(np.diff(values[:, k])) / dt * arm
             step = step[np.isfinite(step)]
-            fastest = max(fastest, float(np.quantile(step, 0.98)) if len(step) else 0.0)
+            fastest = max(fastest, float(np.quantile(step, current().candidates.fastest)) if len(step) else 0.0)
     return fastest
 
 
@@ -248,7 +249,7 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
             def apply(scene, camera, values, name=name):
                 return scene.with_parameter(name, float(values[0])), camera
 
-            scale = 0.01 * max(believed, 0.1)
+            scale = current().candidates.loss * max(believed, current().candidates.kept)
             free = Free(name, lost.unit, 0.0, lost.high, believed, scale, None, believed, natural=True)
             acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
             terms.append(

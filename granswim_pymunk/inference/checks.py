@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .criteria import current
 from .model import Proposal
 
 # mechanism to the name of its number and what measures it
@@ -29,7 +30,8 @@ def of_the_apparatus(
         if name not in TOOLS or name not in changes:
             continue
         # a frame, evenly distributed
-        resolution = 0.3 * float(np.median(np.diff(t))) if name == "time_offset" else picture()
+        within = current().apparatus.within_frame * float(np.median(np.diff(t)))
+        resolution = within if name == "time_offset" else picture()
         if resolution is not None:
             return Proposal(TOOLS[name][1], names, changes[name] / resolution)
     return None

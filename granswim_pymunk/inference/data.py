@@ -148,7 +148,7 @@ def _scatter(t: np.ndarray, values: np.ndarray) -> float:
     q, _ = np.linalg.qr(np.power(s[..., None], np.arange(7)))
     v = sliding_window_view(values, width)
     found = []
-    for degree in (2, 3, 4, 5, 6):
+    for degree in current().noise.degrees:
         # the first columns span the polynomials of each degree
         span = q[..., : degree + 1]
         left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)

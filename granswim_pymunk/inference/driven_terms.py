@@ -9,6 +9,7 @@ import numpy as np
 
 from ..laws import get_law
 from ..scene import Scene
+from .criteria import current
 from .data import Case
 from .hypothesis import Free, Term
 
@@ -34,15 +35,15 @@ def driven_terms(cases: Sequence[Case]) -> list[Term]:
             spacing = min(spacing, float(np.median(np.diff(case.t))))
     if not driven or top == 0.0 or not np.isfinite(spacing):
         return []
-    terms = []
+    terms, step = [], current().candidates.step
     for kind in KINDS:
         law = get_law(f"actuator_{kind}")
         strength = law.parameter(law.strength[0])
         if kind == "saturation":
-            free = Free(f"{law.name}.{strength.name}", "m/s", 0.0, top, top, 0.1 * top, None, top)
+            free = Free(f"{law.name}.{strength.name}", "m/s", 0.0, top, top, step * top, None, top)
         else:
             # no motor answers before its command
-            free = Free(f"{law.name}.{strength.name}", "s", 0.0, np.inf, 0.0, 0.1 * spacing, None, 0.0)
+            free = Free(f"{law.name}.{strength.name}", "s", 0.0, np.inf, 0.0, step * spacing, None, 0.0)
         terms.append(
             Term(law.mechanism, law.name, (free,), _Fault(kind), tuple(driven), law.expression, {},
                  ((strength.name, (0,)),))

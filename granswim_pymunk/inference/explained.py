@@ -115,6 +115,6 @@ def explained(
         weights = 1 / len(floors) + (count / len(floors) - 1 / len(floors)) * math.sqrt(len(floors) / (len(floors) - 1))
         floor = np.take_along_axis(weights @ floors, drawn, axis=1)
     shares = share(s1[drawn], s0[drawn], floor)
-    low, high = np.nanquantile(shares, [0.025, 0.975]) if np.isfinite(shares).any() else (0.0, 0.0)
+    low, high = np.nanquantile(shares, current().intervals.central) if np.isfinite(shares).any() else (0.0, 0.0)
     value = float(np.nan_to_num(share(s1, s0, f)))
     return Explained(value, min(float(low), value), max(float(high), value), left, before_left, sure, float(f0.std()))

@@ -150,7 +150,8 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
                 if name in terms:
                     continue
                 first = float(np.clip(scene.resolved(scene.laws_named(a.law)[0])[a.parameter], a.low, a.high))
-                free = Free(name, parameter.unit, a.low, a.high, first, 1e-3 * (a.high - a.low), where)
+                step = current().candidates.adjustable
+                free = Free(name, parameter.unit, a.low, a.high, first, step * (a.high - a.low), where)
                 terms[name] = Term(
                     "adjustable", name, (free,), _set_parameter(a.name, bodies), bodies=bodies, expression=name
                 )

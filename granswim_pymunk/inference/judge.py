@@ -297,7 +297,7 @@ def explained_dict(judged: Judgement) -> dict[str, Any] | None:
 
 
 def paired(
-    before: Sequence[np.ndarray], after: Sequence[np.ndarray], rng: np.random.Generator, draws: int = 2000
+    before: Sequence[np.ndarray], after: Sequence[np.ndarray], rng: np.random.Generator
 ) -> str:
     """Whether held-out data are predicted better: "holds", "fails" or "undecided".
 
@@ -307,8 +307,9 @@ def paired(
     differences = np.array([float(np.sum(b - a)) for b, a in zip(before, after, strict=True)])
     if not len(differences) or not np.isfinite(differences).all():
         return "undecided"
+    draws = current().blocks.bootstrap
     drawn = differences[rng.integers(0, len(differences), size=(draws, len(differences)))].mean(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = np.quantile(drawn, current().intervals.central)
     if len(differences) < 3:
         return "undecided" if low <= 0 <= high else ("holds" if low > 0 else "fails")
     return "holds" if low > 0 else "fails" if high < 0 else "undecided"

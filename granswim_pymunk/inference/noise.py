@@ -244,7 +244,7 @@ def fit_noise(residuals: Sequence[np.ndarray], criteria: NoiseCriteria | None = 
     series = [power for power, _ in _spectra(residuals)]
     if not series:
         return Noise()
-    sizes = criteria.slow_most * np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.65, 0.85, 1.0])
+    sizes = criteria.slow_most * np.array(criteria.sizes)
     memories = np.geomspace(1.0, criteria.memory_most, 9)
     best, least = Noise(), math.inf
     for size in sizes:
@@ -294,7 +294,7 @@ def slow_part(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None)
 
 def _slow_noises(criteria: NoiseCriteria) -> list[Noise]:
     """Slow parts of all sizes and memories that pass for noise."""
-    sizes = criteria.slow_most * np.array([0.2, 0.35, 0.5, 0.7, 0.85, 1.0])
+    sizes = criteria.slow_most * np.array(criteria.slow)
     return [Noise(float(s), float(m)) for s in sizes for m in np.geomspace(1.5, criteria.memory_most, 8)]
 
 
@@ -448,12 +448,13 @@ def outliers(
 
 
 def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
-    """|value - polynomial of fifth degree through five frames on either side| over its standard deviation.
+    """|value - polynomial of fifth degree through so many frames on either side| over its standard deviation.
 
-    NaN for the first and last five. Half of these frames would be left by a jump that stays: the curve then fits badly,
-    and what it leaves of the others is counted as their noise.
+    NaN for the first and last of them. Half of these frames would be left by a jump that stays: the curve then fits
+    badly, and what it leaves of the others is counted as their noise.
     """
-    count, half = 11, 5
+    half = current().noise.beside
+    count = 2 * half + 1
     result = np.full(len(t), np.nan)
     if len(t) < count:
         return result

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws import Law, all_laws
 from ..scene import Scene, use
+from .criteria import current
 from .hypothesis import Free, Term, equation_with
 from .significance import half_interval
 
@@ -44,8 +45,9 @@ def swimmer_terms(scenes: Sequence[Scene]) -> list[Term]:
 
 def _applies(term: Term, scene: Scene) -> bool:
     """Whether the scene has what the law refines (a bending whose joints can be weak)."""
+    step = current().candidates.step
     try:
-        changed, _ = term.apply(scene, {}, [f.neutral + 0.1 * f.scale * _inward(f) for f in term.free])
+        changed, _ = term.apply(scene, {}, [f.neutral + step * f.scale * _inward(f) for f in term.free])
         for item in changed.laws:
             changed.resolved(item)
     except InputError:
@@ -93,7 +95,8 @@ def _terms(law: Law, scene: Scene, scenes: Sequence[Scene]) -> list[Term]:
         amplitude = max((abs(float(i.values["amplitude"])) for s in scenes for i in s.laws_as("stroke")), default=0.0)
         if amplitude <= 0.0:
             return []
-        free = Free(free.name, "rad", 0.0, amplitude, amplitude, 0.15 * amplitude, None, amplitude)
+        size = current().candidates.amplitude * amplitude
+        free = Free(free.name, "rad", 0.0, amplitude, amplitude, size, None, amplitude)
     groups = [(strength.name, (0,))]
     if "joint" not in names:
         return [term(law.name, [free], groups)]

@@ -87,7 +87,7 @@ def diagnose_together(
         """Of the budget: a part for each kind, and what is left for those that are diagnosed again."""
         if minutes is None:
             return None
-        left = max(minutes - (time.monotonic() - began) / 60, 0.1 * minutes)
+        left = max(minutes - (time.monotonic() - began) / 60, current().work.least * minutes)
         return left / (len(groups) + 1 - done) if done < len(groups) else left / max(rounds - done, 1)
 
     def diagnosed(kind: str, given: tuple[LawUse, ...] = ()) -> Part | None:
@@ -273,4 +273,4 @@ def _by_kind(parts: Sequence[Part]) -> Table:
         )  # fmt: skip
     header = ("kind", "recordings", "verdict", "found", "taken over from the others",
               *(f"held out, {m.replace('_', ' ')}" for m in MODELS))  # fmt: skip
-    return Table("What each kind of recording says", header, rows, (5, 6, 7, 8))
+    return Table("What each kind of recording says", header, rows, tuple(range(5, len(header))))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from .arithmetic import RoundingCriteria
 from .beds import RadiiCriteria
 from .general import (
+    ApparatusCriteria,
     BlockCriteria,
     LostCriteria,
     NoiseCriteria,
@@ -23,6 +24,7 @@ from .packings import PackingCriteria
 from .tracks import (
     BudgetCriteria,
     CandidateCriteria,
+    EvaluationCriteria,
     FitCriteria,
     IntervalCriteria,
     KickCriteria,
@@ -49,6 +51,7 @@ class Criteria:
     noise: NoiseCriteria = field(default_factory=NoiseCriteria)
     rounding: RoundingCriteria = field(default_factory=RoundingCriteria)
     work: WorkCriteria = field(default_factory=WorkCriteria)
+    apparatus: ApparatusCriteria = field(default_factory=ApparatusCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
     lost: LostCriteria = field(default_factory=LostCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
@@ -61,6 +64,7 @@ class Criteria:
     fits: FitCriteria = field(default_factory=FitCriteria)
     signatures: SignatureCriteria = field(default_factory=SignatureCriteria)
     refits: RefitCriteria = field(default_factory=RefitCriteria)
+    evaluations: EvaluationCriteria = field(default_factory=EvaluationCriteria)
     sets: SetCriteria = field(default_factory=SetCriteria)
     intervals: IntervalCriteria = field(default_factory=IntervalCriteria)
     left: LeftCriteria = field(default_factory=LeftCriteria)

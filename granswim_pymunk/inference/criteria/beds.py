@@ -16,7 +16,8 @@ class RadiiCriteria:
     alike : spread of an error that all distances share: a picture's scale, which is told elsewhere
     apart : of the sum of radii, a gap beyond which a pair may as well not touch;  far : times that in the first rounds
     rough : of the sum of radii, how well a quantile tells a distance where there is no noise
-    rounds : of the fit;  every : rounds between two looks at how well radii are known
+    rounds : of the fit;  narrowed : of them, after which pairs count as touching no farther than in the end
+    every : rounds between two looks at how well radii are known
     first : relative error that is thought likely where none was said
     worth : relative error that was not said, below which radii stay as believed. Choice: circles are read off to that
     most : relative error beyond which it is not the radii that are wrong. Choice
@@ -35,6 +36,7 @@ class RadiiCriteria:
     far: float = 3.0
     rough: float = 0.002
     rounds: int = 30
+    narrowed: int = 10
     every: int = 5
     first: float = 0.02
     worth: float = 0.005

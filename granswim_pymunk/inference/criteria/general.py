@@ -38,6 +38,13 @@ class NoiseCriteria:
     inflated : standard deviations of chi2 over its degrees of freedom, and ``remembers`` [frames], below both of which
         innovations pass for white noise of known size, whose variances are not inflated. Choice: 4 come by chance
         once in 3e4 fits, and a correlation time is known to a half
+    degrees : of polynomials through nine frames, whose scatter tells the white part. Theory: a degree more than the
+        motion has leaves noise alone
+    sizes : of ``slow_most``, at which the likelihood of a slow part is looked at, ``slow`` where there is one. Choice:
+        it changes by less than one number's worth between two of them
+    believed : frequencies of a spectrum, that a stated white part counts for where none is told. Choice
+    beside : frames on either side, through which a curve is drawn that a sighting is held against. Theory: its six
+        numbers leave four
     """
 
     slow_most: float = 1.0
@@ -63,6 +70,11 @@ class NoiseCriteria:
     on_grid: float = 0.01
     inflated: float = 4.0
     remembers: float = 1.5
+    degrees: tuple[int, ...] = (2, 3, 4, 5, 6)
+    sizes: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.45, 0.65, 0.85, 1.0)
+    slow: tuple[float, ...] = (0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+    believed: int = 1000
+    beside: int = 5
 
 
 @dataclass(frozen=True)
@@ -74,6 +86,7 @@ class WorkCriteria:
     body_start [s] : of a core, that a body's start takes: estimated, drawn, taken apart from its neighbours. Measured
     start_up [s] : of a core, that a run takes to begin. Measured
     predictions [bytes] : that are kept in memory. Choice
+    least : of a budget, that each further look at a kind of recording gets where nothing is left of it. Choice
     """
 
     cores: int = 2
@@ -81,6 +94,30 @@ class WorkCriteria:
     body_start: float = 1e-5
     start_up: float = 0.15
     predictions: int = 2**25
+    least: float = 0.1
+
+
+@dataclass(frozen=True)
+class ApparatusCriteria:
+    """How far the camera and the clock may be off, and by what their numbers first step.
+
+    tilt [rad] : where the search for one ends, ``offset`` [s] and ``bias`` [m] the same. Choices: beyond them a film
+        says so at a glance
+    scale : of a picture's scale and of a tilt [rad], the first step;  shift [m] : of a bias;  frame : of the time
+        between two frames, of an offset;  turn [rad] : of a direction;  middle : of the extent of all tracks, of the
+        middle of a lens. Choices
+    within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
+    """
+
+    tilt: float = 0.8
+    offset: float = 0.2
+    bias: float = 1.0
+    scale: float = 1e-3
+    shift: float = 1e-4
+    frame: float = 0.1
+    turn: float = 0.1
+    middle: float = 0.1
+    within_frame: float = 0.3
 
 
 @dataclass(frozen=True)

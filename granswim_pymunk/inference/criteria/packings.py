@@ -74,6 +74,10 @@ class SummaryCriteria:
     curve [s] : what a curve's speed leaves out (contract);  least [s] : that it has to last beyond;  end [s] : of one
         that does not say how long it was;  look [s] : between two looks at a simulated swimmer of a curve
     speeds : of a curve, from which every third is held out. Choice
+    settled : (s, cycles) that a film from rest leaves out, whichever is longer;  under_way : the same of one that
+        begins on the way, whose bed remembers;  ``late``: of the film, at most. Choice
+    draws : of the tracking noise, that tell its covariance;  shares : of it, of its diagonal and of the whole. Choice:
+        tens of draws give the sizes, not the weak correlations
     """
 
     harmonics: tuple[int, ...] = (1, 3)
@@ -86,6 +90,11 @@ class SummaryCriteria:
     end: float = 1.1
     look: float = 2e-3
     speeds: int = 6
+    settled: tuple[float, float] = (0.1, 0.5)
+    under_way: tuple[float, float] = (0.3, 2.0)
+    late: float = 0.4
+    draws: int = 60
+    shares: tuple[float, float] = (0.3, 0.7)
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,11 @@ class AmountCriteria:
     least : of its shift, in what two packings differ by;  most : of the same;  wanted : of it. Theory: where it is r,
         its direction is known to a cosine of sqrt(1 - 1/r^2), 0.87 at the least
     grow : times the amount where it shows too little;  gone : where no run survives it. Choices
+    below : of its scale, the first amount of a number that is less than usual. Choice
+    scale : of a camera's scale and tilt [rad], and ``offset`` [s] of the clock, the first;  widest : where a scale ends
+    speed : of the tail, how fast grains are;  stops : times in a cycle that such a grain is stopped by a strength of
+        the size that units tell;  unitless : such a size where no unit tells one;  stream : of a grain's speed
+    damping [1/s] : of contacts, where none is believed. Choices
     """
 
     least: float = 2.0
@@ -102,6 +116,15 @@ class AmountCriteria:
     wanted: float = 4.0
     grow: float = 6.0
     gone: float = 0.2
+    below: float = 0.4
+    scale: float = 1e-2
+    offset: float = 1e-3
+    widest: tuple[float, float] = (0.5, 2.0)
+    speed: float = 0.15
+    stops: float = 1.5
+    unitless: float = 0.1
+    stream: float = 0.3
+    damping: float = 1e4
 
 
 @dataclass(frozen=True)
@@ -137,6 +160,9 @@ class PackingCriteria:
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
     pairs : cost of a candidate's run in those of the naive scene. Measured: 1.3 over all candidates
     spread : packings of the naive scene that tell the spread of some forty numbers, at the least
+    rounds : of a fit, ``pair_rounds`` where a law is tried beside another;  steps : of its change, that are tried
+    factors : times the usual sizes, that are held against a budget. Choices
+    picture [m] : of a picture, over which a ruler or a plumb line is read;  read : the least error of it [1, rad]
     """
 
     minutes: float = 15.0
@@ -176,3 +202,9 @@ class PackingCriteria:
     probed: float = 1.5
     pairs: float = 1.3
     spread: int = 60
+    rounds: int = 12
+    pair_rounds: int = 6
+    steps: tuple[float, ...] = (1.0, 0.5, 0.2)
+    factors: tuple[float, ...] = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
+    picture: float = 3e-3
+    read: float = 1e-4

@@ -16,6 +16,12 @@ class CandidateCriteria:
         deviation, relative, where nothing is said. Choice: a per cent, as a ruler on a film or the maker of a batch
         tells, and what laboratories are off by is one to three
     single : bodies, up to which a push on each single one is a candidate. Choice: it is looked for as many times
+    step : of its typical size, by which a number first steps;  adjustable : of its range, one that is declared
+    ranges : times the typical range of a law, from which it is looked for, ``shapes`` of another shape. Choice
+    top : times the fastest that bodies moved, over which a drag by the speed is drawn;  fastest : quantile of the steps
+        that says how fast. Choice: a hundredth of them may be wrong
+    loss : of what contacts lose, and ``kept`` at the least, by which a restitution first steps
+    amplitude : of the drive's amplitude, by which a number within it first steps
     """
 
     radius: float = 1e-3
@@ -24,6 +30,15 @@ class CandidateCriteria:
     believed: float = 6.0
     unstated: float = 0.01
     single: int = 6
+    step: float = 0.1
+    adjustable: float = 1e-3
+    ranges: tuple[float, ...] = (1.0, 0.1, 3.0)
+    shapes: tuple[float, ...] = (1.0, 0.3, 3.0)
+    top: float = 1.2
+    fastest: float = 0.98
+    loss: float = 0.01
+    kept: float = 0.1
+    amplitude: float = 0.15
 
 
 @dataclass(frozen=True)
@@ -78,6 +93,7 @@ class SegmentCriteria:
     same_valley : standard errors that two searches through many impacts may end apart in one valley. Choice
     most : numbers of all starts of a recording that are fitted. Choice: the work of a fit grows with their square, and
         with five hundred a diagnosis takes some minutes; five impacts of 25 disks, or twenty-five of five
+    rebound : of the closing speed, what two bodies part with and close with together. Choice: 1 + e, e from 0.5 to 1
     path : a path between two frames is at most so many times the longest way between two of three. Choice;  spare :
         of their radii, by which two bodies count as near each other before they touch. Choice
     """
@@ -105,6 +121,7 @@ class SegmentCriteria:
     rivals: int = 3
     same_valley: float = 0.2
     most: int = 500
+    rebound: float = 1.8
     path: float = 1.5
     spare: float = 0.05
 
@@ -116,9 +133,9 @@ class FitCriteria:
     rough : of chi2, a fall at which a fit ends that only leads to another one;  fine : of the mean square of the
         residuals, the same for one that counts. Choice: a hundredth of what one number gains by chance
     enough : of chi2, a fall that no decision hangs on. Choice: a two-hundredth of ``VerdictCriteria.same``
-    damping : of the diagonal, to begin with (Levenberg-Marquardt);  least : to which it falls;  again : from which it
-        grows where a step was bad;  stiff : beyond which nothing is found;  good : of the promised fall, from which it
-        falls. Choices
+    damping : of the diagonal, to begin with (Levenberg-Marquardt);  least : to which it falls, by ``softer`` after a
+        good step;  again : from which it grows where a step was bad, by ``harder``;  stiff : beyond which nothing is
+        found;  good : of the promised fall, from which it falls. Choices
     curved : sightings from which a start has a curvature. Theory: two more than its numbers
     escaped [m] : beyond which a body is lost. Theory: squares of what is farther off may overflow
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
@@ -141,6 +158,11 @@ class FitCriteria:
         the same error of the steps; what is left of it leaves that share of the way open in each step of Gauss-Newton.
         Such a search ends early (``rough``); the fine derivatives at its end, which errors are told from, lead on where
         they promise more than a fit ends for
+    step : of a number's scale, by which derivatives step: a tenth of a standard deviation. Choice
+    ends : of chi2, a fall at which least squares end where nothing else is said
+    steps : of the engine between two frames, at the least, and ``steps_met`` where bodies collide. Choices
+    swings : of a believed amplitude, from which the start of a pendulum is looked for;  grid : of the way between its
+        bounds, from which a declared number is, where tracks are followed in segments. Choices
     """
 
     rough: float = 1e-3
@@ -170,6 +192,14 @@ class FitCriteria:
     flights: int = 6
     drawn: int = 24
     longer: float = 5.0
+    step: float = 0.1
+    ends: float = 1e-5
+    softer: float = 5.0
+    harder: float = 10.0
+    steps: int = 10
+    steps_met: int = 20
+    swings: tuple[float, ...] = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+    grid: tuple[float, ...] = (0.15, 0.5, 0.85)
 
 
 @dataclass(frozen=True)
@@ -190,6 +220,8 @@ class SignatureCriteria:
     directions : the least share that is told from rounding
     far : standard deviations of the innovations, beyond which first order means little. Choice
     still : of the force of a stream, below which its drag is not told by first order. Choice
+    step : of its scale, by which a number is first moved;  room : of the way between its bounds, the largest scale of
+        one;  slow : of the fastest speed, the least scale of a stream's. Choices
     """
 
     same_column: float = 1e-4
@@ -206,6 +238,9 @@ class SignatureCriteria:
     directions: float = 1e-4
     far: float = 2.0
     still: float = 0.1
+    step: float = 1e-3
+    room: float = 0.05
+    slow: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -233,6 +268,9 @@ class RefitCriteria:
         Choice
     limits : of the range of a single limit, where the search for it begins. Choice: most of what a limit does is near
         where it is absent
+    shares : of its first-order amount, from which a law is looked for;  valleys : times it, where strength and shape
+        lie along a bent valley;  slower : times, a drag with a stream as much slower, and the other way round. Choices
+    heat_stages : of the frames over which candidates are compared first, as ``stages``
     """
 
     valley: float = 0.5
@@ -256,6 +294,52 @@ class RefitCriteria:
     inner_scored: float = 0.5
     memory: float = 0.1
     limits: tuple[float, ...] = (0.08, 0.2, 0.35, 0.55)
+    shares: tuple[float, ...] = (1.0, 0.2)
+    valleys: tuple[float, ...] = (20.0, 400.0)
+    slower: float = 4.0
+    heat_stages: tuple[float, ...] = (0.3, 1.0)
+
+
+@dataclass(frozen=True)
+class EvaluationCriteria:
+    """Evaluations of least squares, after which a fit ends with the best it has. Choices: a fit that is nearly linear
+    ends after five of itself, one along a bent valley after a hundred, and of those that only compare few are enough.
+
+    usual : where nothing else is said;  inner : on the first part of the training data
+    limit : of a law that is looked for over its range;  stream : of one beside an adjustable drag
+    special : of a law from where its special case ended;  valley : to the end of a bent one, ``pair_valley`` of two
+        laws;  pair : of two laws over growing parts, ``exchange`` of one in place of another
+    joints : of segments that are joined more closely;  one_start : of recordings followed from one start;  growing :
+        shares of the frames that such a fit, and one of two laws, takes in one after the other
+    camera : of the one scale of a camera in place of a law;  memory : once the memory of the noise is known
+    finer : with shorter steps of the engine;  window : of the start of a short window;  proposal : of a loser to a
+        winner's prediction
+    start : of a held-out start;  block : of one of a block of held-out frames, and ``block_stages``;  repeat : of a
+        repeat with fresh noise, ``right`` where its numbers are found anew
+    """
+
+    usual: int = 25
+    inner: int = 15
+    limit: int = 20
+    stream: int = 60
+    special: int = 20
+    valley: int = 150
+    pair_valley: int = 120
+    pair: int = 30
+    exchange: int = 60
+    joints: int = 12
+    one_start: int = 30
+    growing: tuple[float, ...] = (0.35, 0.65, 1.0)
+    camera: int = 12
+    memory: int = 10
+    finer: int = 8
+    window: int = 8
+    proposal: int = 6
+    start: int = 10
+    block: int = 15
+    block_stages: tuple[float, ...] = (0.2, 1.0)
+    repeat: int = 6
+    right: int = 20
 
 
 @dataclass(frozen=True)
@@ -318,7 +402,8 @@ class IntervalCriteria:
     """Intervals of numbers that are known only together, or unevenly: profiles of chi2.
 
     alone : share of its information that a number keeps beside the others, below which it is not known alone. Choice
-    normal : standard deviations on either side of a number. Theory: the central 95 % of a normal one
+    normal : standard deviations on either side of a number. Theory: the central 95 % of a normal one;  central : the
+        quantiles of these
     level : rise of chi2 at the ends. Theory: 95 % of chi2 of one number
     at_first : of a number's distance from neutral, the longest first step along it
     growth : of steps along a valley that were good;  most : steps to either side, after which there is no end but the
@@ -335,6 +420,7 @@ class IntervalCriteria:
 
     alone: float = 1e-3
     normal: float = 1.96
+    central: tuple[float, float] = (0.025, 0.975)
     level: float = 3.84
     at_first: float = 0.1
     growth: float = 2.0
@@ -368,6 +454,8 @@ class LeftCriteria:
     places : probability of chance below which a body is a place of the mismatch, after looking at all;  windows : the
         same for the windows that it is told from. Choice
     touching : standard deviations of a gap, below which bodies touch
+    right : repeats, that tell the errors of the right law;  pieces : that a recording is cut into where places of the
+        mismatch are looked for;  proposal : frames of a recording, of which the next experiment is weighed. Choices
     """
 
     draws: int = 999
@@ -386,6 +474,9 @@ class LeftCriteria:
     places: float = 0.01
     windows: float = 0.05
     touching: float = 4.0
+    right: int = 10
+    pieces: int = 8
+    proposal: int = 400
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,9 @@ class WindowPlanCriteria:
     leaders : laws that are refitted;  fewer : (members, screening, replicates, windows, leaders), tried one after the
         other where time is short. Choice: what is given up first are members, then windows, replicates, leaders
     usual : windows of a recording, from which no want of time is told;  minutes : where no budget is given
+    fits : predictions of a window that the last fits take;  film : times the bodies of a whole bed, what a replicate of
+        one costs;  signature : predictions of a candidate's columns;  replicate : of a leader's, in replicates
+    polish : films of replicates that are made anew with the law, in those of the first. Measured
     """
 
     length: float = 0.016
@@ -35,6 +38,11 @@ class WindowPlanCriteria:
     )  # fmt: skip
     usual: int = 26
     minutes: float = 10.0
+    fits: int = 13
+    film: float = 1.4
+    signature: float = 2.6
+    replicate: float = 2.5
+    polish: float = 0.6
 
 
 @dataclass(frozen=True)
@@ -112,6 +120,7 @@ class StartCriteria:
     far : standard deviations of a sighting, and times the usual second difference of a motion, from which a body is not
         where its last two sightings lead. Choice
     smoother : of the squares that a smooth motion leaves: what is better than that belongs together. Choice
+    lost [m, m/s] : how unsure place and velocity are of a body that is hardly seen at all
     """
 
     half: int = 2
@@ -123,6 +132,7 @@ class StartCriteria:
     room: float = 4.0e-4
     far: tuple[float, float] = (12.0, 5.0)
     smoother: float = 0.2
+    lost: tuple[float, float] = (1e-4, 1e-2)
 
 
 @dataclass(frozen=True)
@@ -141,6 +151,7 @@ class HiddenCriteria:
         what is found about one;  alike : of the smallest, within which two are one. Choice
     sure : standard deviations of a radius and of a sighting, by which a grain may be smaller or larger
     rounding [m] : by which a circle may overlap what it touches
+    edge : radii of the largest body, within which those beyond a periodic edge are looked at. Choice
     """
 
     neighbours: int = 9
@@ -156,6 +167,7 @@ class HiddenCriteria:
     alike: float = 0.2
     sure: float = 2.0
     rounding: float = 1e-7
+    edge: float = 8.0
 
 
 @dataclass(frozen=True)
@@ -167,6 +179,8 @@ class BedCandidateCriteria:
     coarse_scale : standard error above which links say too little;  sights : of a link, the fewest
     scale_sure : standard errors from which links are nearer, or farther, than they are long. Choice: by chance once in
         two million
+    apparatus : faults that are tried, and the amount [1, rad, s] of each. Choice: a smaller shift drowns in chaos
+    fast [m/s] : over which a drag by the speed is drawn where no speed is known;  fastest : quantile of the speeds else
     """
 
     speed: float = 0.05
@@ -175,6 +189,9 @@ class BedCandidateCriteria:
     coarse_scale: float = 2e-3
     sights: int = 10
     scale_sure: float = 5.0
+    apparatus: tuple[tuple[str, float], ...] = (("camera_scale", 2e-3), ("camera_tilt", 3e-3), ("time_offset", 4e-3))
+    fast: float = 0.1
+    fastest: float = 0.99
 
 
 @dataclass(frozen=True)
@@ -213,7 +230,11 @@ class BedSearchCriteria:
         amount, tried where the run did not survive it;  weaker : of ``response``, below which the amount is made
         larger by the second factor of ``grow``, else by the first;  stronger : the same above it, of ``shrink``
     as_tried : of the amount, a change that is none;  back : of it, the least on the other side of neutral. Choices
-    rough : of the amounts so far, simulated when a leader is refitted;  fine : the same once more, in all windows
+    rough : of the amounts so far, simulated when a leader is refitted;  fine : the same once more, in all windows;
+        form : of a form without a name;  turned : after a step of least squares;  nearer : of the least, one more
+        where that is best;  farther : of the largest, the same
+    shy : of the smallest amount that a run did not survive, how far one goes again
+    undercut : of the gain, by which a parabola may be below all of its points. Choice
     led : of the best first-order gain, from which a law is refitted;  kept : of the best gain in few windows, from
         which it is refitted in all;  beside : of what nulls gain, from which a law is tried beside another. Choice
     open : p of the search up to which leaders are refitted. Choice
@@ -249,6 +270,12 @@ class BedSearchCriteria:
     back: float = 0.5
     rough: tuple[float, ...] = (0.7, 1.5, 3.0)
     fine: tuple[float, ...] = (0.8, 1.0, 1.25)
+    form: tuple[float, ...] = (0.6, 1.0, 1.6)
+    turned: tuple[float, ...] = (0.6, 1.0, 1.4)
+    nearer: float = 0.4
+    farther: float = 1.7
+    shy: float = 0.9
+    undercut: float = 0.1
     led: float = 0.12
     kept: float = 0.3
     beside: float = 0.5
@@ -308,6 +335,8 @@ class BedPlaceCriteria:
     members : of the windows that the map is made of
     settle [s] : a film under a new drive is not looked at before;  enough : d' that is asked of the next recording
     whole_film : of ``VerdictCriteria.alarm``, the p below which a film as a whole is unlike its replicates. Choice
+    drives : times the frequency, that are tried for the next film;  windows : of it, that are predicted;  longest :
+        times the film, that is asked for at most. Choices
     """
 
     level: float = 0.01
@@ -317,6 +346,9 @@ class BedPlaceCriteria:
     settle: float = 0.02
     enough: float = 3.0
     whole_film: float = 0.1
+    drives: tuple[float, ...] = (1.5, 0.6)
+    windows: int = 10
+    longest: int = 10
 
 
 @dataclass(frozen=True)

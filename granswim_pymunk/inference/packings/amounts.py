@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -88,8 +89,8 @@ def scaled_candidates(s: Search) -> list[Candidate]:
         if not trying:
             break
         jobs = [j for _, scaled in trying for j in amount_jobs(scaled, scaled.design[0], [probe], [0])]
-        begun = 0.26 + 0.015 * attempt
-        s.runner.do(jobs, lambda k, n, at=begun: s.progress("trying the candidates", at + 0.015 * k / n))  # type: ignore[misc]
+        begun = partial(lambda at, k, n: s.progress("trying the candidates", 0.26 + 0.015 * (at + k / n)), attempt)
+        s.runner.do(jobs, begun)
         s.means.refresh()
         for x, scaled in trying:
             found = s.means.mean[probe.name].get((amount_label(scaled, scaled.design[0]), True))

@@ -61,7 +61,7 @@ def candidates_of(conditions: Sequence[Condition]) -> list[Candidate]:
     for term in swimmer_terms(scenes):
         # the side on which there is room: a joint gets weaker, a limit comes nearer
         below = tried_below(term)
-        amounts = [0.4 * f.scale if below else f.scale for f in term.free]
+        amounts = [current().packings.amounts.below * f.scale if below else f.scale for f in term.free]
         signs = [-1.0 if below or f.neutral >= f.high else 1.0 for f in term.free]
         whole = term.bodies is None or len(term.bodies) == len(scenes[0].chains[0])
         bodies = ("swimmer",) if whole else tuple(term.bodies or ())
@@ -76,11 +76,12 @@ def _camera(conditions: Sequence[Condition]) -> list[Candidate]:
 
         return apply
 
-    rows = [("camera_scale", "scale", "1", 0.5, 2.0, 1.0, 1e-2, "seen = s true", "s")]
+    first, ends = current().packings.amounts, current().apparatus
+    rows = [("camera_scale", "scale", "1", *first.widest, 1.0, first.scale, "seen = s true", "s")]
     if any(not c.any_view.curve for c in conditions):
         rows += [
-            ("camera_tilt", "tilt", "rad", -0.8, 0.8, 0.0, 1e-2, "seen = R(+angle) true", "angle"),
-            ("time_offset", "time_offset", "s", -0.2, 0.2, 0.0, 1e-3,
+            ("camera_tilt", "tilt", "rad", -ends.tilt, ends.tilt, 0.0, first.scale, "seen = R(+angle) true", "angle"),
+            ("time_offset", "time_offset", "s", -ends.offset, ends.offset, 0.0, first.offset,
              "a frame stamped t shows the state at t + offset", "offset"),
         ]  # fmt: skip
     return [
@@ -105,7 +106,7 @@ def _contacts(scene: Scene, adjustable: set[str]) -> list[Candidate]:
         def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray, name: str = name):
             return scene.with_parameter(name, float(values[0])), camera
 
-        first = believed if believed > 0 else 1e4
+        first = believed if believed > 0 else current().packings.amounts.damping
         free = Free(name, "1/s", 0.0, math.inf, believed, first, None, believed)
         term = Term("restitution", f"restitution ({name})", (free,), apply, expression=use_.law.expression,
                     groups=(("damping", (0,)),))  # fmt: skip
@@ -183,13 +184,14 @@ def natural_scale(conditions: Sequence[Condition]) -> Scale:
     frequency = float(np.mean([c.frequency for c in conditions]))
     length = sum(2 * scene.bodies[k].radius for k in scene.chains[0])
     amplitude = abs(float(scene.laws_as("stroke")[0].values["amplitude"])) or 1.0
-    speed = 0.15 * amplitude * 2 * math.pi * frequency * length
-    time = 1 / (1.5 * frequency)
+    criteria = current().packings.amounts
+    speed = criteria.speed * amplitude * 2 * math.pi * frequency * length
+    time = 1 / (criteria.stops * frequency)
 
     def size(p: Parameter) -> float:
         powers = dimension(p.unit)
         if powers is None or powers == (0, 0, 0):
-            return abs(p.typical or 0.1)
+            return abs(p.typical or criteria.unitless)
         return float(mass ** powers[0] * (speed * time) ** powers[1] * time ** powers[2])
 
     return size
@@ -216,7 +218,7 @@ def dimension(unit: str) -> tuple[float, float, float] | None:
 def _flow_candidate(law: Law, scale: Scale) -> Candidate:
     """Linear in c and in the push c u: u itself means nothing where c is zero."""
     c0 = scale(law.parameter("c"))
-    push = c0 * 0.3 * scale(law.parameter("u"))
+    push = c0 * current().packings.amounts.stream * scale(law.parameter("u"))
     free = (
         Free(f"{law.name}.c", "kg/s", 0.0, math.inf, 0.0, c0),
         *[Free(f"{law.name}.push_{k}", "N", -math.inf, math.inf, 0.0, push) for k in "xy"],

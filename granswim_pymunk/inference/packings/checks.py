@@ -399,9 +399,9 @@ def propose(s: Search, winner: Trial, rival: Trial) -> Proposal | None:
     measured = {t.mechanism: t for t in (winner, rival) if t.mechanism in TOOLS}
     if measured and (set(measured) != {"time_offset"} or any(has_role(n, "late") for n in names)):
         case = s.training[0]
-        noise = math.sqrt(max(float(case.error[-1, -1]), 1e-14))
+        noise, read = math.sqrt(max(float(case.error[-1, -1]), 1e-14)), current().packings
         changes = {name: abs(float(t.values()[0]) - float(t.candidate.neutral[0])) for name, t in measured.items()}
-        return of_the_apparatus(names, changes, case.any_view.t, lambda: max(noise / 3e-3, 1e-4))
+        return of_the_apparatus(names, changes, case.any_view.t, lambda: max(noise / read.picture, read.read))
     best: tuple[float, str] | None = None
     for curve in (False, True):
         chosen = [c for c in s.training if c.any_view.curve == curve]

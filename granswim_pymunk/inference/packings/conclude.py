@@ -306,7 +306,8 @@ def _pair(s: Search, bank: Bank, first: Trial, candidates: Sequence[Candidate]) 
     for x in alive:
         if x.mechanism == first.mechanism or _one_and_the_same(x.mechanism, first.mechanism):
             continue
-        both = fit(extended(s, first.fit.model, x, first.fit.u), s.means, s.training, rounds=6)
+        beside, rounds = extended(s, first.fit.model, x, first.fit.u), current().packings.pair_rounds
+        both = fit(beside, s.means, s.training, rounds=rounds)
         tried.append((first.fit.objective - both.objective - 2 * (x.numbers - 1), [first.candidate, x], both))
     together = best_pair(bank, alive)
     if together is not None and first.label not in (together[1].label, together[2].label):
@@ -417,7 +418,7 @@ def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
         return np.minimum(1 - np.asarray(after) / np.maximum(before, 1e-9), 1.0)
 
     def told(after: float) -> Explained:
-        low, high = np.quantile(share(drawn(after), drawn(before)), [0.025, 0.975])
+        low, high = np.quantile(share(drawn(after), drawn(before)), current().intervals.central)
         value, left, left_before = float(share(after - floor, before - floor)), after - floor, before - floor
         return Explained(
             value, float(low), float(high), left, left_before, left_before >= current().verdict.beyond * wide, wide

@@ -343,8 +343,8 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
         return screened + inside + outside
 
     budget = 60 * minutes * current().work.cores * min(len(conditions) / known.films, 1.0)
-    factors = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.45, 0.3)
-    return next((z for z in map(usual.times, factors) if seconds(z) <= budget), usual.times(factors[-1]))
+    sizes = [usual.times(factor) for factor in known.factors]
+    return next((z for z in sizes if seconds(z) <= budget), sizes[-1])
 
 
 def diagnose_unseen(

@@ -254,7 +254,7 @@ def spread_of(means: Means, condition: Condition, variance: float, error: np.nda
 
 def fit(
     model: Model, means: Means, conditions: Sequence[Condition], seen: Mapping[str, np.ndarray] | None = None,
-    rounds: int = 12, start: np.ndarray | None = None,
+    rounds: int | None = None, start: np.ndarray | None = None,
 ) -> Fit:  # fmt: skip
     """Gauss-Newton on the generalised least squares; the covariance follows the numbers from round to round."""
     u = (model.centre if start is None else start).copy()
@@ -284,7 +284,7 @@ def fit(
     left, spreads = evaluate(u)
     best = value(left, spreads)
     covariance = np.zeros((len(u), len(u)))
-    for _ in range(rounds if len(u) else 0):
+    for _ in range((current().packings.rounds if rounds is None else rounds) if len(u) else 0):
         whitened, columns = [], []
         for c in conditions:
             factor = np.linalg.cholesky(spreads[c.name])
@@ -302,7 +302,7 @@ def fit(
         covariance = np.linalg.pinv((a / size).T @ (a / size), rcond=1e-10) / np.outer(size, size)
         change = _bounded(a, b, u, low, high, size)
         took = moved_far = False
-        for share in (1.0, 0.5, 0.2):
+        for share in current().packings.steps:
             tried = np.clip(u + share * change, low, high)
             l2, s2 = evaluate(tried)
             now = value(l2, s2)

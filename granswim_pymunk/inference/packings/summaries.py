@@ -150,15 +150,16 @@ class View:
         found: np.ndarray = np.linalg.lstsq(design, value, rcond=None)[0]
         return found
 
-    def noise_covariance(self, xy: np.ndarray, noise: float, rng: np.random.Generator, draws: int = 60) -> np.ndarray:
+    def noise_covariance(self, xy: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
         """(p, p) covariance of the numbers from white tracking noise [m] on these tracks, by simulation."""
         if noise <= 0 or self.curve:
             p = len(self.numbers())
             return np.zeros((p, p))
-        drawn = [self.observe(xy + rng.normal(0.0, noise, xy.shape), noise) for _ in range(draws)]
+        criteria = current().packings.summaries
+        drawn = [self.observe(xy + rng.normal(0.0, noise, xy.shape), noise) for _ in range(criteria.draws)]
         covariance: np.ndarray = np.cov(np.array(drawn), rowvar=False)
-        # tens of draws give the sizes, not the weak correlations
-        return np.diag(np.diag(covariance)) * 0.3 + covariance * 0.7
+        sizes, whole = criteria.shares
+        return np.diag(np.diag(covariance)) * sizes + covariance * whole
 
     def filmed(
         self, numbers: np.ndarray, *, scale: float = 1.0, tilt: float = 0.0, time_offset: float = 0.0
@@ -400,7 +401,9 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
         raise InputError("frequency should be above zero [Hz]", file=recording.folder, where="law bending")
     duration = float(t[-1] - t[0])
     # a swimmer filmed on its way has a bed that remembers; one filmed from rest starts as the simulation does
-    skip = min(max(0.1, 0.5 / f) if rests else max(0.3, 2.0 / f), 0.4 * duration)
+    criteria = current().packings.summaries
+    least, cycles = criteria.settled if rests else criteria.under_way
+    skip = min(max(least, cycles / f), criteria.late * duration)
     begin = float(t[0]) + skip
     cut = float(t[0]) + current().split.training * duration
     masses = np.array([scene.bodies[k].mass for k in scene.chains[0]])

@@ -217,7 +217,8 @@ def _one_camera_will_do(chosen: Trial, owner: str, base: Fit, fitter: Fitter, sp
         return False
     term, index = others
     start = _with_numbers(chosen, len(base.values), index, 1.0)
-    rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=12)
+    few = current().evaluations.camera
+    rival = fitter.fit(base.hypothesis.with_term(term, scale), start, chosen.fit.starts, evaluations=few)
     return (rival.chi2 - chosen.fit.chi2) / spread < current().verdict.same
 
 

@@ -16,8 +16,9 @@ from .fit import Fitter
 from .fitted import Fit
 
 
-def _shortened(case: Case, most: int = 400) -> Case:
+def _shortened(case: Case) -> Case:
     """The first frames of a long recording: what separates laws shows there, at a fraction of the cost."""
+    most = current().left.proposal
     if len(case.t) <= most:
         return case
     keep = slice(0, most)
@@ -72,7 +73,8 @@ def propose(
                 replicate = replace(synthetic, values=np.where(np.isfinite(case.values), truth, np.nan))
                 inner = Fitter([replicate], predictor, None, stop, whole=True)
                 inner.segments = {case.name: tuple(replace(s, starts=described) for s in inner.segments[case.name])}
-                found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=6)
+                few = current().evaluations.proposal
+                found = inner.fit(loser.hypothesis, loser.values, {case.name: start}, evaluations=few)
                 total += found.chi2
         except Failed:
             continue

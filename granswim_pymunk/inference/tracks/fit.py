@@ -47,7 +47,7 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
         if share >= fitter.closeness:
             continue
         closer = fitter.tightened(share / fitter.closeness)
-        again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=12)
+        again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().evaluations.joints)
         if again.chi2 - fit.chi2 > allowed:
             break
         fitter, fit = closer, again
@@ -63,7 +63,8 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     if not ties:
         return one, whole
     # how late each impact was stays open: what one start through rigid impacts would say is too sharp
-    again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=30)
+    enough = current().evaluations.one_start
+    again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=enough)
     return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
 
 
@@ -139,7 +140,10 @@ class Fitter(Follower):
     def fit_from(self, segments: Fit) -> Fit:
         """Recordings followed from one start, beginning where a fit to their segments ended, over growing parts."""
         first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}
-        return self.fit(segments.hypothesis, segments.values, first, stages=(0.35, 0.65, 1.0), evaluations=30)
+        how = current().evaluations
+        return self.fit(
+            segments.hypothesis, segments.values, first, stages=how.growing, evaluations=how.one_start
+        )  # fmt: skip
 
     def continued(self, whole: Fit) -> dict[str, np.ndarray]:
         """Numbers of all segments' starts where a fit from one start to each recording passes them."""
@@ -239,7 +243,7 @@ class Fitter(Follower):
         *,
         fixed: bool = False,
         stages: Sequence[float] = (1.0,),
-        evaluations: int = 25,
+        evaluations: int | None = None,
         held: Collection[int] = (),
         near: Fit | None = None,
     ) -> Fit:
@@ -250,6 +254,7 @@ class Fitter(Follower):
         derivatives by the starts are good enough as long as the search gets on with them.
         """
         free = hypothesis.free
+        evaluations = current().evaluations.usual if evaluations is None else evaluations
         x = np.array([f.first for f in free] if values is None else values, dtype=float)
         numbers = {c.name: self._begin(c.name, starts) for c in self.cases}
         # a number that bears on none of these recordings would only run into its bounds and shorten every step
@@ -381,7 +386,7 @@ class Fitter(Follower):
         starts = {c.name: self.first_numbers(c.name) for c in self.cases}
         bodies = [s for segments in self.segments.values() for s in segments[0].starts]
         swinging = any(isinstance(s.coordinates, Pendulum) for s in bodies)
-        shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5) if swinging else (1.0,)
+        shares = current().fits.swings if swinging else (1.0,)
         grid = [values]
         for k, f in enumerate(hypothesis.free):
             for share in np.linspace(0.05, 0.95, 13) if self._bears(f) and not f.prior else ():
@@ -405,7 +410,7 @@ class Fitter(Follower):
         found = [first]
         for k, f in enumerate(hypothesis.free):
             sought = self._bears(f) and np.isfinite(f.high - f.low) and not f.prior
-            for share in (0.15, 0.5, 0.85) if sought else ():
+            for share in current().fits.grid if sought else ():
                 values = first.values.copy()
                 values[k] = f.low + share * (f.high - f.low)
                 found.append(self.fit(hypothesis, values, base.starts, near=first))

@@ -268,9 +268,9 @@ class Follower:
             changes.append((shifted, numbers, step))
         for k, scale in enumerate(self.number_scales(case.name)):
             moved = numbers.copy()
-            moved[k] += 0.1 * scale
+            moved[k] += current().fits.step * scale
             columns.append(-k - 1)
-            changes.append((np.asarray(values, dtype=float), moved, 0.1 * scale))
+            changes.append((np.asarray(values, dtype=float), moved, current().fits.step * scale))
         # the compiled loops release the GIL; threads change no bit of the result
         found = list(POOL.map(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes))
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
@@ -284,7 +284,7 @@ class Follower:
             if k in held or (f.cases is not None and case.name not in f.cases):
                 continue
             # a scale may be wider than the bounds: into the wider room, and no further than there is
-            step = min(0.1 * f.scale, max(f.high - values[k], values[k] - f.low))
+            step = min(current().fits.step * f.scale, max(f.high - values[k], values[k] - f.low))
             if values[k] + step > f.high:
                 step = -step
             shifted = np.array(values, dtype=float)
@@ -307,7 +307,7 @@ class Follower:
         for k, _, step in () if fixed else self._value_steps(case, hypothesis, values, held):
             steps[0, k] = step
         if starts_too:
-            steps[0, p:] = 0.1 * self.number_scales(case.name)
+            steps[0, p:] = current().fits.step * self.number_scales(case.name)
         result = run.calmer(steps, run.derivatives(steps))
         return result[:, :p], result[:, p:]
 
@@ -318,9 +318,10 @@ class Follower:
         steps = np.zeros((2, p + len(numbers)))
         for k, f in enumerate(fit.hypothesis.free):
             if f.cases is None or case.name in f.cases:
-                step = min(1.0 / size[k], 0.1 * f.scale) if size[k] > 0 else 0.1 * f.scale
+                step = current().fits.step * f.scale
+                step = min(1.0 / size[k], step) if size[k] > 0 else step
                 steps[:, k] = np.clip(fit.values[k] + np.array([-step, step]), f.low, f.high) - fit.values[k]
-        scales = 0.1 * self.number_scales(case.name)
+        scales = current().fits.step * self.number_scales(case.name)
         if len(self.segments[case.name]) == 1:
             told = np.linalg.norm(fit.jacobian[case.name][1], axis=0)
             scales = np.where(told > 0, np.minimum(1.0 / np.maximum(told, 1e-300), scales), scales)

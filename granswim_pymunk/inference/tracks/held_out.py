@@ -163,8 +163,9 @@ def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, sto
             first = case.t <= case.t[0] + current().split.start * (case.t[-1] - case.t[0])
             weights = {case.name: fading(case, first, memory)}
             fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
+            few = current().evaluations.start
             try:
-                fit = fitter.fit(training.hypothesis, training.values, training.starts, fixed=True, evaluations=10)
+                fit = fitter.fit(training.hypothesis, training.values, training.starts, fixed=True, evaluations=few)
                 error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
             except Failed:
                 squares = np.inf
@@ -291,7 +292,8 @@ def worse_by_chance(
     try:
         for first, rest in _windows(case):
             fitter = Fitter([case], predictor, {case.name: first})
-            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=10)
+            few = current().evaluations.start
+            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=few)
             here = fitter.predict(fit, case, rest)[rest]
             spread = np.linalg.pinv(fit.jacobian[case.name][1].T @ fit.jacobian[case.name][1])
             for k, values in enumerate(np.clip(drawn, low, high)):
@@ -325,7 +327,8 @@ def _by_windows(
     for first, rest in windows:
         fitter = Fitter([case], predictor, {case.name: first}, stop)
         try:
-            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=10)
+            few = current().evaluations.start
+            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=few)
             seen = fitter.predict(fit, case, rest)
         except Failed:
             continue
@@ -356,7 +359,10 @@ def window_errors(
         rest[mine[cut_at:] if cut_at < len(mine) else mine] = True
         fitter = Fitter([case], predictor, {case.name: first}, whole=True)
         try:
-            fit = fitter.fit(hypothesis, values, None, fixed=True, stages=(0.2, 1.0), evaluations=15)
+            how = current().evaluations
+            fit = fitter.fit(
+                hypothesis, values, None, fixed=True, stages=how.block_stages, evaluations=how.block
+            )  # fmt: skip
             left = (case.values - fitter.predict(fit, case, first | rest))[rest]
         except Failed:
             found.append(np.nan)
@@ -382,7 +388,8 @@ def noise_floor(
             replicate = _filmed_again(case, truth, rng)
             inner = Fitter([replicate], predictor, {case.name: frames}, stop)
             try:
-                found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=6)
+                few = current().evaluations.repeat
+                found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=few)
                 seen = inner.predict(found, replicate, np.ones(len(case.t), dtype=bool))
             except Failed:
                 continue
@@ -398,9 +405,9 @@ def noise_floor(
 
 def right_law_errors(
     training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
-    repeats: int = 10, followed: Collection[str] = (),
+    followed: Collection[str] = (),
 ) -> np.ndarray:  # fmt: skip
-    """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
+    """Held-out errors (n,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
     that is a little off has carried the bodies away. Repeats that fail are left out.
@@ -411,12 +418,14 @@ def right_law_errors(
             truths[case.name] = _as_explained(training, case, predictor, stop)[0]
         except Failed:
             continue
-    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in range(repeats)]
+    repeats = range(current().left.right)
+    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in repeats]
 
     def left(replicates: list[Case], own: Fitter) -> float | None:
         again = Fitter(replicates, predictor, None, own.stop)
         try:
-            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=20)
+            enough = current().evaluations.right
+            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=enough)
         except Failed:
             return None
         return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms

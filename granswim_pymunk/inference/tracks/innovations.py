@@ -139,13 +139,13 @@ def variance_by_case(fit: Fit, cases: Sequence[Case]) -> dict[str, float]:
     return result
 
 
-def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int = 8) -> WindowMap:
+def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int | None = None) -> WindowMap:
     """Cut every recording into ``pieces`` windows with starts of their own and see which the model cannot follow.
 
     ``scale``: variance of the innovations of each recording when the physics is right.
     """
     rows: list[dict[str, Any]] = []
-    size = 0
+    size, pieces = 0, pieces or current().left.pieces
     for case in fitter.cases:
         at = np.flatnonzero(fitter.frames[case.name])
         least = current().noise.correlated
@@ -156,7 +156,7 @@ def window_map(fitter: Fitter, fit: Fit, scale: Mapping[str, float], pieces: int
             if part.sum() < least:
                 continue
             inner = Fitter([case], fitter.predictor, {case.name: part}, fitter.stop)
-            found = inner.fit(fit.hypothesis, fit.values, fixed=True, evaluations=8)
+            found = inner.fit(fit.hypothesis, fit.values, fixed=True, evaluations=current().evaluations.window)
             spread, white = scale[case.name], found.white[case.name]
             passing = np.where(part[:, None], fit.white[case.name], np.nan)
             if np.nansum(passing**2) < np.nansum(white**2):

@@ -227,7 +227,7 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
         value, low, high = replace(fit, believed=None).interval(k, spread)
         means = value + np.array(moved)[:, k]
         errors = np.sqrt(np.maximum(level * float(fit.covariance[k, k]) + np.array(variances)[:, k], 1e-300))
-        ends = [mixed_quantile(part, means, errors, weights) for part in (0.025, 0.975)]
+        ends = [mixed_quantile(part, means, errors, weights) for part in current().intervals.central]
         if np.isfinite(ends).all():
             limits[k] = min(low, ends[0]), max(high, ends[1])
     return replace(fit, limits=limits)

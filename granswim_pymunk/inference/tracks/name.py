@@ -102,7 +102,7 @@ class InnerSplit:
         count = sum(int(np.isfinite(c.values[self.rest[c.name]]).sum()) for c in self.cases)
         return 2.0 / max(count, 1)
 
-    def score(self, whole: Fit, evaluations: int = 15) -> tuple[float, dict[str, float]]:
+    def score(self, whole: Fit) -> tuple[float, dict[str, float]]:
         """How badly a law predicts the rest, -2 ln p(rest | first part) per number, and the chi2 there by recording.
 
         ln p is the difference of two Laplace approximations, of all and of the first part:
@@ -111,7 +111,8 @@ class InnerSplit:
         determinants. ``whole``: the fit to both parts; the search on the first begins there.
         Source: MacKay 1992, Neural Computation 4, 415; Dawid 1984, J. R. Stat. Soc. A 147, 278.
         """
-        first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=evaluations)
+        enough = current().evaluations.inner
+        first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=enough)
         by_case, total, count = {}, 0.0, 0
         for case in self.cases:
             both = whole.white[case.name]
@@ -216,23 +217,24 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     """
     first = np.array([f.first for f in term.free])
     neutral = np.array([f.neutral for f in term.free])
+    refits, most = current().refits, current().evaluations
     if is_limit(term):
         # it is looked for over its range
         only = term.free[0]
         far = only.low + only.high - only.neutral
-        return False, 20, [(1.0, neutral + part * (far - neutral)) for part in current().refits.limits]
+        return False, most.limit, [(1.0, neutral + part * (far - neutral)) for part in refits.limits]
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
-    usual = [(share, neutral + share * (first - neutral)) for share in (1.0, 0.2)]
+    usual = [(share, neutral + share * (first - neutral)) for share in refits.shares]
     beside = any(has_role(f.name.partition(".")[0], "drag") for f in base.hypothesis.free)
     if has_role(term.mechanism, "medium") and beside and len(first) > 1 and first[0] > 0:
         # where another drag is adjustable, only c u shows: the same push by a slower and by a faster stream
-        part = np.array([4.0, *[0.25] * (len(first) - 1)])
-        return False, 60, [*usual, (1.0, first * part), (1.0, first / part)]
+        part = np.array([refits.slower, *[1 / refits.slower] * (len(first) - 1)])
+        return False, most.stream, [*usual, (1.0, first * part), (1.0, first / part)]
     shaped = np.array([f.inner for f in term.free])
     if shaped.any() and base.chi2 > current().signatures.far ** 2 * base.count:
         # strength and shape lie along a bent valley, and what first order says of the strength is far off
-        return False, 20, [*usual, *((1.0, np.where(shaped, first, factor * first)) for factor in (20.0, 400.0))]
-    refits = current().refits
+        far_off = [(1.0, np.where(shaped, first, factor * first)) for factor in refits.valleys]
+        return False, most.limit, [*usual, *far_off]
     return True, refits.few_evaluations if len(first) > refits.many else refits.evaluations, usual
 
 
@@ -262,14 +264,14 @@ def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Call
     for name, rows in frames.items():
         parts[name][rows[: max(int(current().refits.heat * len(rows)), 1)]] = True
     first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop, rough=True)
-    short = first.fit(base.hypothesis, base.values, base.starts, stages=(0.3, 1.0))
+    short = first.fit(base.hypothesis, base.values, base.starts, stages=refits.heat_stages)
     if short.chi2 < far * short.count:
         return None
     least = current().signatures.surviving
     open_ = [k for k, s in enumerate(signatures) if s.surviving > least and not is_limit(s.term)]
 
     def fitted(k: int, own: Fitter) -> Fit | None:
-        return None if late() else refit(own, short, signatures[k], (0.3, 1.0))
+        return None if late() else refit(own, short, signatures[k], refits.heat_stages)
 
     found = side_by_side(first, [partial(fitted, k) for k in open_])
     fits = {k: fit for k, fit in zip(open_, found, strict=True) if fit is not None}
@@ -400,7 +402,8 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
     n = len(base.values)
     rest = [0.0] * (trial.numbers - 1)
     hypothesis = base.hypothesis.with_term(trial.term)
-    found = fitter.fit(hypothesis, [*best.fit.values[:n], best.fit.values[n], *rest], best.fit.starts, evaluations=20)
+    begin, enough = [*best.fit.values[:n], best.fit.values[n], *rest], current().evaluations.special
+    found = fitter.fit(hypothesis, begin, best.fit.starts, evaluations=enough)
     if found.chi2 >= trial.fit.chi2:
         return trial
     return Trial(trial.signature, found, base.chi2 - found.chi2, float("inf"))
@@ -418,7 +421,7 @@ def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
         return trial
     if not fit.excess:
         return trial
-    found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=150)
+    found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().evaluations.valley)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
 
 

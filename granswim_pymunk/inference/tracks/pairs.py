@@ -84,7 +84,7 @@ def _in_place(
         keep, rows = (two[1], own[1]) if gone is two[0] else (two[0], own[0])
         begin = [*values[:first], *values[rows], *values[last]]
         hypothesis = search.scene_with(keep.term, third.term)
-        found = search.fitter.fit(hypothesis, begin, third.fit.starts, evaluations=60)
+        found = search.fitter.fit(hypothesis, begin, third.fit.starts, evaluations=current().evaluations.exchange)
         if found.chi2 < fit.chi2:
             best, fit = search.scored(found, [keep, third]), found
     return best, fit
@@ -253,7 +253,8 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
     if winner and winner[0].fit is not None:
         # strength and shape of a law lie along a valley: walk it to its end
         fit = winner[0].fit
-        fit = search.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=120)
+        enough = current().evaluations.pair_valley
+        fit = search.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=enough)
         winner = _partners(search, search.as_in(fit, winner))
     return winner
 
@@ -285,7 +286,9 @@ def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signat
         if names not in tried and not any_field(a.term, b.term, search.terms):  # the best of their variants comes first
             tried.add(names)
             hypothesis = search.scene_with(a.term, b.term)
-            yield a, b, search.fitter.fit(hypothesis, None, start.starts, stages=(0.35, 0.65, 1.0), evaluations=30)
+            how = current().evaluations
+            fit = search.fitter.fit(hypothesis, None, start.starts, stages=how.growing, evaluations=how.pair)
+            yield a, b, fit
 
 
 def _beside_each(
@@ -360,7 +363,7 @@ def _partners(search: SetSearch, pair: list[Trial]) -> list[Trial]:
             amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
             hypothesis = search.scene_with(keep.term, other.term)
             begin = [*fit.values[:offset], *fit.values[rows], amount]
-            found = search.fitter.fit(hypothesis, begin, fit.starts, evaluations=60)
+            found = search.fitter.fit(hypothesis, begin, fit.starts, evaluations=current().evaluations.exchange)
             gain = search.base.chi2 - found.chi2
             if gain > best[0].gain + current().verdict.same * search.spread(found):
                 best = search.scored(found, [keep, Trial.untried(other)])

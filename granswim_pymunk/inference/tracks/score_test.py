@@ -65,7 +65,7 @@ def _white_level(fit: Fit, cases: Sequence[Case]) -> tuple[float, int]:
     spectra = [periodogram(s) for s in series_of(fit, cases, white=True)]
     fast = [power[len(power) // 2 :] for power in spectra if len(power) > current().noise.frequencies]
     if not fast:
-        return 1.0, 1000
+        return 1.0, current().noise.believed
     every = np.concatenate(fast)
     return believable(every), len(every)
 

@@ -298,8 +298,7 @@ def _followed(
     believed = criteria.depth * (reach if np.isfinite(reach) else radius)
     depth = float(np.hypot(believed, noise / np.sqrt(criteria.around)))
     reduced = 1.0 / sum(1.0 / m for m in mass.values())
-    # (1 + e) times the closing speed, e between 0.5 and 1
-    closing = max(kick[b] * mass[b] / reduced for b in kick) / 1.8
+    closing = max(kick[b] * mass[b] / reduced for b in kick) / criteria.rebound
     cosine = float(np.clip(closing / max(speed, 1e-12), 1e-6, 1.0))
     share = min(float(np.hypot(criteria.impulse, depth / (reach * cosine**2))), 1.0)
     late = float(np.hypot(criteria.lateness, depth / closing)) if closing > 0 else criteria.lateness

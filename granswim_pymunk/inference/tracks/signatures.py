@@ -88,7 +88,7 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
     for k, free in enumerate(term.free):
         if free.inner:
             continue
-        step = free.scale * 1e-3
+        step = free.scale * criteria.step
         column = np.zeros(sum(len(fit.used(c.name)) for c in fitter.cases))
         for _ in range(12):
             # inside the bounds, on the side with more room
@@ -191,7 +191,8 @@ def _flow_signature(
     if c * top < current().signatures.still * force:
         c = force / top
     u = np.array(push) / c if c > 0 else np.zeros(len(push))
-    sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, 1e-3 * top) for x in scales[1:])]
+    least = current().signatures.slow * top
+    sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, least) for x in scales[1:])]
     return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
 
 
@@ -236,6 +237,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         for k, number in enumerate(linear):
             firsts[number] += float(amount[k])
             # what hardly shows to first order (a limit that is just reached) has a scale beyond its bounds
-            sizes[number] = min(float(scales[k]), 0.05 * (term.free[number].high - term.free[number].low))
+            room = current().signatures.room * (term.free[number].high - term.free[number].low)
+            sizes[number] = min(float(scales[k]), room)
         signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain))
     return Bank(fit, r, nuisance, tuple(signatures))

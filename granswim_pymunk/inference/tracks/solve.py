@@ -80,7 +80,7 @@ def descend(
     *,
     stale: bool,
     evaluations: int,
-    tolerance: float = 1e-5,
+    tolerance: float | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[np.ndarray, list[np.ndarray], bool]:
     """Levenberg-Marquardt with the numbers of each recording eliminated and bounds on the shared ones.
@@ -101,6 +101,7 @@ def descend(
     residuals = evaluate(values, starts)
     chi2 = loss(residuals)
     criteria = current().fits
+    tolerance = criteria.ends if tolerance is None else tolerance
     damping, used, fresh = criteria.damping, 1, not stale
     age, patience = 0, 1  # steps since derivatives by starts were taken, and for how many they are kept whatever comes
     if stop():
@@ -118,7 +119,7 @@ def descend(
         if np.isfinite(now) and now < chi2:
             fall = chi2 - now
             values, starts, residuals, chi2 = new_values, new_starts, found, now
-            damping = max(damping / 5, criteria.least) if good > criteria.good else damping
+            damping = max(damping / criteria.softer, criteria.least) if good > criteria.good else damping
             if fall < max(tolerance * chi2, criteria.enough):
                 return values, starts, True
             poor = good < criteria.renewed
@@ -130,7 +131,7 @@ def descend(
             fresh = True
             blocks = differentiate(values, starts, residuals, True)
         else:
-            damping = max(10 * damping, criteria.again)
+            damping = max(criteria.harder * damping, criteria.again)
             if damping > criteria.stiff or promised < max(tolerance * chi2, criteria.enough):
                 return values, starts, True
     return values, starts, False

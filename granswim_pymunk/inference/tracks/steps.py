@@ -63,9 +63,11 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
         moving = scene.with_initial(placed)
         dt = scene.time.dt or advise_dt(moving)
         spacing = float(np.median(np.diff(case.t))) if len(case.t) > 1 else dt
-        # a whole number of steps between frames, and never fewer than ten; where disks meet, what acts just before they
-        # touch has to be seen
-        steps = max(int(np.ceil(spacing / dt)), 20 if any(i.law.kind == "impulse" for i in scene.laws) else 10)
+        # a whole number of steps between frames, and never too few; where disks meet, what acts just before they touch
+        # has to be seen
+        criteria = current().fits
+        least = criteria.steps_met if any(i.law.kind == "impulse" for i in scene.laws) else criteria.steps
+        steps = max(int(np.ceil(spacing / dt)), least)
         if any(item.law.kind == "pair" for item in scene.laws_as("contact")):
             steps = _fine_enough(case, described, steps, spacing)
         result[case.name] = spacing / steps

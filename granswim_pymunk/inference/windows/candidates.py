@@ -29,16 +29,15 @@ from ..swimmer_terms import swimmer_terms
 from .hidden import NAME
 
 KINDS = ("body", "pair", "constraint")
-APPARATUS = {"camera_scale": 2e-3, "camera_tilt": 3e-3, "time_offset": 4e-3}  # a smaller shift drowns in chaos
 
 
 def bed_terms(cases: Sequence[Case]) -> list[Term]:
     """All named candidates with one choice of exponents each (see ``siblings`` for the others), apparatus first."""
     scene = cases[0].recording.scene
-    terms = []
+    terms, amounts = [], dict(current().windows.candidates.apparatus)
     for term in camera_terms(cases):
-        if term.mechanism in APPARATUS:
-            terms.append(_sized(term, [APPARATUS[term.mechanism]]))
+        if term.mechanism in amounts:
+            terms.append(_sized(term, [amounts[term.mechanism]]))
     terms += _contact_damping(cases)
     laws = [law for law in all_laws().values() if law.kind in KINDS and law.candidate == "named"]
     laws = [law for law in laws if applies(law, cases)]
@@ -295,13 +294,14 @@ def flexible_terms(
     mobile = tuple(b.id for b in scene.bodies if b.mobile)
     centre, size = places.mean(axis=0), float(max(np.ptp(places, axis=0).max() / 2, 1e-6))
     force = mean_grain_mass(scene) * criteria.acceleration
+    top = float(current().candidates.top * np.quantile(speeds, criteria.fastest))
     place: dict[str, Any] = {"centre": (float(centre[0]), float(centre[1])), "size": size}
     linear = [f"{axis}{k}" for axis in "ab" for k in range(3)]
     forms: list[tuple[Law, str, dict[str, Any], Sequence[str], float]] = [
         (flexible("place"), "a force smooth in place", {**place, "q": 0}, linear, force),
         (flexible("place"), "an acceleration smooth in place", {**place, "q": 1}, linear, criteria.acceleration),
         (
-            flexible("speed"), "a drag smooth in speed", {"top": float(1.2 * np.quantile(speeds, 0.99))},
+            flexible("speed"), "a drag smooth in speed", {"top": top},
             [f"c{k}" for k in range(5)], force / criteria.speed,
         ),
     ]  # fmt: skip

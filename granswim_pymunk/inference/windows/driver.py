@@ -417,7 +417,7 @@ def _foreseen(likelihood: WindowLikelihood, search: Search, answer: Answer) -> n
     tried = np.concatenate([np.abs(t.signature.tried) for t in answer.laws])
     scales = np.array([f.scale for f in free[len(search.values) :]])
     low, high = answer.hypothesis.bounds
-    steps = 0.1 * (high - low)
+    steps = current().windows.polish.step * (high - low)
     steps[len(search.values) :] = np.maximum(np.abs(change[len(search.values) :]), tried * scales)
     ends, spans = both_sides(before, steps, low, high)
     try:
@@ -532,7 +532,7 @@ def _recalibrate(
         return values, base, np.zeros((len(likelihood.white(base, windows)), 0))
     low, high = hypothesis.bounds
     # chaos forgives no small step: a tenth of the range to either side
-    ends, spans = both_sides(values, 0.1 * (high - low), low, high)
+    ends, spans = both_sides(values, current().windows.polish.step * (high - low), low, high)
     try:
         shown = likelihood.predict_surely([(hypothesis, end) for end in ends], windows)
         columns = likelihood.columns(shown, spans, windows)

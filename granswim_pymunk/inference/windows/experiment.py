@@ -44,9 +44,9 @@ def propose(
     options: list[tuple[str, Term]] = []
     if bending:
         f = float(bending[0].values["frequency"])
-        for factor in (1.5, 0.6):
+        for factor in current().windows.places.drives:
             options.append((f"frequency = {f * factor:.3g} Hz", _drive("frequency", factor)))
-    chosen = [int(w) for w in windows[number]][:10]
+    chosen = [int(w) for w in windows[number]][: current().windows.places.windows]
 
     def weigh(option: tuple[str, Term]) -> float | None:
         plain = Hypothesis((option[1],)).with_term(*hypothesis.terms)
@@ -61,7 +61,8 @@ def propose(
             ]
             for k, free in enumerate(hypothesis.free):
                 moved = values.copy()
-                moved[k] += 0.1 * (free.high - free.low) * (1 if values[k] < free.high else -1)
+                step = current().windows.polish.step * (free.high - free.low)
+                moved[k] += step * (1 if values[k] < free.high else -1)
                 rows.append(own(plain, np.clip(moved, free.low, free.high), chosen))
         except Failed:
             return None
@@ -82,7 +83,7 @@ def propose(
     tried = [(text, d) for (text, _), d in zip(options, found_d, strict=True) if d is not None]
     apart = math.sqrt(max((found.gain or found.linear) - (rival.gain or rival.linear), 0.0))
     if 0 < apart < current().windows.places.enough:
-        times = min(math.ceil((current().windows.places.enough / apart) ** 2), 10)
+        times = min(math.ceil((current().windows.places.enough / apart) ** 2), current().windows.places.longest)
         tried.append((f"film {times} times as long, drive as before", apart * math.sqrt(times)))
     if not tried:
         return None

@@ -93,7 +93,7 @@ class _Frame:
         self.radius = np.tile(radius, len(shifts))
         near = np.ones(len(self.places), dtype=bool)
         if period:
-            edge = 8 * radius.max()
+            edge = current().windows.hidden.edge * radius.max()
             near = (self.places[:, 0] > -edge) & (self.places[:, 0] < period + edge)
         self.bodies = np.tile(np.arange(len(radius)), len(shifts))[near]
         self.places, self.radius = self.places[near], self.radius[near]

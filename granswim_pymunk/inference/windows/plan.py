@@ -56,13 +56,14 @@ def make_plan(
     for plan in plans:
         part = min(1.0, plan.windows / max(windows, 1))
         every, used = windows * part, max(training * part, 1.0)
-        runs = 13 * used * plan.members + plan.replicates * every * (plan.members + 1.4 * whole)
-        runs += terms * used * plan.screening * 2.6 + 2 * plan.leaders * 3 * used * plan.screening
-        runs += plan.replicates * used * plan.screening * 2.5 * current().windows.search.leaning
+        film = plan.replicates * every * (plan.members + criteria.film * whole)
+        runs = criteria.fits * used * plan.members + film
+        runs += terms * used * plan.screening * criteria.signature + 2 * plan.leaders * 3 * used * plan.screening
+        runs += plan.replicates * used * plan.screening * criteria.replicate * current().windows.search.leaning
         runs += (
             (plan.leaders - 2) * 4 * used * plan.members
             + 3 * every * plan.members
-            + 0.6 * plan.replicates * every * (plan.members + 1.4 * whole)
+            + criteria.polish * film
         )
         if runs * cost < seconds:
             return plan

@@ -92,7 +92,7 @@ def sized(near: Touching, radius: np.ndarray, free: np.ndarray, sigma: float, st
     variance = np.full(count, spread**2)
     for k in range(c.rounds):
         rest = gap - design @ found
-        wide = c.apart * (1.0 + c.far * max(0.0, 1.0 - k / 10))
+        wide = c.apart * (1.0 + c.far * max(0.0, 1.0 - k / c.narrowed))
         weight = np.where(rest > 0, 1.0 / (1.0 + (rest / wide) ** 2) ** 2, 1.0) / error**2
         prior = np.append(np.full(count, spread**-2), [c.shift_spread**-2, c.alike**-2])
         solver = splu((design.T @ diags(weight) @ design + diags(prior)).tocsc())

@@ -79,7 +79,7 @@ def signature_of(
                 factor = criteria.shrink[size > criteria.stronger * strong]
             else:
                 break
-            wider = min(amount * factor, most, 0.9 * smallest_failed)
+            wider = min(amount * factor, most, criteria.shy * smallest_failed)
             if abs(wider / amount - 1) < criteria.as_tried:
                 break
             amount = wider
@@ -266,9 +266,9 @@ class Search:
         for _ in range(2):
             best = min(chi2, key=lambda s: chi2[s])
             if best == 0.0:
-                measure([0.4 * min(s for s in (*chi2, *shares) if s > 0)])
+                measure([current().windows.search.nearer * min(s for s in (*chi2, *shares) if s > 0)])
             elif best == max(chi2):
-                measure([1.7 * best])
+                measure([current().windows.search.farther * best])
             else:
                 break
         if len(chi2) < 2:
@@ -294,7 +294,7 @@ class Search:
         amounts = np.clip(trial.amounts + change, low, high)
         signature = replace(trial.signature, columns=columns, clear=clear)
         moved = replace(trial, amounts=amounts, signature=signature)
-        return self.refit(moved, self.used, self.nuisance, self.likelihood.members, (0.6, 1.0, 1.4))
+        return self.refit(moved, self.used, self.nuisance, self.likelihood.members, current().windows.search.turned)
 
 
 @dataclass
@@ -393,7 +393,7 @@ def best_form(search: Search, swimmer: bool = False) -> BedTrial | None:
     left = search.few_left
     apart = search.apart()
     forms: list[BedTrial] = []
-    fast = speeds if len(speeds) else np.array([0.1])
+    fast = speeds if len(speeds) else np.array([current().windows.candidates.fast])
     for term in flexible_terms(bed.case, seen[np.isfinite(seen[:, 0])], fast, bodies):
         if forms and clock.late(current().windows.budget.forms):
             break
@@ -403,7 +403,7 @@ def best_form(search: Search, swimmer: bool = False) -> BedTrial | None:
     forms.sort(key=lambda t: -t.worth)
     done = []
     for t in forms[:2]:
-        refitted = search.refit(t, used, search.nuisance, likelihood.members, (0.6, 1.0, 1.6))
+        refitted = search.refit(t, used, search.nuisance, likelihood.members, current().windows.search.form)
         # few windows tell the direction of five numbers badly
         for _ in range(2):
             if clock.late(current().windows.budget.turned):

@@ -56,7 +56,7 @@ def local_quadratic(t: np.ndarray, xy: np.ndarray, frame: int, sigma: float) -> 
         at = np.flatnonzero(np.isfinite(xy[:, k, 0]))
         near = at[np.argmin(np.abs(at - frame))] if len(at) else 0
         mean[k, 0] = xy[near, k] if len(at) else 0.0
-        root[k] = np.diag([1e-4, 1e-2])
+        root[k] = np.diag(current().windows.starts.lost)
     return Posterior(mean, root)
 
 

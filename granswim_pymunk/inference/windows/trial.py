@@ -115,5 +115,6 @@ def smooth_minimum(chi2: Mapping[float, float]) -> tuple[float, float]:
             share = float(np.clip(-fitted[1] / (2 * fitted[0]), x.min(), x.max()))
             lowest = float(np.polyval(fitted, share))
             # a parabola that undercuts all points by much fits badly
-            return share, max(lowest, float(y.min()) - 0.1 * abs(chi2.get(0.0, y.max()) - float(y.min())))
+            room = current().windows.search.undercut * abs(chi2.get(0.0, y.max()) - float(y.min()))
+            return share, max(lowest, float(y.min()) - room)
     return best, chi2[best]

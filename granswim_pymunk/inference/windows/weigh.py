@@ -179,7 +179,7 @@ def beside(search: Search, trial: BedTrial) -> tuple[Hypothesis, np.ndarray]:
         left = search.white[rows] - columns @ trial.amounts
         low, high = search.hypothesis.bounds
         change = np.linalg.lstsq(search.nuisance[rows], left, rcond=1e-10)[0]
-        reach = 0.15 * (high - low)
+        reach = current().windows.polish.reach * (high - low)
         values = np.clip(values + np.clip(change, -reach, reach), low, high)
     return search.hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
 

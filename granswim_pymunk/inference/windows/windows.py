@@ -183,7 +183,7 @@ def bed_case(
         raise fault("no disk of the swimmer is seen in five frames")
     grains = [k for k, b in enumerate(scene.bodies) if b.role == "grain" and seen[k] and k < listed]
     dt = max(scene.time.dt or 0.0, plan.coarse * advise_dt(placed(scene, np.nan_to_num(full[first]), None)))
-    steps = max(int(np.ceil(spacing / dt)), 10)
+    steps = max(int(np.ceil(spacing / dt)), current().fits.steps)
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
         Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)), given,
