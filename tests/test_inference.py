@@ -141,6 +141,22 @@ def test_the_ends_of_a_bent_path_are_no_outliers():
     assert np.flatnonzero(outliers(t, straight, 3e-5)).tolist() == [0, 59]
 
 
+def test_an_outlier_among_the_first_frames_is_told_by_those_about_it():
+    """No line reaches it from before, and one from after tells little of a bend; but for the outermost frame."""
+    found = 0
+    for k in range(40):
+        rng = np.random.default_rng(k)
+        t = np.arange(60) / 100
+        seen = 0.2 * np.sin(rng.uniform(1, 12) * t + rng.uniform(0, 6)) + 1e-4 * rng.normal(size=60)
+        smooth = np.ones(60, dtype=bool)
+        assert not outliers(t, seen, 1e-4, smooth).any()
+        at = int(rng.choice([1, 2, 3, 56, 57, 58]))
+        seen[at] += 1.6e-3
+        told = np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist()
+        found += told == [at]
+    assert found > 30
+
+
 def test_an_outlier_on_a_curved_path_is_told_from_both_sides():
     t = np.arange(90) / 30
     seen = 0.05 * np.cos(2 * np.pi * t / 0.7) + np.random.default_rng(2).normal(size=90) * 1e-4

@@ -433,7 +433,8 @@ def outliers(
         off[first] = np.fmin(off[first], _off_cubic(t[seen], values[seen], first, 1, sigma))
         off[last] = np.fmin(off[last], _off_cubic(t[seen], values[seen], last, -1, sigma))
         if smooth is not None:
-            off = np.where(smooth[seen], np.fmax(off, _off_both_sides(t[seen], values[seen], sigma)), off)
+            curve = _off_both_sides(t[seen], values[seen], sigma, smooth[seen])
+            off = np.where(smooth[seen], np.fmax(off, curve), off)
         new = seen[np.nan_to_num(off) > criteria.outlier]
         # of neighbours that accuse one another the worst goes first
         if len(new):
@@ -447,11 +448,12 @@ def outliers(
     return found
 
 
-def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
-    """|value - polynomial of fifth degree through so many frames on either side| over its standard deviation.
+def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.ndarray) -> np.ndarray:
+    """|value - polynomial of fifth degree through the frames about it| over its standard deviation.
 
-    NaN for the first and last of them. Half of these frames would be left by a jump that stays: the curve then fits
-    badly, and what it leaves of the others is counted as their noise.
+    So many on either side; of the first and last of them, the others of the first and last window, where all of it is
+    ``smooth`` (else NaN).  Half of these frames would be left by a jump that stays: the curve then fits badly, and what
+    it leaves of the others is counted as their noise.
     """
     half = current().noise.beside
     count = 2 * half + 1
@@ -459,18 +461,29 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarr
     if len(t) < count:
         return result
     window = np.lib.stride_tricks.sliding_window_view
-    others = [k for k in range(count) if k != half]
-    s = window(t, count) - t[half : len(t) - half, None]
+    s, v, middle = window(t, count), window(values, count), slice(half, len(t) - half)
+    result[middle] = _off_curve(s, v, half, sigma)
+    for k in range(half):
+        if smooth[:count].all():
+            result[k] = _off_curve(s[:1], v[:1], k, sigma)[0]
+        if smooth[-count:].all():
+            result[-1 - k] = _off_curve(s[-1:], v[-1:], count - 1 - k, sigma)[0]
+    return result
+
+
+def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float) -> np.ndarray:
+    """(n,) |values[:, at] - polynomial of fifth degree through the others (n, k)| over its standard deviation."""
+    others = [k for k in range(t.shape[1]) if k != at]
+    s = t - t[:, at, None]
     span = np.maximum(np.abs(s).max(axis=1, keepdims=True), 1e-300)
     design = np.power((s[:, others] / span)[..., None], np.arange(6))
     inverse = np.linalg.pinv(design)
-    v = window(values, count)[:, others]
+    v = values[:, others]
     left = v - np.einsum("nkd,ndl,nl->nk", design, inverse, v)
     own = np.maximum(np.sum(left**2, axis=1) / (len(others) - 6), sigma**2)
-    weights = inverse[:, 0]  # of the curve where the middle lies
-    off = values[half : len(t) - half] - np.sum(weights * v, axis=1)
-    result[half : len(t) - half] = np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1)))
-    return result
+    weights = inverse[:, 0]  # of the curve where the frame lies
+    off = values[:, at] - np.sum(weights * v, axis=1)
+    return np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1)))
 
 
 def _off_cubic(t: np.ndarray, values: np.ndarray, rows: np.ndarray, side: int, sigma: float) -> np.ndarray:
