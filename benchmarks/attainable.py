@@ -37,7 +37,7 @@ def main(argv: list[str]) -> int:
             continue
         predictor, fit = Predictor({u.name: u.dt for u in result.used}), d.revised
         rng = np.random.default_rng(0)
-        alike = right_law_errors(fit.hypothesis, fit, d.cases, predictor, lambda: False, rng, REPEATS) / floor
+        alike = right_law_errors(fit, d.cases, predictor, lambda: False, rng, REPEATS) / floor
         if not len(alike):
             continue
         rows.append((rms / floor, float(np.median(alike)), float(np.mean(alike < rms / floor))))

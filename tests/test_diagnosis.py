@@ -788,7 +788,7 @@ def test_a_proposal_of_a_long_film_of_bodies_on_rods():
     xy = np.stack([np.zeros((len(t), 2)), 0.3 * np.stack([np.sin(swing), -np.cos(swing)], axis=1)], axis=1)
     scene = Scene((car, load), laws, gravity=(0.0, -9.81))
     recording = Recording("r", scene, t, ("car", "load"), xy, sampling=500.0, position_noise=NOISE)
-    case = _shortened(prepare(recording, held_out=False, split=True))
+    case = _shortened(prepare(recording, held_out=False, split=True), 400)
     assert not {t.law for t in named_terms([case])} & {"joint_drag", "pin_friction"}  # rods turn freely
     assert len(case.t) == len(case.recording.t) == 400
     assert {type(s.coordinates) for s in describe_starts(case, np.ones(len(case.t), dtype=bool))} == {Guided, Bar}

@@ -16,9 +16,8 @@ from .fit import Fitter
 from .fitted import Fit
 
 
-def _shortened(case: Case) -> Case:
+def _shortened(case: Case, most: int) -> Case:
     """The first frames of a long recording: what separates laws shows there, at a fraction of the cost."""
-    most = current().left.proposal
     if len(case.t) <= most:
         return case
     keep = slice(0, most)
@@ -50,7 +49,7 @@ def propose(
     d' is the square root of the chi2 that the loser keeps when it is refitted to the winner's prediction
     (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
     """
-    training = [_shortened(c) for c in cases if c.name in winner.starts][:3]
+    training = [_shortened(c, current().left.proposal) for c in cases if c.name in winner.starts][:3]
     best: Proposal | None = None
     changes = [
         ("film twice as long", 2.0, 1.0, 1.0),

@@ -405,9 +405,9 @@ def noise_floor(
 
 def right_law_errors(
     training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
-    followed: Collection[str] = (),
+    repeats: int | None = None, followed: Collection[str] = (),
 ) -> np.ndarray:  # fmt: skip
-    """Held-out errors (n,) [m or rad, rms] where the law is right and its numbers are found as these were.
+    """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
     that is a little off has carried the bodies away. Repeats that fail are left out.
@@ -418,8 +418,8 @@ def right_law_errors(
             truths[case.name] = _as_explained(training, case, predictor, stop)[0]
         except Failed:
             continue
-    repeats = range(current().left.right)
-    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in repeats]
+    count = current().left.right if repeats is None else repeats
+    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in range(count)]
 
     def left(replicates: list[Case], own: Fitter) -> float | None:
         again = Fitter(replicates, predictor, None, own.stop)
