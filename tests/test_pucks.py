@@ -176,19 +176,65 @@ class TestScore:
     def test_judged(self, hidden: list[str], verdict: dict | None, how: str) -> None:
         assert pucks.judged({"effects": [{"name": n} for n in hidden]}, verdict) == how
 
-    def test_table_and_sums(self, tmp_path: Path) -> None:
-        truths = [{"name": f"f{k}", "effects": [{"name": n}] if n else [], "impacts": [1, 2, 3], "layout": "open"}
-                  for k, n in enumerate(["restitution", "", "contact_friction"])]  # fmt: skip
+    def test_table_and_sums(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        truths = [{"name": f"f{k}", "effects": [{"name": n, "values": {"restitution": 0.75}}] if n else [],
+                   "impacts": [1, 2, 3], "layout": "open"}
+                  for k, n in enumerate(["restitution", "", "contact_friction", "restitution"])]  # fmt: skip
         said = [named("missing_physics", "restitution") | {"complete": True, "explained": {"share": 0.97}},
                 named("no_mismatch") | {"explained": None}]  # fmt: skip
+        said[0]["mechanisms"][0]["parameters"] = {"restitution": {"value": 0.76, "low": 0.74, "high": None}}
         for k, verdict in enumerate(said):
             (tmp_path / f"f{k}").mkdir()
             (tmp_path / f"f{k}" / "verdict.json").write_text(json.dumps(verdict))
-            (tmp_path / f"f{k}" / "time.json").write_text(json.dumps({"seconds": 10.0 + k, "failed": ""}))
-        text = pucks.score(truths, tmp_path)
-        assert "| f0 | restitution | 3 | open | missing_physics restitution | right | True | 0.97 | 10 |" in text
+            time = {"seconds": 10.0 + k, "core": 50.0 + 20 * k, "failed": ""}
+            (tmp_path / f"f{k}" / "time.json").write_text(json.dumps(time))
+        (tmp_path / "f2").mkdir()
+        (tmp_path / "f2" / "time.json").write_text(json.dumps({"failed": "begun, not finished"}))
+        text = pucks.score(truths[:3], tmp_path)
+        assert "| f0 | restitution | 3 | open | missing_physics restitution | right | True | 0.97 | 50 | 10 |" in text
         assert "Right name 1 of 2, right name or class 1" in text and "no verdict 1" in text
         assert "Nothing named in nothing: 1 of 1. Seconds: median 10, longest 11." in text
+        (tmp_path / "truth.json").write_text(json.dumps(truths))
+        table, options = tmp_path / "told.csv", ["--truth", str(tmp_path / "truth.json"), "--score", str(tmp_path)]
+        assert pucks.main([*options, "--csv", str(table)]) == 0
+        rows = pucks.read_rows(table)
+        # what was begun is listed, finished or not, and nothing else
+        assert [r.film for r in rows] == ["f0", "f1", "f2"] and rows[2].answer == "begun, not finished"
+        assert rows[0].told == "restitution=0.76 (0.74 to )" and rows[0].hold == "1 of 1"
+        capsys.readouterr()
+        assert pucks.main(["--told", str(table)]) == 0
+        told = capsys.readouterr().out
+        assert "| ideal | 3 | 1 of 2 | 1 of 2 | 0 | 0 | 1 | 1 of 1 | 1 of 1 | 60, 70 | 1 of 2 |" in told
+        assert "- f2 (ideal): contact_friction restitution=0.75: begun, not finished" in told
+
+
+def test_a_diagnosis_that_was_stopped_is_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done: list[str] = []
+
+    def diagnose(recordings: list[Path], keep: Path, minutes: float | None) -> dict:
+        name = recordings[0].name
+        assert "begun" in (keep / "time.json").read_text()
+        if name == "pucks-0007" and name not in done:
+            done.append(name)
+            raise KeyboardInterrupt
+        done.append(name)
+        (keep / "verdict.json").write_text(json.dumps(named("no_mismatch")))
+        return {"seconds": 1.0, "verdict": named("no_mismatch"), "failed": ""}
+
+    monkeypatch.setattr(pucks, "diagnose_alone", diagnose)
+    films, table = tmp_path / "films", tmp_path / "table.csv"
+    assert pucks.main(["--out", str(films), "--seed", "5", "--count", "4", "--layout", "open"]) == 0
+    options = ["--out", str(films), "--diagnose", str(tmp_path / "v"), "--csv", str(table)]
+    with pytest.raises(KeyboardInterrupt):
+        pucks.main([*options, "--slice", "2/2"])
+    assert done == ["pucks-0007"] and pucks.main([*options, "--slice", "2/2"]) == 0
+    assert [r.film for r in pucks.read_rows(table)] == ["pucks-0007", "pucks-0008"]
+    assert pucks.main(options) == 0
+    assert done == ["pucks-0007", "pucks-0007", "pucks-0008", "pucks-0005", "pucks-0006"]
+    assert len(pucks.read_rows(table)) == 4 and pucks.main([*options, "--slice", "3/2"]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
 def test_a_repulsion_is_told_for_the_mean_radius_of_all_that_repel() -> None:

@@ -6,25 +6,32 @@ restitution, dry friction of the table, a repulsion with drag, friction of the c
 ideal, or with ``--real`` up to 0.2 ms late or spread over up to 0.4 ms, and all radii are off by 0.5 %.
 
 DIR gets a folder for each recording, named by its number alone; the truth of all of them goes to another file.
-``--diagnose VERDICTS`` runs ``granswim diagnose`` on the recordings of DIR, each in a process of its own;
+``--diagnose VERDICTS`` runs ``granswim diagnose`` on the recordings of DIR, each in a process of its own, and goes on
+where it was stopped; ``--slice k/n`` takes the k-th of n parts of them, in rising order.
 ``--score VERDICTS --truth FILE`` holds VERDICTS/NAME/verdict.json against the truth.
+With ``--csv FILE`` the table of all films begun goes there after each of them; ``--told FILE ...`` prints what such
+tables say together.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import json
 import math
+import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from granswim_pymunk.commands.prove import parse_slice
 from granswim_pymunk.errors import InputError, SimulationError
-from granswim_pymunk.proof.prove import diagnose_alone
+from granswim_pymunk.proof.prove import diagnose_alone, sliced
 from granswim_pymunk.recording import Recording, write_recording
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -37,6 +44,7 @@ OFF = 0.005  # relative error of radii where impacts are real
 LATE, LASTING = 2e-4, 4e-4  # s; an impulse spread over 0.4 ms comes 0.2 ms late in the mean
 TRAINING = 0.6  # of the time
 FEWEST, MOST = 3, 10  # impacts
+WITHIN = 60.0  # s, that a diagnosis may take
 SHOWN = 5.0  # rms departure from the naive path over the noise, in the training part
 EFFECTS = ("restitution", "substrate", "repulsion", "contact_friction", "nothing")
 LAYOUTS = ("open", "posts", "box")
@@ -221,43 +229,155 @@ def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> str:
     return "class" if set(stands.values()) == set(wanted) else "part"
 
 
+@dataclass(frozen=True)
+class Row:
+    """A film that was begun: what it hides, what was answered, how that is judged.
+
+    values, told : true numbers, and those of the verdict, as ``name=value`` each;  hold : of the numbers whose truth is
+    known, those whose interval holds it, of how many
+    core, wall : seconds of a core and by the clock, empty where it is not finished;  failed : why there is no verdict
+    """
+
+    film: str
+    impacts_are: str
+    hidden: str
+    values: str
+    impacts: str
+    layout: str
+    verdict: str
+    named: str
+    told: str
+    judged: str
+    complete: str
+    heldout: str
+    explained: str
+    hold: str
+    core: str
+    wall: str
+    failed: str
+
+    @property
+    def answer(self) -> str:
+        return self.failed or f"{self.verdict} {self.named}".strip()
+
+
+def row_of(truth: Mapping[str, Any], folder: Path) -> Row:
+    """The row of a film whose verdict lies in a folder."""
+    verdict, time = answer_in(folder)
+    said: Mapping[str, Any] = verdict or {}
+    share = (said.get("explained") or {}).get("share")
+    hold, known, told = 0, 0, []
+    named = dict.fromkeys(m["name"] for m in said.get("mechanisms", ()))
+    values = {e["name"]: e.get("values", {}) for e in truth["effects"]}
+    for m in said.get("mechanisms", ()):
+        for name, told_of in m.get("parameters", {}).items():
+            told.append(f"{name}={_few(told_of['value'])} ({_few(told_of['low'])} to {_few(told_of['high'])})")
+            if (true := values.get(m["name"], {}).get(name)) is not None:
+                known += 1
+                low, high = (math.nan if told_of[end] is None else told_of[end] for end in ("low", "high"))
+                hold += not (true < low or true > high)
+    return Row(
+        truth["name"], "real" if truth.get("real") else "ideal", " + ".join(values) or "nothing",
+        " ".join(f"{k}={_few(v)}" for each in values.values() for k, v in each.items()), str(len(truth["impacts"])),
+        truth["layout"], said.get("verdict", ""), " + ".join(named), "; ".join(told), judged(truth, verdict),
+        str(said.get("complete", "")), said.get("heldout") or "", "" if share is None else f"{share:.2f}",
+        f"{hold} of {known}" if known else "", _seconds(time.get("core")), _seconds(time.get("seconds")),
+        "" if verdict else time.get("failed") or "no verdict",
+    )  # fmt: skip
+
+
+def _few(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
 def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
     """A table of all films, and sums, as Markdown."""
-    lines = ["| film | hidden | impacts | layout | answer | judged | complete | explained | seconds |",
-             "|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
-    found: list[tuple[bool, str, float | None]] = []
-    for truth in truths:
-        verdict, seconds, failed = answer_in(verdicts / truth["name"])
-        how = judged(truth, verdict)
-        found.append((not truth["effects"], how, seconds))
-        said = verdict or {}
-        answer = failed or f"{said['verdict']} {' + '.join(dict.fromkeys(m['name'] for m in said['mechanisms']))}"
-        share = (said.get("explained") or {}).get("share")
-        lines.append(
-            f"| {truth['name']} | {' + '.join(e['name'] for e in truth['effects']) or 'nothing'} | "
-            f"{len(truth['impacts'])} | {truth['layout']} | {answer.strip()} | {how} | {said.get('complete', '')} | "
-            f"{'' if share is None else f'{share:.2f}'} | {'' if seconds is None else f'{seconds:.0f}'} |"
-        )
-    hidden = [how for null, how, _ in found if not null]
-    nulls = [how for null, how, _ in found if null]
-    times = [s for _, _, s in found if s is not None]
-    good = sum(h in ("right", "class") for h in hidden)
+    rows = [row_of(truth, verdicts / truth["name"]) for truth in truths]
+    lines = ["| film | hidden | impacts | layout | answer | judged | complete | explained | core s | s |",
+             "|---|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
     lines += [
-        "",
+        "| "
+        + " | ".join(
+            (r.film, r.hidden, r.impacts, r.layout, r.answer, r.judged, r.complete, r.explained, r.core, r.wall)
+        )
+        + " |"
+        for r in rows
+    ]
+    return "\n".join([*lines, "", sums(rows)])
+
+
+def sums(rows: Sequence[Row]) -> str:
+    """How many were named right, in a sentence or two."""
+    hidden = [r.judged for r in rows if r.hidden != "nothing"]
+    nulls = [r.judged for r in rows if r.hidden == "nothing"]
+    good = sum(h in ("right", "class") for h in hidden)
+    told = (
         f"Right name {hidden.count('right')} of {len(hidden)}, right name or class {good}, one of two "
         f"{hidden.count('part')}, wrong name {hidden.count('wrong')}, no name {hidden.count('silent')}, no verdict "
         f"{hidden.count('none')}. Nothing named in nothing: {nulls.count('right')} of {len(nulls)}."
-        + (f" Seconds: median {np.median(times):.0f}, longest {max(times):.0f}." if times else ""),
-    ]  # fmt: skip
-    return "\n".join(lines)
+    )
+    for what, seconds in (("Seconds", [r.wall for r in rows]), ("Seconds of a core", [r.core for r in rows])):
+        if taken := [float(s) for s in seconds if s]:
+            told += f" {what}: median {np.median(taken):.0f}, longest {max(taken):.0f}."
+    return told
 
 
-def answer_in(folder: Path) -> tuple[dict[str, Any] | None, float | None, str]:
-    """The verdict in a folder (or None), the seconds it took where they are known, why there is none."""
+def told_together(files: Sequence[Path]) -> str:
+    """A Markdown table of what tables of films say, a line for each kind of impacts, and what went wrong."""
+    rows = [row for file in files for row in read_rows(file)]
+    lines = ["| impacts | films | right name | name or class | of both only one | wrong | silent or none | nothing in "
+             f"nothing | numbers that hold | core s: median, longest | within {WITHIN:.0f} s of a core |",
+             "|---|---|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    for kind in dict.fromkeys(r.impacts_are for r in rows):
+        mine = [r for r in rows if r.impacts_are == kind]
+        some, none = ([r.judged for r in mine if (r.hidden == "nothing") is null] for null in (False, True))
+        hold = [tuple(map(int, r.hold.split(" of "))) for r in mine if r.hold]
+        core = [float(r.core) for r in mine if r.core]
+        good = sum(j in ("right", "class") for j in some)
+        cells = [
+            kind, f"{len(mine)}", f"{some.count('right')} of {len(some)}", f"{good} of {len(some)}",
+            f"{some.count('part')}", f"{some.count('wrong')}", f"{some.count('silent') + some.count('none')}",
+            f"{none.count('right')} of {len(none)}", f"{sum(a for a, _ in hold)} of {sum(b for _, b in hold)}",
+            f"{np.median(core):.0f}, {max(core):.0f}" if core else "",
+            f"{sum(c <= WITHIN for c in core)} of {len(core)}",
+        ]  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    wrong = [f"- {r.film} ({r.impacts_are}): {r.hidden} {r.values}: {r.answer} {r.told}".rstrip()
+             for r in rows if r.judged not in ("right", "class")]  # fmt: skip
+    return "\n".join([*lines, "", *wrong])
+
+
+def write_rows(rows: Sequence[Row], file: Path) -> None:
+    """A table of films. Raises InputError where it cannot be written."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [f.name for f in fields(Row)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(row) for row in rows)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text.getvalue(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write it: {error.strerror}", file=file) from None
+
+
+def read_rows(file: Path) -> list[Row]:
+    """What ``write_rows`` wrote. Raises InputError where it is no such table."""
+    try:
+        with file.open(encoding="utf-8", newline="") as stream:
+            return [Row(**row) for row in csv.DictReader(stream)]
+    except (OSError, TypeError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read the table: {error}", file=file) from None
+
+
+def answer_in(folder: Path) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """The verdict in a folder (or None), and what is known of its time and why there is none."""
     time = json.loads((folder / "time.json").read_text()) if (folder / "time.json").exists() else {}
-    if not (folder / "verdict.json").exists():
-        return None, time.get("seconds"), time.get("failed") or "no verdict"
-    return json.loads((folder / "verdict.json").read_text(encoding="utf-8")), time.get("seconds"), ""
+    verdict = folder / "verdict.json"
+    return (json.loads(verdict.read_text(encoding="utf-8")) if verdict.exists() else None), time
 
 
 # ---- the command ----------------------------------------------------------------------------------
@@ -272,6 +392,9 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
     parser.add_argument("--layout", choices=(*LAYOUTS, "mixed"), default="mixed", help="mixed: open or posts")
     parser.add_argument("--truth", type=Path, metavar="FILE", help="the truth (default: DIR.json)")
     parser.add_argument("--diagnose", type=Path, metavar="VERDICTS", help="diagnose the recordings of DIR")
+    parser.add_argument("--slice", metavar="K/N", help="of the recordings to diagnose, the K-th of N parts")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="where the table of all films begun goes")
+    parser.add_argument("--told", type=Path, nargs="+", metavar="FILE", help="print what such tables say together")
     parser.add_argument("--minutes", type=float, metavar="M", help="budget of each diagnosis")
     parser.add_argument("--score", type=Path, metavar="VERDICTS", help="hold these verdicts against the truth")
     args = parser.parse_args(argv)
@@ -282,7 +405,31 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
         return 2
 
 
+def _diagnose(folder: Path, kept: Path, minutes: float | None, say: Callable[[str], None]) -> None:
+    """Diagnose a recording, unless that was finished before; that it was begun is written down first."""
+    file = kept / "time.json"
+    if file.exists() and "seconds" in json.loads(file.read_text()):
+        return
+    kept.mkdir(parents=True, exist_ok=True)
+    write_json({"failed": "begun, not finished"}, file)
+    before = _core_seconds()
+    result = diagnose_alone([folder.resolve()], kept, minutes)
+    core = _core_seconds() - before
+    write_json({"seconds": round(result["seconds"], 1), "core": round(core, 1), "failed": result["failed"]}, file)
+    said = result["failed"] or result["verdict"]["verdict"]
+    say(f"{folder.name}: {said} ({result['seconds']:.0f} s, {core:.0f} s of a core)")
+
+
+def _core_seconds() -> float:
+    """Of all processes that were begun here and have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def _main(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+    if args.told:
+        say(told_together(args.told))
+        return 0
     if args.out is None and args.truth is None:
         raise InputError("needs --out DIR, or --truth FILE with --score", where="pucks")
     truth_file: Path = args.truth or args.out.with_name(f"{args.out.name}.json")
@@ -298,24 +445,30 @@ def _main(args: argparse.Namespace, say: Callable[[str], None]) -> int:
             write_json(sorted(truths, key=lambda t: t["name"]), truth_file)
             say(f"{args.out / puck.recording.name}")
         say(f"truth: {truth_file}")
+    verdicts = args.score or args.diagnose
+    try:
+        truths = json.loads(truth_file.read_text(encoding="utf-8")) if verdicts is not None else []
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the truth: {error}", file=truth_file) from None
+
+    def begun() -> list[Mapping[str, Any]]:
+        return [t for t in truths if (verdicts / t["name"]).exists()]
+
     if args.diagnose is not None:
         if args.out is None:
             raise InputError("needs --out DIR with the recordings", where="--diagnose")
-        for folder in sorted(p.parent for p in args.out.glob("*/recording.toml")):
-            kept = args.diagnose / folder.name
-            if not (kept / "time.json").exists():
-                result = diagnose_alone([folder.resolve()], kept, args.minutes)
-                kept.mkdir(parents=True, exist_ok=True)
-                write_json({"seconds": round(result["seconds"], 1), "failed": result["failed"]}, kept / "time.json")
-                said = result["failed"] or result["verdict"]["verdict"]
-                say(f"{folder.name}: {said} ({result['seconds']:.0f} s)")
-    verdicts = args.score or args.diagnose
+        films = sorted(p.parent for p in args.out.glob("*/recording.toml"))
+        if args.slice:
+            mine = sliced([("pucks", k) for k in range(len(films))], *parse_slice(args.slice))
+            films = [films[k] for _, k in mine]
+        for folder in films:
+            _diagnose(folder, args.diagnose / folder.name, args.minutes, say)
+            if args.csv is not None:
+                write_rows([row_of(t, verdicts / t["name"]) for t in begun()], args.csv)
+    elif verdicts is not None and args.csv is not None:
+        write_rows([row_of(t, verdicts / t["name"]) for t in begun()], args.csv)
     if verdicts is not None:
-        try:
-            truths = json.loads(truth_file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot read the truth: {error}", file=truth_file) from None
-        say(score(truths, verdicts))
+        say(score(begun() if args.diagnose else truths, verdicts))
     return 0
 
 
