@@ -13,6 +13,7 @@ from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.choose import score_inner
 from granswim_pymunk.inference.tracks.intervals import _end, with_doubt
 from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.study import _leaves_noise, _scored_forms
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -101,3 +102,27 @@ def test_what_is_far_behind_the_best_is_not_scored():
     inner = SimpleNamespace(score=score)
     assert [t.inner for t in score_inner(inner, trials, ahead=100.0)] == [1.0, math.inf] and scored == ["near"]
     assert [t.inner for t in score_inner(inner, trials)] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(("segmented", "scored"), [(True, ["ahead"]), (False, ["ahead", "behind"])])
+def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
+    """A form that follows what it was fitted to no better than a name, its numbers paid, is no better explanation."""
+    asked = []
+
+    def score(fit):
+        asked.append(fit.name)
+        return 1.0, {}
+
+    def trial(name, gain, numbers, value=0.1):
+        free = tuple(Free(f"{name}.{k}", "1", 0.0, 1.0, 0.1, 0.01) for k in range(numbers))
+        term = SimpleNamespace(free=free, label=name, mechanism=name)
+        fit = SimpleNamespace(name=name, values=np.full(numbers, value), excess=0.0)
+        return Trial(SimpleNamespace(term=term), fit, gain, math.inf)
+
+    study = SimpleNamespace(fitter=SimpleNamespace(segmented=segmented), inner=SimpleNamespace(score=score))
+    # a law whose number ended where its search ends is no explanation, however much it gains
+    laws = [trial("law", 100.0, 1), trial("absurd", 200.0, 1, value=1.0)]
+    forms = _scored_forms(study, [trial("ahead", 120.0, 4), trial("behind", 103.0, 4)], laws, 1.0)
+    assert asked == scored and [t.term.label for t in forms] == ["ahead", "behind"]
+    assert [math.isfinite(t.inner) for t in forms] == [True, "behind" in scored]
+    assert [_leaves_noise(t) for t in laws] == [True, False]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -290,10 +291,12 @@ def try_candidates(
     progress: Callable[[str, int, int], None],
     late: Callable[[], bool] = lambda: False,
     ahead: float = 0.0,
+    shortly: bool = False,
 ) -> list[Trial]:
     """Refit the candidates that are not imitated by starts and recalibration, best first.
 
-    ahead : the gain of the best of others that were tried before: those far behind it are not searched to their end
+    ahead : the gain of the best of others that were tried before: those far behind it are not searched to their end;
+    shortly : nor is any
     """
     order = sorted(bank.signatures, key=lambda s: -s.gain)
     run = heats(fitter, base, order, late)
@@ -326,7 +329,7 @@ def try_candidates(
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
-        best = max([ahead, *(t.gain for t in trials)])
+        best = math.inf if shortly else max([ahead, *(t.gain for t in trials)])
         jobs = [partial(_to_its_end, base=base, trial=t, least=current().refits.valley * best) for t in trials]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)

@@ -16,7 +16,7 @@ from ..noise import Noise
 from ..result import Progress
 from ..significance import Null, price
 from .believed import believed_terms
-from .choose import choose, left_over, prune, score_inner
+from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
 from .fit import Fitter
 from .fitted import Fit
@@ -164,7 +164,9 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
         study.notes.append("forces without a name was not tried: the time was up")
     forms = make_bank(fitter, recalibrated, [] if late(current().budget.forms) else flexible_terms(study.cases))
     ahead = max((t.gain for t in trials), default=0.0)
-    flexible_trials = try_candidates(fitter, recalibrated, forms, (1.0,), lambda *a: None, ahead=ahead)
+    # where a law leaves noise alone, a form can only do the same, and through segments its end is far
+    shortly = fitter.segmented and any(_leaves_noise(t) for t in trials)
+    flexible_trials = try_candidates(fitter, recalibrated, forms, (1.0,), lambda *a: None, ahead=ahead, shortly=shortly)
     if any(t.reason.startswith("not refitted") for t in trials):
         study.notes.append("some candidates were only compared to first order: the time was up")
     alive = [t for t in trials if t.fit is not None]
@@ -177,10 +179,28 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     progress("testing inside the training part", 0.56)
     scores = {"recalibrated": study.inner.score(recalibrated)[0]}
     ahead = max((t.gain for t in alive), default=0.0)
-    alive, forms_alive = score_inner(study.inner, alive), score_inner(study.inner, forms_alive, ahead)
+    alive = score_inner(study.inner, alive)
+    forms_alive = _scored_forms(study, forms_alive, alive, spread)
     scores |= {t.term.label: t.inner for t in alive + forms_alive}
     untried = [t for t in trials if t.fit is None]
     return FittedAlone(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
+
+
+def _leaves_noise(trial: Trial) -> bool:
+    return trial.fit is not None and not trial.fit.excess and not absurd(trial)
+
+
+def _scored_forms(study: Study, forms: list[Trial], named: Sequence[Trial], spread: float) -> list[Trial]:
+    """Inner scores of forms without a name; through segments, where a score is dear, of those ahead of all names alone.
+
+    Numbers paid for: what follows the data that it was fitted to no better than a name is no better explanation.
+    """
+    ahead = max((t.gain for t in named), default=0.0)
+    if study.fitter.segmented:
+        least = max((worth(t, spread) for t in named if not absurd(t)), default=-np.inf)
+        behind = [t for t in forms if worth(t, spread) <= least]
+        return [*score_inner(study.inner, [t for t in forms if worth(t, spread) > least], ahead), *behind]
+    return score_inner(study.inner, forms, ahead)
 
 
 def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
@@ -228,10 +248,11 @@ def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
     best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, training)
     flexible = {t.term.label for t in tried.forms}
-    alive = score_inner(inner, sorted(alive, key=lambda t: -t.gain))
-    inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in alive}
-    forms = [t for t in alive if t.term.label in flexible]
-    named = [t for t in alive if t.term.label not in flexible]
+    alive = sorted(alive, key=lambda t: -t.gain)
+    ahead = max((t.gain for t in alive), default=0.0)
+    named = score_inner(inner, [t for t in alive if t.term.label not in flexible], ahead)
+    forms = _scored_forms(study, [t for t in alive if t.term.label in flexible], named, spread)
+    inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in named + forms}
     untried = [t for t in untried if t.term.label not in flexible]
     return study, FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
 
