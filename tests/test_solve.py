@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.inference.tracks.fit import Straight
 from granswim_pymunk.inference.tracks.name import Trial, _to_its_end
 from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
 
@@ -91,3 +93,59 @@ def test_a_short_search_through_segments_goes_on_where_it_may_matter():
     for other, least in ((tried(800.0, 600.0, True), 1000.0), (tried(2500.0, 2300.0, False), 1000.0)):
         assert _to_its_end(Fits(), base, other, least) is other
     assert len(calls) == 1
+
+
+POWER = Hypothesis((
+    Term("push", "push", (Free("push.a", "N", -9.0, 9.0, 0.0, 1.0),), lambda *a: a),
+    Term("power", "power", (
+        Free("power.s", "N", -50.0, 50.0, 1.0, 1.0), Free("power.n", "1", 0.5, 8.0, 2.0, 0.1, inner=True),
+    ), lambda *a: a),
+))  # fmt: skip
+
+
+def powers_left(
+    true: tuple[float, float], begin: tuple[float, float], plainly: bool, evaluations: int
+) -> tuple[float, bool]:
+    """What a search for s and n of s r^-n, seen at r from 3 to 6, leaves of chi2, and whether a strength vanished."""
+    r, at, x = np.linspace(3.0, 6.0, 40), np.array([1, 2]), np.array([0.5, *begin])
+    seen = true[0] * r ** -true[1]
+    straight = Straight.of(POWER, x, at, plainly)
+
+    def evaluate(part, starts):
+        s, n = straight.values(part)
+        return [(seen - s * r**-n) / 1e-4]
+
+    def differentiate(part, starts, residuals, anew):
+        s, n = straight.values(part)
+        columns = np.column_stack([r**-n, -s * np.log(r) * r**-n]) / 1e-4
+        return [Blocks(residuals[0], columns * straight.slopes(part), np.zeros((40, 0)))]
+
+    problem = Problem(evaluate, differentiate, lambda residuals: float(residuals[0] @ residuals[0]))
+    part, starts, _ = descend(
+        problem, (straight.begin, [np.zeros(0)]), straight.bounds, stale=False, evaluations=evaluations
+    )
+    return problem.loss(evaluate(part, starts)), straight.gone(part)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_search_walks_along_a_straight_valley(sign):
+    """Strength and exponent lie along a bent one: a few steps do in ln s what many do in s."""
+    true, begin = (sign * 45.0, 7.5), (sign * 0.1, 1.0)
+    assert powers_left(true, begin, False, 10)[0] < 1e-3
+    assert powers_left(true, begin, True, 10)[0] > 1000
+
+
+def test_a_strength_that_vanishes_is_told():
+    """No step leads from one sign to the other: the search goes on in the number itself."""
+    assert powers_left((-2.0, 3.0), (0.5, 3.0), False, 60)[1]
+    assert not powers_left((2.0, 3.0), (0.5, 3.0), False, 60)[1]
+
+
+def test_numbers_of_laws_without_a_shape_stay_as_they_are():
+    x, at = np.array([-0.5, 4.0, 2.0]), np.array([0, 1, 2])
+    straight = Straight.of(POWER, x, at)
+    assert np.allclose(straight.begin, [-0.5, np.log(4.0), 2.0]) and np.allclose(straight.values(straight.begin), x)
+    assert np.allclose(straight.slopes(straight.begin), [1.0, 4.0, 1.0])
+    assert np.allclose(straight.bounds[0], [-9.0, -np.inf, 0.5]) and straight.bounds[1][1] == np.log(50.0)
+    assert np.array_equal(Straight.of(POWER, np.array([0.0, 0.0, 2.0]), at).sign, np.zeros(3))
+    assert np.array_equal(Straight.of(POWER, x, at, plainly=True).begin, x)

@@ -154,6 +154,7 @@ class FitCriteria:
         with it intervals are wider by a fiftieth
     flights : evaluations of starts from flights alone, which are nearly linear;  drawn : starts, as well known as
         these, that are tried through the impacts. Choices
+    gone : of the strength of a law with a shape, to which it fell where it may be none or of the other sign. Choice
     longer : times the step, with which a search takes its first derivatives. Theory: both sides of a difference have
         the same error of the steps; what is left of it leaves that share of the way open in each step of Gauss-Newton.
         Such a search ends early (``rough``); the fine derivatives at its end, which errors are told from, lead on where
@@ -191,6 +192,7 @@ class FitCriteria:
     halvings: int = 2
     flights: int = 6
     drawn: int = 24
+    gone: float = 0.01
     longer: float = 5.0
     step: float = 0.1
     ends: float = 1e-5

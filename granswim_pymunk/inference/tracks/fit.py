@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -102,6 +103,49 @@ def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> l
         return list(_FITS.map(done, jobs))
     finally:
         gone.set()  # whoever waits no longer, as at Ctrl-C, does not wait for the fits that are under way
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Coordinates (k,) of numbers that are fitted, in which the valley between strength and shape of a law is straight.
+
+    A force s (r_0/r)^n at the distances r where it acts hardly changes along ln s = n ln(r/r_0) + const: a line in
+    ln |s| and n, and bent in s and n. So it is for a range in place of an exponent. A strength that begins at none has
+    no logarithm and stays as it is, as do all numbers of laws without a shape.
+
+    sign : (k,) of those that are logarithms, 0 where the number stays as it is;  begin : (k,), bounds : two of (k,)
+    """
+
+    sign: np.ndarray
+    begin: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def of(cls, hypothesis: Hypothesis, x: np.ndarray, at: np.ndarray, plainly: bool = False) -> Straight:
+        """Of the numbers ``at`` (k,) among all (p,) of a hypothesis, which begin at ``x`` (p,); ``plainly``: none."""
+        shaped = [
+            not (f.inner or f.neutral or plainly) and any(g.inner for g in term.free)
+            for term in hypothesis.terms for f in term.free
+        ]  # fmt: skip
+        sign = np.where(np.array(shaped, dtype=bool), np.sign(x), 0.0)[at]
+        low, high = (end[at] for end in hypothesis.bounds)
+        near, far = np.where(sign < 0, -high, low), np.where(sign < 0, -low, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = [np.log(np.maximum(size, 0.0)) for size in (np.abs(x[at]), near, far)]
+        begin, least, most = (np.where(sign != 0, a, b) for a, b in zip(logs, (x[at], low, high), strict=True))
+        return cls(sign, begin, (least, most))
+
+    def values(self, part: np.ndarray) -> np.ndarray:
+        """(k,) the numbers themselves."""
+        return np.where(self.sign != 0, self.sign * np.exp(np.where(self.sign != 0, part, 0.0)), part)
+
+    def gone(self, part: np.ndarray) -> bool:
+        """Whether a strength has nearly vanished on the way."""
+        return bool(((self.sign != 0) & (part < self.begin + math.log(current().fits.gone))).any())
+
+    def slopes(self, part: np.ndarray) -> np.ndarray:
+        """(k,) d(number)/d(coordinate)."""
+        return np.where(self.sign != 0, self.values(part), 1.0)
 
 
 class TimeUp(Exception):
@@ -250,8 +294,9 @@ class Fitter(Follower):
         """Fit starts, and the free numbers unless ``fixed``, on the training frames; those ``held`` stay.
 
         ``stages``: shares of the frames taken in one after the other, so that a long oscillation is not
-        caught a period off. ``values``, ``starts``: where to begin. ``near``: a fit of another hypothesis nearby, whose
-        derivatives by the starts are good enough as long as the search gets on with them.
+        caught a period off; none: only followed from where it begins. ``values``, ``starts``: where to begin.
+        ``near``: a fit of another hypothesis nearby, whose derivatives by the starts are good enough as long as the
+        search gets on with them.
         """
         free = hypothesis.free
         evaluations = current().evaluations.usual if evaluations is None else evaluations
@@ -260,8 +305,9 @@ class Fitter(Follower):
         # a number that bears on none of these recordings would only run into its bounds and shorten every step
         active = [] if fixed else [k for k, f in enumerate(free) if self._bears(f) and k not in held]
         if self.segmented:
-            known = self._known(near)
-            x, numbers, ended = self._descend(hypothesis, x, numbers, active, evaluations, known)
+            known, ended = self._known(near), False
+            if stages:
+                x, numbers, ended = self._descend(hypothesis, x, numbers, active, evaluations, known)
             return replace(self._finish(hypothesis, x, numbers, fixed, known), ended=ended)
         left = 0
         for share in stages:
@@ -308,15 +354,18 @@ class Fitter(Follower):
 
     def _descend(
         self, hypothesis: Hypothesis, x: np.ndarray, numbers: Mapping[str, np.ndarray], active: list[int],
-        evaluations: int, known: dict[str, Slow],
+        evaluations: int, known: dict[str, Slow], plainly: bool = False,
     ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:  # fmt: skip
-        """The numbers that are ``active`` and all starts, by ``solve.descend``, and whether it came to its end."""
-        low, high = hypothesis.bounds
+        """The numbers that are ``active`` and all starts, by ``solve.descend``, and whether it came to its end.
+
+        ``plainly``: by the numbers themselves, not in coordinates that are ``Straight``.
+        """
         at = np.array(active, dtype=int)
+        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), at, plainly)
 
         def whole(part: np.ndarray) -> np.ndarray:
             values = np.array(x, dtype=float)
-            values[at] = part
+            values[at] = straight.values(part)
             return values
 
         def evaluate(part: np.ndarray, starts: list[np.ndarray]) -> list[np.ndarray]:
@@ -347,23 +396,27 @@ class Fitter(Follower):
                     normal[c.name] = kept[c.name].by_start.T @ kept[c.name].by_start
                 by_value[:, believed] = kept[c.name].by_believed
                 own, seen = kept[c.name].by_start, self._seen(c) if narrow else None
-                blocks.append(Blocks(r * roots[:, 0], by_value[:, at], own, normal[c.name], seen))
+                by_part = by_value[:, at] * straight.slopes(part)
+                blocks.append(Blocks(r * roots[:, 0], by_part, own, normal[c.name], seen))
             return blocks
 
         def loss(vectors: list[np.ndarray]) -> float:
             return sum(self._loss(c, v) for c, v in zip(self.cases, vectors, strict=True))
 
-        begin = (np.asarray(x, dtype=float)[at], [numbers[c.name] for c in self.cases])
+        begin = (straight.begin, [numbers[c.name] for c in self.cases])
         try:
             with np.errstate(all="ignore"):
                 part, starts, ended = descend(
-                    Problem(evaluate, differentiate, loss), begin, (low[at], high[at]), stale=bool(known),
+                    Problem(evaluate, differentiate, loss), begin, straight.bounds, stale=bool(known),
                     evaluations=evaluations, stop=self.stop,
                 )  # fmt: skip
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
             return x, dict(numbers), True
-        return whole(part), {c.name: s for c, s in zip(self.cases, starts, strict=True)}, ended
+        numbers = {c.name: s for c, s in zip(self.cases, starts, strict=True)}
+        if straight.gone(part):  # on its way through none a strength may change its sign, which no logarithm does
+            return self._descend(hypothesis, whole(part), numbers, active, evaluations, known, plainly=True)
+        return whole(part), numbers, ended
 
     def fit_widely(self, hypothesis: Hypothesis, base: Fit | None, *, stages: Sequence[float] = (1.0,)) -> Fit:
         """Fit from several beginnings and keep the best: an oscillation has a local minimum in every period.

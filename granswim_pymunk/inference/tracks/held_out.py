@@ -421,17 +421,22 @@ def right_law_errors(
     count = current().left.right if repeats is None else repeats
     filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in range(count)]
 
-    def left(replicates: list[Case], own: Fitter) -> float | None:
+    def left(replicates: list[Case], own: Fitter, near: Fit | None) -> tuple[float | None, Fit | None]:
         again = Fitter(replicates, predictor, None, own.stop)
         try:
             enough = current().evaluations.right
-            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=enough)
+            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=enough, near=near)
         except Failed:
-            return None
-        return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms
+            return None, None
+        return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms, fit
 
-    found = side_by_side(Fitter(cases, predictor, None, stop), [partial(left, replicates) for replicates in filmed])
-    return np.array([rms for rms in found if rms is not None])
+    whole = Fitter(cases, predictor, None, stop)
+    # through segments derivatives by starts hardly hang on the noise: those of the first repeat will do for the others
+    leads = 1 if whole.segmented else 0
+    first = [left(replicates, whole, None) for replicates in filmed[:leads]]
+    near = first[0][1] if first else None
+    found = first + side_by_side(whole, [partial(left, replicates, near=near) for replicates in filmed[leads:]])
+    return np.array([rms for rms, _ in found if rms is not None])
 
 
 def _as_explained(

@@ -329,8 +329,14 @@ def try_candidates(
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
-        best = math.inf if shortly else max([ahead, *(t.gain for t in trials)])
-        jobs = [partial(_to_its_end, base=base, trial=t, least=current().refits.valley * best) for t in trials]
+        least = current().refits.valley * (math.inf if shortly else max([ahead, *(t.gain for t in trials)]))
+        # of a law that is looked for from several exponents or ranges one valley is walked through segments
+        leading = {t.term.label: t for t in sorted(trials, key=lambda t: t.gain)} if fitter.segmented else {}
+        apart = [t is not leading.get(t.term.label, t) for t in trials]
+        jobs = [
+            partial(_to_its_end, base=base, trial=t, least=math.inf if behind else least)
+            for t, behind in zip(trials, apart, strict=True)
+        ]
         trials = side_by_side(fitter, jobs)
     return sorted(trials, key=lambda t: -t.gain)
 
