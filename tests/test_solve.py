@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
-from granswim_pymunk.inference.tracks.fit import Straight
+from granswim_pymunk.inference.tracks.fit import Straight, joined
 from granswim_pymunk.inference.tracks.name import Trial, _to_its_end
 from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
 
@@ -149,3 +149,20 @@ def test_numbers_of_laws_without_a_shape_stay_as_they_are():
     assert np.allclose(straight.bounds[0], [-9.0, -np.inf, 0.5]) and straight.bounds[1][1] == np.log(50.0)
     assert np.array_equal(Straight.of(POWER, np.array([0.0, 0.0, 2.0]), at).sign, np.zeros(3))
     assert np.array_equal(Straight.of(POWER, x, at, plainly=True).begin, x)
+
+
+@pytest.mark.parametrize(("again", "stands"), [(100.8, "before"), (99.0, "again"), (150.0, "whole")])
+def test_of_two_ends_with_the_same_joints_the_better_one_stands(again, stands):
+    """Begun where one start passes, a search may end above the fit with these joints that was there before."""
+
+    def fit(name, chi2):
+        told = {"values": np.ones(1), "covariance": np.eye(1), "starts": None, "hypothesis": None, "count": 100}
+        return SimpleNamespace(name=name, chi2=chi2, ties=2, allowed_rise=6.0, **told)
+
+    whole = SimpleNamespace(fit_from=lambda begin: fit("whole", 101.0))
+    fitter = SimpleNamespace(
+        closeness=1e-9, segmented=True, stop=lambda: False, in_one=lambda: whole, continued=lambda fit: None,
+        fit=lambda *a, **how: fit("again", again),
+    )  # fmt: skip
+    found_by, found = joined(fitter, fit("before", 100.0))
+    assert found.name == stands and found_by is (whole if stands == "whole" else fitter)

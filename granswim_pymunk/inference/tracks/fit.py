@@ -66,7 +66,8 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     # how late each impact was stays open: what one start through rigid impacts would say is too sharp
     enough = current().evaluations.one_start
     again = fitter.fit(fit.hypothesis, whole.values, fitter.continued(whole), evaluations=enough)
-    return (fitter, again) if again.chi2 <= whole.chi2 else (one, whole)
+    # a search through close joints may not have come to its end, and what was found with them before be ahead of it
+    return (fitter, min(again, fit, key=lambda f: f.chi2)) if again.chi2 <= whole.chi2 else (one, whole)
 
 
 def promised(fit: Fit, active: Sequence[int]) -> float:
