@@ -153,7 +153,10 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
             lambda: late(current().budget.candidates),
         )
         free, trials = unstuck(fitter, recalibrated, trials)
-        stuck, recalibrated = free.chi2 < recalibrated.chi2 - price(len(named), 1), free
+        # through segments a search is dear, and what moves no law's gain by more than is left out anyway is no matter
+        ahead = max((t.gain for t in trials), default=0.0) if fitter.segmented else 0.0
+        least = max(price(len(named), 1), current().refits.near * ahead)
+        stuck, recalibrated = free.chi2 < recalibrated.chi2 - least, free
         if not stuck or late(current().budget.candidates):
             break
         # what laws do was told, and their fits begun, where the scene was caught: again from where it got free
