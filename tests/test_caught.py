@@ -9,7 +9,7 @@ import numpy as np
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.judge import Claim
 from granswim_pymunk.inference.tracks import model as tracks
-from granswim_pymunk.inference.tracks import name, study
+from granswim_pymunk.inference.tracks import closer, name, study
 from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
@@ -73,3 +73,30 @@ def test_laws_are_tried_again_from_where_a_caught_scene_got_free(monkeypatch):
     bases.clear()
     study.tried_alone(model.study, right, right)
     assert len(bases) == 1
+
+
+def test_a_caught_scene_does_not_hide_that_a_law_of_contacts_follows_closer_joints(monkeypatch):
+    """Its own numbers promise a fall that the search did not find: then first order says nothing of a law either."""
+    restitution = SimpleNamespace(law="contact_elastic", free=[None], mechanism="restitution")
+    other = SimpleNamespace(law="linear_drag", free=[None], mechanism="linear_drag")
+    weak = [SimpleNamespace(term=t, gain=1.0) for t in (other, restitution)]
+    fits = {"restitution": SimpleNamespace(chi2=170.0), "linear_drag": SimpleNamespace(chi2=349.0)}
+    fell: list[str] = []
+
+    def refitted(fitter, fit, signature, stages):
+        fell.append(signature.term.mechanism)
+        return fits[signature.term.mechanism]
+
+    monkeypatch.setattr(closer, "make_bank", lambda *a: SimpleNamespace(signatures=weak))
+    monkeypatch.setattr(closer, "refit", refitted)
+    monkeypatch.setattr(closer, "in_contact_alone", lambda term: term.mechanism == "restitution")
+    base, loose = SimpleNamespace(chi2=349.0), SimpleNamespace(chi2=180.0, allowed_rise=16.0)
+    along, across = np.eye(3)[:, :1], np.eye(3)[:, 1:2]
+    left = SimpleNamespace(left=np.array([11.0, 0.0, 13.0]), starts=along, numbers=across, beside=lambda v: v)
+    monkeypatch.setattr(closer, "stacked", lambda *a: left)
+    assert closer._explained_by_one(None, base, loose, [other, restitution])
+    assert fell == ["restitution"]
+    # where the fit came to its end, nothing is promised, and first order is believed
+    left.left = np.array([0.1, 0.2, 13.0])
+    assert not closer._explained_by_one(None, base, loose, [other, restitution])
+    assert fell == ["restitution"]

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...laws import all_laws
 from ..candidates import in_contact_alone
 from ..criteria import current
 from ..hypothesis import Term
+from ..linear import basis
 from ..significance import price
 from .fit import Fitter
 from .fitted import Fit
 from .name import refit
-from .signatures import make_bank
+from .signatures import make_bank, stacked
 
 
 def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fitter, Fit]:
@@ -55,14 +58,26 @@ def _of_impacts(term: Term) -> bool:
 
 
 def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:
-    """Whether with one of the laws chi2 rises no further than allowed, and falls by its price below that without it."""
+    """Whether with one of the laws chi2 rises no further than allowed, and falls by its price below that without it.
+
+    Where the scene without them is caught, first order ranks none: laws of contacts alone are then tried first.
+    """
     signatures = sorted(make_bank(closer, base, rivals).signatures, key=lambda s: -s.gain)
     rise, least = loose.allowed_rise, price(len(rivals), 1)
+    if caught := _promised(closer, base) > max(rise, least):
+        signatures.sort(key=lambda s: not in_contact_alone(s.term))
     for signature in signatures[: current().segments.rivals]:
-        if signature.gain < least:
+        if signature.gain < least and not caught:
             break
         found = refit(closer, base, signature, (1.0,))
         fell = base.chi2 - found.chi2
         if found.chi2 - loose.chi2 <= rise and fell > price(len(rivals), len(signature.term.free)):
             return True
     return False
+
+
+def _promised(fitter: Fitter, fit: Fit) -> float:
+    """The fall of chi2 that its own numbers promise to first order where a fit ended: none, but where it was caught."""
+    whole = stacked(fitter, fit)
+    own = np.hstack([whole.starts, basis(whole.beside(whole.numbers))])
+    return float(np.sum((own.T @ whole.left) ** 2))
