@@ -8,8 +8,8 @@ import numpy as np
 
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.judge import Claim
-from granswim_pymunk.inference.tracks import model as tracks
 from granswim_pymunk.inference.tracks import closer, name, study
+from granswim_pymunk.inference.tracks import model as tracks
 from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
