@@ -16,7 +16,9 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis
 from granswim_pymunk.inference.packings.candidates import candidates_of
 from granswim_pymunk.inference.packings.summaries import conditions_of
+from granswim_pymunk.inference.pipeline import diagnose_by
 from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.windows import diagnose_bed
 from granswim_pymunk.inference.windows.candidates import bed_terms
 from granswim_pymunk.inference.windows.plan import Plan
@@ -24,7 +26,7 @@ from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case
 from granswim_pymunk.laws import Law, Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
 from granswim_pymunk.recording import Recording, read_recording
-from granswim_pymunk.scene import use
+from granswim_pymunk.scene import Body, Scene, use
 
 BED = Path(__file__).parent / "data" / "small_nothing"
 
@@ -83,6 +85,24 @@ def test_it_is_named_in_tracks_of_bodies(sideways: Law):
     assert verdict["verdict"] == "missing_physics"
     (entry,) = verdict["mechanisms"]
     assert entry["name"] == sideways.name and entry["parameters"]["c"]["value"] == pytest.approx(0.01, rel=0.02)
+
+
+def test_it_is_named_through_impacts(sideways: Law):
+    """Tracks that are followed in segments: three pucks, of which one strikes the other two."""
+    start = ((-0.2, 0.0, 0.5, 0.0), (0.0, 0.02, 0.0, 0.0), (0.12, 0.09, -0.2, -0.3))
+    bodies = [Body(str(k), "free", 0.025, 0.05, initial=s) for k, s in enumerate(start)]
+    naive = Scene(tuple(bodies), (use("contact_elastic", restitution=0.9),))
+    t = np.arange(0.0, 0.9, 0.01)
+    xy = Simulation(naive.with_laws(use(sideways.name, c=0.02)), dt=1e-4).sample(t)
+    noisy = xy + 1e-4 * np.random.default_rng(4).normal(size=xy.shape)
+    known = replace(naive, bodies=tuple(replace(b, initial=None) for b in bodies))
+    seen = Recording("struck", known, t, naive.ids, noisy, sampling=100.0, position_noise=1e-4)
+    model = Tracks([seen])
+    assert max(map(len, model.study.fitter.segments.values())) > 1
+    verdict = diagnose_by(model).verdict
+    assert verdict["verdict"] == "missing_physics"
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == sideways.name and entry["parameters"]["c"]["value"] == pytest.approx(0.02, rel=0.05)
 
 
 def test_it_is_named_in_a_bed_that_is_seen(sideways: Law):
