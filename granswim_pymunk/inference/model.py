@@ -78,7 +78,6 @@ class Proposal:
     change: str
     separates: tuple[str, str]
     d_prime: float
-    tried: tuple[tuple[str, float], ...] = ()  # all that were weighed
 
 
 @dataclass(frozen=True)

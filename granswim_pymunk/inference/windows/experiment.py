@@ -88,4 +88,4 @@ def propose(
     if not tried:
         return None
     change, d = max(tried, key=lambda c: c[1])
-    return Proposal(change, (found.mechanism, rival.mechanism), d, tuple(tried))
+    return Proposal(change, (found.mechanism, rival.mechanism), d)
