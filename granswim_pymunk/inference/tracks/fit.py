@@ -389,7 +389,7 @@ class Fitter(Follower):
             for c, s, r in zip(self.cases, starts, here, strict=True):
                 anew = starts_too or c.name not in kept or not kept[c.name].fits(r, s, believed)
                 quick = held if anew else [*held, *believed]
-                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, r, quick, anew)
+                by_value, by_start = self._sensitivity(c, hypothesis, values, s, False, quick, anew)
                 roots = self._roots(c, r)[:, None]
                 by_value *= roots
                 if anew:
@@ -608,7 +608,7 @@ class Fitter(Follower):
             if kept is not None and not kept.fits(here, numbers[c.name], believed):
                 kept = None
             quick = believed if kept is not None else ()
-            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, here, quick, kept is None)
+            by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, quick, kept is None)
             roots = self._roots(c, here)[:, None]
             by_value, by_start = by_value * roots, by_start * roots
             if kept is not None:

@@ -294,9 +294,9 @@ class Follower:
 
     def _sensitivity(
         self, case: Case, hypothesis: Hypothesis, values: np.ndarray, numbers: np.ndarray, fixed: bool,
-        here: np.ndarray, held: Collection[int] = (), starts_too: bool = True,
+        held: Collection[int] = (), starts_too: bool = True,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """d(predicted/sigma) of the vector ``here`` (n,), by all values (n, p) and by the numbers of the starts (n, q).
+        """d(predicted/sigma) of a recording's vector, by all values (n, p) and by the numbers of the starts (n, q).
 
         A number of a start moves its own segment alone, and the steps on both sides of it. Bodies that do not bear on
         one another are moved in one run.
