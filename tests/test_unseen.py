@@ -625,6 +625,22 @@ def test_nothing_is_named_in_packings_of_the_world(world):
     assert max(ranks) > 0.3 and min(ranks) > 0.01
 
 
+def test_p_is_uniform_where_runs_are_few_and_numbers_many(world):
+    """A spread by few runs is too small somewhere, and signatures stand out there: so it is in the nulls."""
+    every, ps = list(world.values()), []
+    for seed in range(30):
+        conditions = conditions_of(filmed({}, 200 + seed, 1), [], 0)
+        rng = np.random.default_rng(seed)
+        s = begin(conditions, World(seed=seed), Sizes(true=8, soft=14), rng, lambda text, share: None)
+        recalibrate(s)
+        physical = [x for x in every if not x.apparatus]
+        s.runner.do([j for x in physical for row in x.design for j in amount_jobs(x, row, s.training, [0])])
+        s.means.refresh()
+        screen(s, every)
+        ps.append(s.p_search)
+    assert chi2.sf(-2 * np.sum(np.log(ps)), 2 * len(ps)) > 1e-3  # Fisher 1932
+
+
 def test_places_are_held_against_nulls_that_were_recalibrated_as_the_recording_was(world):
     """A turn of all joints that the stiffness imitates is no place: neither of the recording nor of its nulls."""
     conditions = conditions_of(filmed({"stiffness": [1.1 * STIFFNESS]}, 5, 1), [], 0)

@@ -35,7 +35,8 @@ class Means:
     """Means of the compared numbers for every scene run, and the spread of single runs around them.
 
     ``test``: of the held-out part of the time instead of the training part. ``inflation``: mean square of other
-    packings over that of the runs that the covariance was made of.
+    packings over that of the runs that the covariance was made of. ``folds``: parts of the residuals, each with the
+    covariance by those that are not in it.
     """
 
     runner: Runner
@@ -47,6 +48,7 @@ class Means:
     covariance: dict[str, np.ndarray] = field(default_factory=dict)
     dof: dict[str, int] = field(default_factory=dict)
     inflation: dict[str, float] = field(default_factory=dict)
+    folds: dict[str, list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)
     _seen: dict[tuple[str, str, bool, int], np.ndarray] = field(default_factory=dict)
 
     def view(self, condition: Condition):
@@ -110,15 +112,18 @@ class Means:
             rows = {name: self.residuals[name] for name in names}
             found = covariances(rows, self.dof, bends[numbers])
             inside = _mean_square(rows, found)
+            folds, parts = current().packings.folds, []
+            fewer = {name: max(round(self.dof[name] * (1 - 1 / folds)), 1) for name in names}
             outside = 0.0
-            for fold in range(current().packings.folds):
-                kept = {name: np.delete(r, np.s_[fold :: current().packings.folds], axis=0) for name, r in rows.items()}
-                left = {name: r[fold :: current().packings.folds] for name, r in rows.items()}
-                fewer = {name: max(round(self.dof[name] * (1 - 1 / current().packings.folds)), 1) for name in names}
-                outside += _mean_square(left, covariances(kept, fewer, bends[numbers])) / current().packings.folds
+            for part in (np.s_[fold::folds] for fold in range(folds)):
+                left = {name: r[part] for name, r in rows.items()}
+                others = covariances({n: np.delete(r, part, axis=0) for n, r in rows.items()}, fewer, bends[numbers])
+                outside += _mean_square(left, others) / folds
+                parts.append((left, others))
             for name in names:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside
+                self.folds[name] = [(left[name], others[name] * outside) for left, others in parts]
 
     def apart(self, condition: Condition, points: Collection[Point]) -> tuple[np.ndarray, int]:
         """(k, p) runs of some scenes less the mean of each, leverage taken out, and their degrees of freedom."""

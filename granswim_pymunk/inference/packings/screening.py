@@ -14,6 +14,7 @@ from .amounts import amount_label
 from .candidates import Candidate
 from .response import Model, add, fit, stride
 from .state import NAIVE, Nulls, Search, Trial, bears_on
+from .summaries import Condition
 
 
 def model_of(s: Search, candidates: Sequence[Candidate]) -> Model | None:
@@ -71,10 +72,13 @@ class Bank:
     visible: dict[str, float]
 
 
-def bank_of(s: Search, candidates: Sequence[Candidate]) -> Bank:
+def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None) -> Bank:
+    """``fold``: with the spread by all runs but those of that part, see ``Means.folds``."""
     factors, left = {}, []
     for c in s.training:
         r, v = s.base.left[c.name]
+        if fold is not None:
+            v = c.error + _own_packing(s, c) * s.means.folds[c.name][fold][1]
         factors[c.name] = np.linalg.cholesky(v)
         left.append(np.linalg.solve(factors[c.name], r))
     r = np.concatenate(left)
@@ -148,31 +152,44 @@ def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
     """Runs seen as if they were the recording: what two packings do, mixed in a random proportion, and tracking noise.
 
     Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
-    runs. Where there are several recordings each gets its own.
+    runs. Where there are several recordings each gets its own. A recording took no part in the spread by which it is
+    weighed, and signatures stand out most where that is too small by chance: so each part of the runs is weighed, and
+    held against signatures, by the spread of the others.
     """
-    replicates = current().packings.replicates
-    drawn = []
-    for c in s.training:
-        residuals = s.means.residuals[c.name]
-        _, variance = s.base.model.predict(s.means, c, s.base.u)
-        own = (0.0 if c.averaged else 1.0) + variance
-        # a recording took no part in the estimate of the spread by which it is weighed; these runs did
-        own *= s.means.inflation[c.name]
-        first, second = s.rng.integers(len(residuals), size=(2, replicates))
-        turn = s.rng.uniform(0.0, 2 * math.pi, (replicates, 1))
-        chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(own)
-        if np.any(np.diag(c.error) > 0):
-            values, vectors = np.linalg.eigh(c.error)
-            chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        drawn.append(np.linalg.solve(bank.factors[c.name], chosen.T))
-    r = np.concatenate(drawn)
+    folds = current().packings.folds
     alive = [x for x in candidates if counts(bank, x)]
-    best = np.zeros(replicates)
-    for x in alive:
-        best = np.maximum(best, gains(bank, x, r) - 2 * (x.numbers - 1))
-    refitted = r - bank.adjust @ (bank.adjust.T @ r)
-    whole, left = np.sum(r**2, axis=0), np.sum(refitted**2, axis=0)
-    return Nulls(whole, whole - left, best, left, r.T, refitted.T)
+    parts, best = [], []
+    for fold in range(folds):
+        count = (current().packings.replicates + fold) // folds
+        apart = bank_of(s, alive, fold)
+        r = np.concatenate([_seen_as_recorded(s, c, fold, count, apart) for c in s.training])
+        of_all = [np.zeros(count), *(gains(apart, x, r) - 2 * (x.numbers - 1) for x in alive)]
+        parts.append(r)
+        best.append(np.max(of_all, axis=0))
+    drawn = np.hstack(parts)
+    refitted = drawn - bank.adjust @ (bank.adjust.T @ drawn)
+    whole, left = np.sum(drawn**2, axis=0), np.sum(refitted**2, axis=0)
+    return Nulls(whole, whole - left, np.concatenate(best), left, drawn.T, refitted.T)
+
+
+def _own_packing(s: Search, c: Condition) -> float:
+    """Variance of a recording's numbers about the prediction, in units of the spread between packings."""
+    _, variance = s.base.model.predict(s.means, c, s.base.u)
+    return (0.0 if c.averaged else 1.0) + variance
+
+
+def _seen_as_recorded(s: Search, c: Condition, fold: int, count: int, bank: Bank) -> np.ndarray:
+    """(p, count) whitened numbers of replicates from one part of the runs."""
+    residuals, _ = s.means.folds[c.name][fold]
+    if not len(residuals):
+        residuals = s.means.residuals[c.name]
+    first, second = s.rng.integers(len(residuals), size=(2, count))
+    turn = s.rng.uniform(0.0, 2 * math.pi, (count, 1))
+    chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(_own_packing(s, c))
+    if np.any(np.diag(c.error) > 0):
+        values, vectors = np.linalg.eigh(c.error)
+        chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return np.asarray(np.linalg.solve(bank.factors[c.name], chosen.T))
 
 
 def counts(bank: Bank, x: Candidate) -> bool:
