@@ -36,7 +36,7 @@ FULL = {
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1008),
-    "small-unseen": range(1014, 1046),
+    "small-unseen": range(1019, 1051),
     "curve": range(1000, 1004),
     "small-curve": range(1002, 1018),
 }
