@@ -225,6 +225,18 @@ def test_wall_drag_near_a_wall_at_the_side():
         assert end[1] == pytest.approx(0.25)
 
 
+def test_a_run_hangs_on_the_range_of_wall_drag_smoothly():
+    # with an edge a run would only change where the range crosses a whole step, and no number could be fitted to it
+    def end(reach):
+        walls = (Wall((-1.0, 0.0), (1.0, 0.0), 0.01),)
+        scene = Scene((puck(at=(0.0, 0.06), v=(0.0, -0.1)),), (use("wall_drag", c=0.2, range=reach),), walls=walls)
+        return [run.sample(np.array([0.4]))[0, 0, 1] for run in runs_of(scene, 4e-3)]
+
+    heights = np.array([end(reach) for reach in np.linspace(0.015, 0.0155, 9)])
+    grown = np.diff(heights, axis=0)
+    assert (grown > 0).all() and (grown.std(axis=0) < 0.1 * grown.mean(axis=0)).all()
+
+
 def test_two_bodies_on_a_rod_in_a_box():
     """Ends of a rod bounce off the walls: nothing is lost."""
     rod = use("rod", bodies=["a", "b"], length=0.08)

@@ -46,8 +46,9 @@ def field(
         return values["c"] * (np.array(values["u"]) - v)
     if name == "wall_drag":
         rows = np.minimum(xy[:, 1] - values["bottom"], values["top"] - xy[:, 1]) - radius
-        near = np.minimum(rows, wall_gap) < values["range"]
-        return np.where(near[:, None], -values["c"] * v, 0.0)
+        beyond = np.minimum(rows, wall_gap) - values["range"]
+        near = np.clip(0.5 - 10 * beyond / values["range"], 0.0, 1.0)
+        return -values["c"] * near[:, None] * v
     r = xy - np.array(values["anchor"])
     distance = np.hypot(r[:, 0], r[:, 1])[:, None]
     return -values["k_3"] * (distance - values["length"]) ** 3 * r / distance

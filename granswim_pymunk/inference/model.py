@@ -160,7 +160,7 @@ class ObservationModel(ABC):
         return judged
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
-        """Single laws that training data cannot tell from the one that was claimed, best first."""
+        """Laws that training data cannot tell from what was claimed, one or two of them, best first."""
         return ()
 
     def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:

@@ -48,7 +48,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     missing, so that there is none, the one that predicts held-out data best.  Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
-    if not (fails or held.unlike) or len(judged.claim.laws) != 1 or judged.claim.nameless:
+    if not (fails or held.unlike) or not judged.claim.laws or judged.claim.nameless:
         return judged, held
     better, last = [], judged
     for claim in model.alike(judged):

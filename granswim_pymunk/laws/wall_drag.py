@@ -5,7 +5,10 @@ from .base import AUTOMATIC, Parameter, law
 
 @law(
     kind="body",
-    expression="F_i = -c v_i while the gap to the wall below or above, or to a straight wall, is below the range",
+    expression=(
+        "F_i = -c v_i while the gap to the wall below or above, or to a straight wall, is below the range; it sets in"
+        " along a tenth of the range, half of it to either side"
+    ),
     reference="Faxen 1922, Ann. Phys. 373, 89 (drag grows near a wall); doi:10.1002/andp.19223731003",
     parameters=[
         Parameter("c", "kg/s", "drag coefficient near a wall", low=0.0, typical=1.0, in_bed=10.0, in_bed_times="drag"),
@@ -35,7 +38,11 @@ from .base import AUTOMATIC, Parameter, law
     phrase="drag near the walls",
 )
 def wall_drag(y, vx, vy, radius, wall_gap, c, range, bottom, top):
+    # with a sharp edge a run would hang on the range by whole steps alone, and no number could be fitted to it
     gap = min(min(y - bottom, top - y) - radius, wall_gap)
-    if gap < range:
+    if gap < 0.95 * range:
         return -c * vx, -c * vy
+    if gap < 1.05 * range:
+        part = c * (1.05 * range - gap) / (0.1 * range)
+        return -part * vx, -part * vy
     return 0.0, 0.0

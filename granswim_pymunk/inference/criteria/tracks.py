@@ -353,7 +353,8 @@ class SetCriteria:
     near_best : of what the best is worth, from which a law may be named by what it predicts where something remains.
         Choice;  same_score : times the best score inside the training part, below which another one is as good. Choice
     left : times the excess of a law with more numbers over noise, below which one with fewer is as good. Choice
-    poor : share of the misfit left by one law, above which two are looked for. Choice
+    poor : share of the misfit left by one law, above which two are looked for, also where less is left and yet far
+        (``SignatureCriteria.far``) from noise. Choice
     part : of chi2 beyond noise, that a law beside others has to take away to first order to be refitted, where that is
         less than what their spread asks for. Choice: what a refit finds is tested as ever
     seconds : laws that are refitted beside one that was found, by first order;  better : of the score inside the
@@ -387,7 +388,7 @@ class SetCriteria:
     numbers: int = 2
     firsts: int = 8
     variants: int = 2
-    pairs: int = 6
+    pairs: int = 8
     together: float = 20.0
     both: float = 12.0
     clearly: float = 0.5

@@ -41,9 +41,10 @@ from ..pipeline import diagnose_by
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
+from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
-from .choose import choose, rivals_of, worth
+from .choose import absurd, choose, rivals_of, worth
 from .experiment import propose
 from .fit import Fitter, joined
 from .fitted import Fit
@@ -66,6 +67,7 @@ from .intervals import with_company, with_doubt, with_limits
 from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
+from .pairs import Exchange
 from .score_test import chance_of_more
 from .settle import apparatus_beside, known_together, with_numbers_that_were_found, within_belief
 from .signatures import make_bank
@@ -141,6 +143,7 @@ class Tracks(ObservationModel):
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
+        self.exchanged: Sequence[Exchange] = ()
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
         # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
@@ -199,7 +202,9 @@ class Tracks(ObservationModel):
 
     def _search(self) -> Claim:
         study, tried = self.study, self.tried
-        found, revised, self.dropped, self.near = explained_by(study, tried, self.chosen)
+        explanation = explained_by(study, tried, self.chosen)
+        found, revised, self.dropped = explanation.laws, explanation.fit, explanation.dropped
+        self.near, self.exchanged = list(explanation.near), explanation.exchanged
         self.fitter, self.tightened = study.fitter, 0.0
         if found and self.fitter.segmented:
             loose = revised.chi2
@@ -321,6 +326,8 @@ class Tracks(ObservationModel):
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
+        if len(judged.claim.laws) > 1:
+            return self._alike_in_pairs(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
         same = [t for t in self.tried.alive if ahead(winner) - ahead(t) < current().verdict.same]
@@ -332,6 +339,21 @@ class Tracks(ObservationModel):
                 break
             found.append(best)
         return [Claim((t,), t.fit) for t in found]
+
+    def _alike_in_pairs(self, laws: Sequence[Trial]) -> list[Claim]:
+        """Pairs with another law in place of one of the two, which training data cannot tell from it."""
+        found, names, first = list[Claim](), {t.mechanism for t in laws}, len(self.plain.fit.values)
+        for e in self.exchanged:
+            fit = e.trial.fit
+            if fit is None or e.ahead <= -current().verdict.same or {e.keep.mechanism, e.replaced.mechanism} != names:
+                continue
+            # with the steps and joints that what is claimed has
+            fit = self.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().intervals.refit)
+            gain = self.tried.recalibrated.chi2 - fit.chi2
+            pair = tuple(replace(t, fit=fit, gain=gain) for t in (e.keep, e.trial))
+            if not any(absurd(t, rows) for t, rows in zip(pair, rows_of(pair, first), strict=True)):
+                found.append(Claim(pair, fit))
+        return found
 
     def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:
         return paired_verdict(before.detail, after.detail, self.study.rng) == "holds"
@@ -502,8 +524,9 @@ class Tracks(ObservationModel):
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive
-        near = self.near
-        taken = {t.mechanism for t in (*found, *(t for t, _ in near))}
+        named = {t.mechanism for t in found}
+        near = [(t, same) for t, same in self.near if t.mechanism not in named]
+        taken = named | {t.mechanism for t, _ in near}
         if len(found) > 1:
             return [*near, *((t, False) for t in alive if t.mechanism not in taken)][: max(3, len(near))]
         return [*near, *(r for r in rivals_of(found, alive, self.spread) if r[0].mechanism not in taken)]

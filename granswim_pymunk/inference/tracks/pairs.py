@@ -13,6 +13,7 @@ from ...laws import all_laws, has_role
 from ..candidates import fastest_of
 from ..criteria import current
 from ..hypothesis import Term
+from ..mechanisms import APPARATUS
 from ..significance import price
 from ..simpler import special_cases
 from ..trial import pair_gains, rows_of
@@ -93,22 +94,30 @@ def _in_place(
 def two_for_one(
     search: SetSearch, alive: Sequence[Trial], found: list[Trial], revised: Fit
 ) -> tuple[list[Trial], Fit]:
-    """Two laws in place of one with as many numbers as both, where they follow more closely and predict better.
+    """Two simple laws in place of one law, or two, with as many numbers or more, where these follow no better.
 
-    What a stream or a bent picture, its middle sought, can do is a little of many things. A second law beside it then
-    has nothing left to explain, though two simple ones explain more. They have to be ahead by what a further law earns.
+    What a stream or a bent picture, its middle sought, can do is a little of many things. A law beside it then has
+    little left to explain, though two simple ones explain more. With as many numbers they have to be ahead by what a
+    further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2).
     """
-    if len(found) != 1 or found[0].used < current().sets.numbers + 1 or math.isinf(found[0].inner):
+    used = sum(t.used for t in found)
+    bends = any(t.numbers > current().sets.numbers or t.term.special for t in found)
+    if not found or len(found) > 2 or not bends or used <= current().sets.numbers or math.isinf(found[0].inner):
         return found, revised
-    best, score = revised, found[0].inner
-    pair: list[Trial] = []
-    earned = price(len(search.terms))
-    for a, b, fit in _beside_each(search, alive, numbers=found[0].used, below=revised.chi2 - earned):
+    score = search.scores.get(label_of(*found), found[0].inner)
+    best, pair = revised, list[Trial]()
+    earned, same = price(len(search.terms)), current().verdict.same
+    # what two laws leave together is far from what first order says beside one that leaves much
+    below = math.inf if len(found) > 1 else revised.chi2 - earned
+    for a, b, fit in _beside_each(search, alive, numbers=used, below=below):
+        fewer = used - len(a.term.free) - len(b.term.free) if len(found) > 1 else 0
         # over what the better fit leaves: the other's spread is that of what it does not follow
-        if fit.chi2 > min(revised.chi2 - earned * search.spread(fit), best.chi2):
+        level = search.spread(min(revised, fit, key=lambda f: f.chi2))
+        least = earned if fewer <= 0 else -same - 2 * fewer
+        if (revised.chi2 - fit.chi2) / level < least or (pair and fit.chi2 > best.chi2):
             continue
         now, _ = search.inner.score(fit)
-        if now < score:
+        if now < score + (search.inner.slack if fewer > 0 else 0.0):
             best, score, pair = fit, now, search.scored(fit, [Trial.untried(a), Trial.untried(b)], now)
     if pair:
         pair = _partners(search, pair)
@@ -232,31 +241,64 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
 
     ``alive``: laws fitted alone, beside which others are looked for.  ``best``: the inner score that they have to beat.
     """
-    sets = current().sets
-    winner: list[Trial] = []
-    begun = chain(_from_the_first_third(search), _beside_each(search, alive))
-    for a, b, fit in begun:
+    sets, pairs = current().sets, list[_Pair]()
+    for a, b, fit in chain(_from_the_first_third(search), _beside_each(search, alive)):
         gain = search.base.chi2 - fit.chi2
-        spread = search.spread(fit)
-        if gain / spread < sets.both + 2 * len(fit.hypothesis.free):
+        if gain / search.spread(fit) < sets.both + 2 * len(fit.hypothesis.free):
             continue
         score, _ = search.inner.score(fit)
-        # the first pair has to beat what there is by a margin, the next ones only that pair
-        if not score < (best if winner else sets.clearly * best):
+        if score < sets.clearly * best:
+            pairs.append(_Pair(a, b, fit, score))
+    for pair in _in_order(search, pairs):
+        fit = pair.fit
+        whole = make_bank(search.fitter, search.base, [pair.a.term, pair.b.term])
+        noise, wanted = noise_of(fit, search.fitter.cases, search.spread(fit)), np.ones(2, dtype=bool)
+        gain = search.base.chi2 - fit.chi2
+        if search_nulls(whole, noise, wanted, gain, sets.replicates_pair, search.rng).p > current().verdict.alarm:
             continue
-        whole = make_bank(search.fitter, search.base, [a.term, b.term])
-        noise, wanted = noise_of(fit, search.fitter.cases, spread), np.ones(2, dtype=bool)
-        null = search_nulls(whole, noise, wanted, gain, sets.replicates_pair, search.rng)
-        if null.p <= current().verdict.alarm:
-            best = score
-            winner = search.scored(fit, [Trial.untried(a), Trial.untried(b)], score)
-    if winner and winner[0].fit is not None:
+        winner = search.scored(fit, [Trial.untried(pair.a), Trial.untried(pair.b)], pair.score)
         # strength and shape of a law lie along a valley: walk it to its end
-        fit = winner[0].fit
         enough = current().evaluations.pair_valley
         fit = search.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=enough)
-        winner = _partners(search, search.as_in(fit, winner))
-    return winner
+        return _partners(search, search.as_in(fit, winner))
+    return []
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two laws fitted together; ``score``: inside the training part."""
+
+    a: Signature
+    b: Signature
+    fit: Fit
+    score: float
+
+    @property
+    def rank(self) -> tuple[int, int, int]:
+        """How many numbers it has, how many special faults of the apparatus, and how many of any kind."""
+        terms = self.a.term, self.b.term
+        faults = [t for t in terms if t.mechanism in APPARATUS]
+        return sum(len(t.free) for t in terms), sum(t.special for t in terms), len(faults)
+
+
+def _in_order(search: SetSearch, pairs: Sequence[_Pair]) -> list[_Pair]:
+    """Pairs, best first; of those that cannot be told apart from the best, that with fewest numbers (as ``choose``).
+
+    By chi2 where the best leaves noise, otherwise by what they predict inside the training part.
+    """
+    if not pairs:
+        return []
+    best = min(pairs, key=lambda p: p.score)
+    level = search.spread(best.fit)
+    paid = {id(p): p.fit.chi2 / level + 2 * len(p.fit.values) for p in pairs}
+    least = min(paid.values())
+
+    def as_good(p: _Pair) -> bool:
+        if level <= 1:
+            return paid[id(p)] - least < current().verdict.same
+        return p.score < current().sets.same_score * best.score
+
+    return sorted(pairs, key=lambda p: (0, *p.rank, p.score) if as_good(p) else (1, 0, 0, 0, p.score))
 
 
 def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signature, Fit]]:
@@ -312,9 +354,10 @@ def _beside_each(
         others = [t for t in others if first.numbers + len(t.free) <= numbers]
         bank = make_bank(search.fitter, first.fit, others)
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
-        ranked += [(first.fit.chi2 - s.gain, first, s) for s in beside if first.fit.chi2 - s.gain < below]
+        beside = sorted((s for s in beside if first.fit.chi2 - s.gain < below), key=lambda s: -s.gain)
+        ranked += [(place, first.fit.chi2 - s.gain, first, s) for place, s in enumerate(beside)]
     tried: set[frozenset[str]] = set()
-    for _, first, second in sorted(ranked, key=lambda r: r[0]):
+    for _, _, first, second in sorted(ranked, key=lambda r: r[:2]):
         names = frozenset((first.term.label, second.term.label))
         if len(tried) == current().sets.pairs:
             return
@@ -433,7 +476,25 @@ def settled(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[T
         found = search.scored(revised, [better.keep, better.trial], now)
         others = []
     others = others or exchanges(search, found, revised)
+    simpler = _simpler(search, others)
+    if simpler is not None and simpler.trial.fit is not None:
+        revised = simpler.trial.fit
+        found = search.scored(revised, [simpler.keep, simpler.trial])
+        others = exchanges(search, found, revised)
     return found, revised, others
+
+
+def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
+    """Of laws that cannot be told apart from one of two, the best of those with fewest numbers; None without one.
+
+    As of one law (``choose``). Contract 2: of a class the first has fewest parameters.
+    """
+    same = [
+        e for e in others
+        if e.trial.used < e.replaced.used and e.ahead > -current().verdict.same
+        and not any_field(e.keep.term, e.trial.term, search.terms)
+    ]  # fmt: skip
+    return min(same, key=lambda e: (e.trial.used - e.replaced.used, -e.ahead), default=None)
 
 
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:

@@ -181,7 +181,8 @@ def _flow_signature(
     scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
     if not columns.any():
         return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
-    answered = _independent(columns)
+    # of a motion that is straight and steady without the law, drag and stream look alike: that is no reason
+    answered = np.concatenate([[columns[:, 0].any()], _independent(columns[:, 1:])])
     if answered[0] and not answered.all():
         term = with_numbers(term, [int(k) for k in np.flatnonzero(answered)])
         columns, scales = columns[:, answered], scales[answered]

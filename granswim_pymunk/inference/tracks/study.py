@@ -300,14 +300,23 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
     return null, chosen if null.p <= current().verdict.alarm else None
 
 
-def explained_by(
-    study: Study, tried: FittedAlone, chosen: Trial | None
-) -> tuple[list[Trial], Fit, dict[str, str], list[tuple[Trial, bool]]]:
-    """The law that was chosen for the bodies that ask for it, a second one beside it, or two that help only together.
+@dataclass(frozen=True)
+class Explanation:
+    """The laws that explain, their ``fit``, and what was seen on the way to them.
 
-    Also, for each body that the law was not kept for, why, and what could stand in place of what was found: True where
-    these data cannot tell.
+    dropped : for each body that a law was not kept for, why;  near : what could stand in place of what was found, True
+        where these data cannot tell;  exchanged : of these, laws fitted in place of one of two
     """
+
+    laws: list[Trial]
+    fit: Fit
+    dropped: dict[str, str]
+    near: Sequence[tuple[Trial, bool]] = ()
+    exchanged: Sequence[Exchange] = ()
+
+
+def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Explanation:
+    """The law that was chosen for the bodies that ask for it, a second one beside it, or two needed together."""
     fitter, inner, recalibrated = study.fitter, study.inner, tried.recalibrated
     search = SetSearch(
         recalibrated, fitter, tried.terms, study.training, inner, tried.inner, study.rng, study.notes
@@ -329,12 +338,14 @@ def explained_by(
         revised = recalibrated if kept is None or kept.fit is None else kept.fit
     if not in_time:
         study.notes.append("pairs were not tried: the time was up")
-        return found, revised, dropped, []
+        return Explanation(found, revised, dropped)
     # a poor first law, or none although the innovations are not noise: perhaps two are needed together
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
-    if spread_of(revised, training) > 1 and left > current().sets.poor:
+    # a small part of a misfit a thousand times the noise is still far from noise
+    poor = left > current().sets.poor or now > current().signatures.far ** 2
+    if spread_of(revised, training) > 1 and poor:
         pair = pair_of(search, tried.alive, now)
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
@@ -358,7 +369,7 @@ def explained_by(
         near = [*gave_way, *(r for r in near if r[0].mechanism not in named)]
         found, revised, gone = that_earn_their_place(search, found, revised)
         dropped |= gone
-    return found, revised, dropped, near
+    return Explanation(found, revised, dropped, near, others)
 
 
 def finely(
