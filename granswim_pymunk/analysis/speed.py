@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
+from ..distributions import t as student
 from ..errors import InputError
 from ..recording import Recording
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import stats
 
+from .. import distributions as stats
 from ..errors import InputError
 from ..joints import hinged
 from ..recording import Recording

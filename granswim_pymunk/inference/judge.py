@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from .. import distributions as stats
 from .criteria import Criteria, current
 from .explained import Explained, Scores
 from .mechanisms import APPARATUS, forms_in_words, nameless

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
+from .. import distributions as stats
 from ..recording import Recording
 from .criteria import current
 

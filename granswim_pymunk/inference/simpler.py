@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Protocol
 
-from scipy import stats
-
+from .. import distributions as stats
 from ..laws import all_laws
 from .criteria import current
 

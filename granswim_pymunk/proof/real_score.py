@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from scipy import stats
-
+from .. import distributions as stats
 from .score import APART, Figure, counted, figure_lines, numbers_held, read_table, short, standing
 
 STRONG = 10.0  # ideal standard errors of the largest effect, of which enough cases are wanted

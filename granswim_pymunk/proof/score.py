@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy import stats
 
+from .. import distributions as stats
 from ..errors import InputError
 from .candidates import APPARATUS, fitted
 from .world import Effect

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import has_role
 from ..checks import TOOLS, of_the_apparatus
 from ..criteria import current

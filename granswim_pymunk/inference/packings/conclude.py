@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import all_laws
 from ..criteria import current
 from ..explained import Explained

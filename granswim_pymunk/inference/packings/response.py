@@ -11,8 +11,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..criteria import current
 from ..hypothesis import Free
 from .runs import Runner

@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...scene import Body, Scene
 from ..criteria import current
 from ..data import Case

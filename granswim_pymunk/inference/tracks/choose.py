@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import all_laws
 from ..camera_terms import camera_terms
 from ..candidates import for_bodies, owners

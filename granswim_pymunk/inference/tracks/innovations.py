@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...joints import arm_of
 from ...walls import gap_to_wall
 from ..criteria import current

@@ -14,9 +14,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import brentq
 
+from ... import distributions as stats
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term

@@ -10,8 +10,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import all_laws
 from ...recording import Recording
 from ...scene import Scene

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..candidates import owners
 from ..criteria import current
 from ..trial import rows_of

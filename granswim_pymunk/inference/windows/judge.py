@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..criteria import current
 from ..mechanisms import UNKNOWN
 from ..places import Place

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..criteria import current
 from ..places import Place
 from ..significance import after_looks

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ..criteria import current
 from ..hypothesis import Term
 from ..trial import Tried

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ... import distributions as stats
 from ...laws import all_laws
 from ...scene import Scene
 from ..criteria import current
