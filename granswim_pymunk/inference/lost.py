@@ -16,8 +16,9 @@ def missing(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> list[
 
     t : (T,) stamps [s];  values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
     No force moves a body at once: bodies that are all as far ahead as they move in a whole number of frames were not
-    seen in between. Polynomials over some frames have to follow with so many frames put in, and neither without nor
-    with velocities that change at once instead, as in an impact.
+    seen in between. A camera that numbers the frames it kept leaves no gap in its stamps; where they tell of one bodies
+    may have turned in between, and nothing more is looked for. Polynomials over some frames have to follow with so many
+    frames put in, and neither without nor with velocities that change at once instead, as in an impact.
     """
     c, sigma = current().lost, np.asarray(sigmas, dtype=float)
     if not (sigma > 0).all():
@@ -41,7 +42,7 @@ def _jumps(t: np.ndarray, z: np.ndarray, degree: int, half: int, spacing: float)
         return []
     after = np.arange(size) >= half
     windows, places = sliding_window_view(t, size), sliding_window_view(z, size, axis=0)
-    full = np.isfinite(places).all(axis=2)
+    full = np.isfinite(places).all(axis=2) & (np.diff(windows, axis=1)[:, half - 1] < c.gap * spacing)[:, None]
     bases: dict[tuple[float, ...], np.ndarray] = {}
     found = []
 

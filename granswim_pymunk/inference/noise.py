@@ -361,8 +361,9 @@ def _restricted(recordings: Sequence[Seen], noise: Noise) -> Restricted:
         r, values, starts = rows[:, 0], rows[:, 1 : p + 1], rows[:, p + 1 :]
         count += len(r) - starts.shape[1]
         if starts.shape[1]:
-            size = np.maximum(np.linalg.norm(seen.by_start.reshape(-1, starts.shape[1]), axis=0), 1e-300)
-            starts = np.nan_to_num(starts / np.where(np.isfinite(size), size, 1.0))
+            size = np.linalg.norm(seen.by_start.reshape(-1, starts.shape[1]), axis=0)
+            # what no frame shows is known by its ties alone
+            starts = np.nan_to_num(starts / np.where(np.isfinite(size) & (size > 0), size, 1.0))
             inner = starts.T @ starts + 1e-10 * np.eye(starts.shape[1])
             total += float(np.linalg.slogdet(inner)[1])
             solved = np.linalg.solve(inner, starts.T @ np.column_stack([r, values]))

@@ -178,6 +178,8 @@ class LostCriteria:
     windows : (degree, half) of polynomials that bodies follow over so many frames on either side of the gap. Choice: a
         cubic follows most motions, a fifth degree half an oscillation
     frames : missing at one place, the most that are looked for. Choice
+    gap : of the usual time between frames, from which the stamps themselves tell of missing ones. Theory: between one
+        and two
     sure : of chi2, by which the way with the frames missing has to be ahead of the way without, and of a way with a
         kink there, which a gap that is long enough follows as well. Theory: as for a kick
     times : what the way without them leaves beyond noise over what is left with them;  most : of chi2 over its degrees
@@ -188,6 +190,7 @@ class LostCriteria:
 
     windows: tuple[tuple[int, int], ...] = ((3, 6), (5, 9))
     frames: int = 30
+    gap: float = 1.5
     sure: float = 50.0
     times: float = 4.0
     most: float = 4.0
