@@ -420,6 +420,15 @@ def test_numbers_are_as_unknown_as_the_noise(noise, wider):
     assert (np.mean(plainly) < 0.7) == (noise.size > 0)
 
 
+def test_a_start_that_no_frame_shows_is_known_by_its_ties():
+    seen = left_by_a_fit(np.random.default_rng(2).normal(size=(80, 2)))
+    hidden = np.concatenate([seen.by_start, np.zeros((80, 2, 1))], axis=-1)
+    ties = np.eye(1, 7, 6) * 3e5  # one row, of the last start alone
+    moved, covariance = averaged([replace(seen, by_start=hidden, ties=ties, steps=np.zeros(1))])
+    without, narrow = averaged([seen])
+    assert moved == pytest.approx(without) and covariance == pytest.approx(narrow)
+
+
 def test_errors_of_the_stamps_are_told_from_white_noise():
     rng = np.random.default_rng(6)
     t = np.arange(0.0, 3.0, 0.02)

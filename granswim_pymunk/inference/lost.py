@@ -16,17 +16,18 @@ def missing(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> list[
 
     t : (T,) stamps [s];  values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
     No force moves a body at once: bodies that are all as far ahead as they move in a whole number of frames were not
-    seen in between. A camera that numbers the frames it kept leaves no gap in its stamps; where they tell of one bodies
-    may have turned in between, and nothing more is looked for. Polynomials over some frames have to follow with so many
-    frames put in, and neither without nor with velocities that change at once instead, as in an impact.
+    seen in between. A camera that numbers the frames it kept leaves no gap in its stamps; about those that they tell of
+    bodies may have turned unseen, and nothing more is looked for. Polynomials over some frames have to follow with so
+    many frames put in, and neither without nor with velocities that change at once instead, as in an impact.
     """
     c, sigma = current().lost, np.asarray(sigmas, dtype=float)
     if not (sigma > 0).all():
         return []
     t, z = np.array(t, dtype=float), values / sigma
     spacing, found = float(np.median(np.diff(t))), dict[int, int]()
+    told = np.diff(t) > c.gap * spacing
     for _ in range(len(t)):
-        best = min((place for d, half in c.windows for place in _jumps(t, z, d, half, spacing)), default=None)
+        best = min((place for d, half in c.windows for place in _jumps(t, z, told, d, half, spacing)), default=None)
         if best is None:
             break
         _, row, count = best
@@ -35,14 +36,19 @@ def missing(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> list[
     return sorted(found.items())
 
 
-def _jumps(t: np.ndarray, z: np.ndarray, degree: int, half: int, spacing: float) -> list[tuple[float, int, int]]:
-    """(fall of chi2 below zero, row, frames) of each place where frames are missing; z : (T, c) over their noise."""
+def _jumps(
+    t: np.ndarray, z: np.ndarray, told: np.ndarray, degree: int, half: int, spacing: float
+) -> list[tuple[float, int, int]]:
+    """(fall of chi2 below zero, row, frames) of each place where frames are missing.
+
+    z : (T, c) over their noise;  told : (T - 1,) where the stamps themselves tell of a gap
+    """
     c, size = current().lost, 2 * half
     if len(t) < size:
         return []
     after = np.arange(size) >= half
     windows, places = sliding_window_view(t, size), sliding_window_view(z, size, axis=0)
-    full = np.isfinite(places).all(axis=2) & (np.diff(windows, axis=1)[:, half - 1] < c.gap * spacing)[:, None]
+    full = np.isfinite(places).all(axis=2) & ~sliding_window_view(told, size - 1).any(axis=1)[:, None]
     bases: dict[tuple[float, ...], np.ndarray] = {}
     found = []
 
