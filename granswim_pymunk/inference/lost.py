@@ -48,7 +48,8 @@ def _jumps(
         return []
     after = np.arange(size) >= half
     windows, places = sliding_window_view(t, size), sliding_window_view(z, size, axis=0)
-    full = np.isfinite(places).all(axis=2) & ~sliding_window_view(told, size - 1).any(axis=1)[:, None]
+    even = ~sliding_window_view(told, size - 1).any(axis=-1)
+    full = np.isfinite(places).all(axis=2) & np.reshape(even, (-1, 1))
     bases: dict[tuple[float, ...], np.ndarray] = {}
     found = []
 
