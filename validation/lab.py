@@ -242,8 +242,9 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
     lines = ["| recording | what is there | answer | judged | explained | complete | held out |",
              "|---|---|---|---|---|---|---|"]  # fmt: skip
     for truth in truths:
-        verdict, _, failed = answer_in(verdicts / truth["name"])
-        said = verdict or {}
+        verdict, known = answer_in(verdicts / truth["name"])
+        said: Mapping[str, Any] = verdict or {}
+        failed = "" if verdict else known.get("failed") or "no verdict"
         answer = failed or f"{said['verdict']} {' + '.join(dict.fromkeys(m['name'] for m in said['mechanisms']))}"
         share = (said.get("explained") or {}).get("share")
         lines.append(
