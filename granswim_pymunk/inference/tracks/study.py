@@ -343,8 +343,8 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf
     now = min(now, scores["recalibrated"])
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
-    # a small part of a misfit a thousand times the noise is still far from noise
-    poor = left > current().sets.poor or now > current().signatures.far ** 2
+    # a small part of a misfit a thousand times the noise is still far from noise, where one law alone stands
+    poor = left > current().sets.poor or (len(found) < 2 and now > current().signatures.far ** 2)
     if spread_of(revised, training) > 1 and poor:
         pair = pair_of(search, tried.alive, now)
         if pair and pair[0].fit is not None:
