@@ -12,7 +12,6 @@ import argparse
 import hashlib
 import json
 import math
-import resource
 import subprocess
 import sys
 import time
@@ -33,6 +32,7 @@ from granswim_pymunk.proof.windows import calibrated, film_of
 from granswim_pymunk.proof.world import Effect
 from granswim_pymunk.recording import write_recording
 from granswim_pymunk.scene import Adjustable
+from granswim_pymunk.validation.spent import core_seconds
 
 DURATION = 0.6  # s
 Values = Mapping[str, Any]
@@ -167,7 +167,7 @@ def diagnosed(recordings: Sequence[Path], out: Path, minutes: float) -> dict[str
     ``seconds``: by the clock;  ``cpu``: of a core, which other work beside it hardly changes
     ``code``, ``commit``: see the functions of these names
     """
-    began, before, stamp = time.monotonic(), _children(), {"code": code(), "commit": commit()}
+    began, before, stamp = time.monotonic(), core_seconds(), {"code": code(), "commit": commit()}
     done = subprocess.run(
         [sys.executable, "-m", "granswim_pymunk", "diagnose", *(r.name for r in recordings), "--out",
          str(out.resolve()), "--minutes", f"{minutes:g}"],
@@ -176,14 +176,8 @@ def diagnosed(recordings: Sequence[Path], out: Path, minutes: float) -> dict[str
     if done.returncode:
         return {"failed": done.stderr.strip().splitlines()[-1:] or ["no reason given"], **stamp}
     verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text())
-    spent = {"seconds": round(time.monotonic() - began), "cpu": round(_children() - before)}
+    spent = {"seconds": round(time.monotonic() - began), "cpu": round(core_seconds() - before)}
     return {"verdict": verdict, **spent, **stamp}
-
-
-def _children() -> float:
-    """Seconds of a core that finished processes of this one took."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def commit() -> str:

@@ -244,8 +244,8 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
     for truth in truths:
         verdict, known = answer_in(verdicts / truth["name"])
         said: Mapping[str, Any] = verdict or {}
-        failed = "" if verdict else known.get("failed") or "no verdict"
-        answer = failed or f"{said['verdict']} {' + '.join(dict.fromkeys(m['name'] for m in said['mechanisms']))}"
+        named = dict.fromkeys(m["name"] for m in said.get("mechanisms", ()))
+        answer = known["failed"] or f"{said['verdict']} {' + '.join(named)}"
         share = (said.get("explained") or {}).get("share")
         lines.append(
             f"| {truth['name']} | {' + '.join(e['name'] for e in truth['effects'])}, {truth['beside']} | {answer} | "

@@ -20,7 +20,6 @@ import csv
 import io
 import json
 import math
-import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -37,6 +36,7 @@ from granswim_pymunk.scene import Body, Scene, use
 
 from .hard_disks import Flight, Impacts, Physics, Table, run
 from .output import write_json
+from .spent import core_seconds
 
 RATE, NOISE = 240.0, 3e-4  # frames a second, m
 BELIEVED = 0.95  # restitution
@@ -282,7 +282,7 @@ def row_of(truth: Mapping[str, Any], folder: Path) -> Row:
         truth["layout"], said.get("verdict", ""), " + ".join(named), "; ".join(told), judged(truth, verdict),
         str(said.get("complete", "")), said.get("heldout") or "", "" if share is None else f"{share:.2f}",
         f"{hold} of {known}" if known else "", _seconds(time.get("core")), _seconds(time.get("seconds")),
-        "" if verdict else time.get("failed") or "no verdict",
+        time["failed"],
     )  # fmt: skip
 
 
@@ -374,10 +374,11 @@ def read_rows(file: Path) -> list[Row]:
 
 
 def answer_in(folder: Path) -> tuple[dict[str, Any] | None, dict[str, Any]]:
-    """The verdict in a folder (or None), and what is known of its time and why there is none."""
+    """The verdict in a folder (or None), what is known of its time, and as ``failed`` why there is none."""
     time = json.loads((folder / "time.json").read_text()) if (folder / "time.json").exists() else {}
-    verdict = folder / "verdict.json"
-    return (json.loads(verdict.read_text(encoding="utf-8")) if verdict.exists() else None), time
+    file = folder / "verdict.json"
+    verdict = json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+    return verdict, time | {"failed": "" if verdict else time.get("failed") or "no verdict"}
 
 
 # ---- the command ----------------------------------------------------------------------------------
@@ -412,18 +413,12 @@ def _diagnose(folder: Path, kept: Path, minutes: float | None, say: Callable[[st
         return
     kept.mkdir(parents=True, exist_ok=True)
     write_json({"failed": "begun, not finished"}, file)
-    before = _core_seconds()
+    before = core_seconds()
     result = diagnose_alone([folder.resolve()], kept, minutes)
-    core = _core_seconds() - before
+    core = core_seconds() - before
     write_json({"seconds": round(result["seconds"], 1), "core": round(core, 1), "failed": result["failed"]}, file)
     said = result["failed"] or result["verdict"]["verdict"]
     say(f"{folder.name}: {said} ({result['seconds']:.0f} s, {core:.0f} s of a core)")
-
-
-def _core_seconds() -> float:
-    """Of all processes that were begun here and have ended [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _main(args: argparse.Namespace, say: Callable[[str], None]) -> int:

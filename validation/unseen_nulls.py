@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import resource
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -26,6 +25,7 @@ from granswim_pymunk.inference.pipeline import diagnose_by
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.validation import bed_nulls, place_nulls, unseen_effects
 from granswim_pymunk.validation.bed_effects import Row, code, commit, keep, tell
+from granswim_pymunk.validation.spent import core_seconds
 
 FULL, SMALL = 12, 48
 PACKINGS = 6  # of each small bed
@@ -52,14 +52,13 @@ def films(small: bool, k: int, folder: Path) -> list[Path]:
 
 def diagnosed(recordings: Sequence[Path], minutes: float) -> dict[str, Any]:
     """Verdict, z of the first place, seconds by the clock and of a core."""
-    began, before = time.monotonic(), resource.getrusage(resource.RUSAGE_SELF)
+    began, before = time.monotonic(), core_seconds(own=True)
     model = Packings([read_recording(r) for r in recordings], minutes=minutes)
     verdict = diagnose_by(model).verdict
     with using(EVERY):
         # of what recalibration leaves: a stiffness that was off is no missing physics
         place = next(iter(locate(model.plain.fit, "no_mismatch").values()))
-    after = resource.getrusage(resource.RUSAGE_SELF)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    cpu = core_seconds(own=True) - before
     return {
         "verdict": verdict, "z": place.z, "seconds": round(time.monotonic() - began), "cpu": round(cpu),
         "code": code(), "commit": commit(),

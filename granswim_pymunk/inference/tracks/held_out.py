@@ -152,6 +152,12 @@ def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
     return np.exp(-np.maximum(float(t[-1]) - case.t, 0.0) / (memory * span) / 2)
 
 
+def _with_its_own_start(training: Fit, fitter: Fitter, begin: Mapping[str, np.ndarray] | None = None) -> Fit:
+    """The numbers of the training fit with starts fitted to the frames of ``fitter``. Raises Failed."""
+    few = current().evaluations.start
+    return fitter.fit(training.hypothesis, training.values, begin, fixed=True, evaluations=few)
+
+
 def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> float:
     """The memory that predicts whole training recordings best from their first 20 %."""
     best, least = np.inf, np.inf
@@ -163,9 +169,8 @@ def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, sto
             first = case.t <= case.t[0] + current().split.start * (case.t[-1] - case.t[0])
             weights = {case.name: fading(case, first, memory)}
             fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
-            few = current().evaluations.start
             try:
-                fit = fitter.fit(training.hypothesis, training.values, training.starts, fixed=True, evaluations=few)
+                fit = _with_its_own_start(training, fitter, training.starts)
                 error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
             except Failed:
                 squares = np.inf
@@ -292,8 +297,7 @@ def worse_by_chance(
     try:
         for first, rest in _windows(case):
             fitter = Fitter([case], predictor, {case.name: first})
-            few = current().evaluations.start
-            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=few)
+            fit = _with_its_own_start(training, fitter)
             here = fitter.predict(fit, case, rest)[rest]
             spread = np.linalg.pinv(fit.jacobian[case.name][1].T @ fit.jacobian[case.name][1])
             for k, values in enumerate(np.clip(drawn, low, high)):
@@ -327,8 +331,7 @@ def _by_windows(
     for first, rest in windows:
         fitter = Fitter([case], predictor, {case.name: first}, stop)
         try:
-            few = current().evaluations.start
-            fit = fitter.fit(training.hypothesis, training.values, None, fixed=True, evaluations=few)
+            fit = _with_its_own_start(training, fitter)
             seen = fitter.predict(fit, case, rest)
         except Failed:
             continue

@@ -345,7 +345,7 @@ class Tracks(ObservationModel):
         found, names, first = list[Claim](), {t.mechanism for t in laws}, len(self.plain.fit.values)
         for e in self.exchanged:
             fit = e.trial.fit
-            if fit is None or e.ahead <= -current().verdict.same or {e.keep.mechanism, e.replaced.mechanism} != names:
+            if fit is None or not e.alike or {e.keep.mechanism, e.replaced.mechanism} != names:
                 continue
             # with the steps and joints that what is claimed has
             fit = self.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().intervals.refit)

@@ -290,12 +290,15 @@ def _in_order(search: SetSearch, pairs: Sequence[_Pair]) -> list[_Pair]:
         return []
     best = min(pairs, key=lambda p: p.score)
     level = search.spread(best.fit)
-    paid = {id(p): p.fit.chi2 / level + 2 * len(p.fit.values) for p in pairs}
-    least = min(paid.values())
+
+    def paid(p: _Pair) -> float:
+        return p.fit.chi2 / level + 2 * len(p.fit.values)
+
+    least = min(map(paid, pairs))
 
     def as_good(p: _Pair) -> bool:
         if level <= 1:
-            return paid[id(p)] - least < current().verdict.same
+            return paid(p) - least < current().verdict.same
         return p.score < current().sets.same_score * best.score
 
     return sorted(pairs, key=lambda p: (0, *p.rank, p.score) if as_good(p) else (1, 0, 0, 0, p.score))
@@ -432,6 +435,11 @@ class Exchange:
     trial: Trial
     ahead: float
 
+    @property
+    def alike(self) -> bool:
+        """Whether training data cannot tell it from the law that it replaces, or prefer it."""
+        return self.ahead > -current().verdict.same
+
 
 def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Exchange]:
     """Laws in place of one of the two found, the best of each name, best first.
@@ -491,7 +499,7 @@ def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
     """
     same = [
         e for e in others
-        if e.trial.used < e.replaced.used and e.ahead > -current().verdict.same
+        if e.trial.used < e.replaced.used and e.alike
         and not any_field(e.keep.term, e.trial.term, search.terms)
     ]  # fmt: skip
     return min(same, key=lambda e: (e.trial.used - e.replaced.used, -e.ahead), default=None)
@@ -500,6 +508,6 @@ def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
     """Laws that may stand in place of one of the two found, best first; True where these data cannot tell."""
     for e in others:
-        if e.ahead > -current().verdict.same:
+        if e.alike:
             notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
-    return [(e.trial, e.ahead > -current().verdict.same) for e in others[: current().verdict.rivals_of_pair]]
+    return [(e.trial, e.alike) for e in others[: current().verdict.rivals_of_pair]]
