@@ -114,6 +114,39 @@ def body_forces(t, xy, v, spin, kind, geometry, radius, code, par, weight, force
 
 
 @_jit
+def across_gap(d, gap, par, f):
+    """Force of a distance d, s (r_0/d)^n, between disks a ``gap`` apart, with its reach and screening; row f of par."""
+    if not 0.0 < gap < par[f, 3]:
+        return 0.0
+    ratio = par[f, 2] / d
+    size = par[f, 0] * (ratio * ratio if par[f, 1] == 2.0 else ratio ** par[f, 1])
+    if par[f, 4] > 0.0:
+        size *= math.exp(-gap / par[f, 4])
+    return size
+
+
+@_jit
+def push_apart(force, i, j, dx, dy, size):
+    """A central force ``size`` (dx, dy) on j, and its opposite on i."""
+    force[i, 0] -= size * dx
+    force[i, 1] -= size * dy
+    force[j, 0] += size * dx
+    force[j, 1] += size * dy
+
+
+@_jit
+def ends(code, par):
+    """The gap beyond which nothing but a force of the distance acts: most pairs of a bed in which one reaches far."""
+    gap = 0.0
+    for f in range(code.shape[0]):
+        if code[f] == COHESION:
+            gap = max(gap, par[f, 1])
+        elif code[f] == LUBRICATION:
+            gap = max(gap, par[f, 2])
+    return gap
+
+
+@_jit
 def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, dt, force, torque):
     """Contacts and the other forces between the ``count`` listed pairs.
 
@@ -124,8 +157,7 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
     period = base[PERIOD]
     half = 0.5 * period
     contact = int(base[CONTACT])
-    reach = base[REACH]
-    extra = code.shape[0]
+    near = ends(code, par)
     for q in range(count):
         i = pairs[q, 0]
         j = pairs[q, 1]
@@ -134,12 +166,17 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
         if period > 0.0 and (dx > half or dx < -half):
             dx -= period * round(dx / period)
         touch = radius[i] + radius[j]
-        limit = touch + reach
+        limit = touch + base[REACH]
         d2 = dx * dx + dy * dy
         if d2 >= limit * limit:
             continue
         d = math.sqrt(d2)
         gap = d - touch
+        if gap > near:
+            for f in range(code.shape[0]):
+                if code[f] == DISTANCE:
+                    push_apart(force, i, j, dx, dy, across_gap(d, gap, par, f) / d)
+            continue
         nx = dx / d
         ny = dy / d
         ux = v[j, 0] - v[i, 0]
@@ -166,15 +203,11 @@ def pair_forces(xy, v, spin, kind, mass, radius, base, pairs, count, code, par, 
                 normal += base[K_C] * (-gap) ** 1.5
         along = normal
         across = 0.0
-        for f in range(extra):
+        for f in range(code.shape[0]):
             c = code[f]
             p = par[f]
             if c == DISTANCE:
-                if 0.0 < gap < p[3]:
-                    size = p[0] * (p[2] / d) ** p[1]
-                    if p[4] > 0.0:
-                        size *= math.exp(-gap / p[4])
-                    along += size
+                along += across_gap(d, gap, par, f)
             elif c == COHESION:
                 if gap < p[1]:
                     size = p[0]
