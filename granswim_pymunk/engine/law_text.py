@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 import dis
+import functools
 import inspect
 import math
 import textwrap
 from collections.abc import Callable
+from types import CodeType
 from typing import Any
 
 from ..laws import Law
@@ -25,12 +27,17 @@ def raises(function: Callable[..., Any]) -> bool:
         if code is None or code in seen:
             continue
         seen.append(code)
-        if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(code)):
+        if _has_raise(code):
             return True
         closed = [cell.cell_contents for cell in one.__closure__ or ()]
         named = [one.__globals__[name] for name in code.co_names if name in one.__globals__]
         left += [value for value in (*closed, *named) if inspect.isfunction(getattr(value, "py_func", value))]
     return False
+
+
+@functools.cache  # asked for each law of each simulation, and reading bytecode takes as long as building the rest
+def _has_raise(code: CodeType) -> bool:
+    return any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(code))
 
 
 def definition_of(law: Law, name: str) -> ast.FunctionDef | None:

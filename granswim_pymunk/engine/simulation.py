@@ -170,6 +170,14 @@ class Simulation:
         """
         self.backend.restart(xy, v, t, spin)
 
+    def retune(self, laws: Sequence[LawUse]) -> bool:
+        """Give the laws of the scene other numbers, before a ``restart``: the same run as of a new Simulation.
+
+        ``laws``: those of the scene, on the same bodies, in the same order. False where more hangs on them than their
+        tables (impulses, joints, a reach that changes), or in another mode than verlet: a new Simulation is needed.
+        """
+        return self.backend.retune(tuple(laws))
+
     def steer(self, v: np.ndarray) -> None:
         """From now on the carried bodies move at ``v`` (n, 2) [m/s], of the scene's bodies; other rows are not read."""
         self.backend.steer(v)

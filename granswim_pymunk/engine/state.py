@@ -267,6 +267,9 @@ _GROUPS = {"bodies": Bodies, "laws": LawTable, "lists": Lists, "links": LinkArra
 _GROUP_OF = {field.name: group for group, kind in _GROUPS.items() for field in fields(kind)}  # type: ignore[arg-type]
 
 
+_FIRST_ARRAY = INTS.index("bodies")  # in a context: counts come before, addresses from there on
+
+
 def context_of(state: EngineState, order: Order, kernel: Kernel, from_list: bool, fixed_skin: bool) -> Slots:
     """Counts and addresses of the arrays, as compiled callbacks find them (``callbacks.INTS``)."""
     context = Slots(INTS, np.int64)
@@ -286,10 +289,9 @@ def context_of(state: EngineState, order: Order, kernel: Kernel, from_list: bool
     }  # fmt: skip
     for name, value in counts.items():
         context[name] = value
-    for name in INTS[INTS.index("bodies") :]:
-        array = state.array(name)
-        assert array.flags.c_contiguous
-        context[name] = array.ctypes.data
+    arrays = [state.array(name) for name in INTS[_FIRST_ARRAY:]]
+    assert all(array.flags.c_contiguous for array in arrays)
+    context.values[_FIRST_ARRAY:] = [array.__array_interface__["data"][0] for array in arrays]
     return context
 
 

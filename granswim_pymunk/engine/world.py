@@ -65,14 +65,17 @@ class World:
         state.bodies[:] = [address(b._body) for b in self.bodies]
         self.joint_limits = np.zeros(0, dtype=np.int64)
         if offsets is not None:
-            # what the kick divides by; ``mass`` stays what it is
-            kicked = slice(0, order.n_mobile)
-            kick = np.array([[1.0 / body.mass for body in self.bodies[kicked]]]) * state.ease[kicked]
-            stepping.write_fields(state.bodies[kicked].copy(), np.array([offsets.inverse_mass]), kick)
+            self.ease(state, offsets)
             if impulse:
                 self._joints, self.joint_limits = joints_for(scene, self.bodies, order.inner, units, space)
         self.ghosts: list[tuple[pymunk.Body, pymunk.Circle]] = []
         self.originals: list[int] = []
+
+    def ease(self, state: Bodies, offsets: Offsets) -> None:
+        """What the kick divides by, constant drags and all; ``mass`` stays what it is."""
+        kicked = slice(0, self._order.n_mobile)
+        kick = np.array([[1.0 / body.mass for body in self.bodies[kicked]]]) * state.ease[kicked]
+        stepping.write_fields(state.bodies[kicked].copy(), np.array([offsets.inverse_mass]), kick)
 
     # ---- building -------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,15 @@ class Hypothesis:
         """Of the numbers with a prior that are a radius or mass of one body, which body."""
         of_term = [term for term in self.terms for _ in term.free]
         return {k: bodies[0] for k in self.believed if len(bodies := of_term[k].bodies or ()) == 1}
+
+    def rows(self, label: str) -> slice:
+        """Where the numbers of the term with this label lie among those of all; raises KeyError where there is none."""
+        at = 0
+        for term in self.terms:
+            if term.label == label:
+                return slice(at, at + len(term.free))
+            at += len(term.free)
+        raise KeyError(label)
 
     def priors(self, case: Case, values: Sequence[float] | np.ndarray) -> np.ndarray:
         """(k,) of the numbers with a prior that bear on a recording, how far they are off it in standard deviations.
@@ -321,23 +330,35 @@ class Predictor:
         self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,
         spin: np.ndarray | None,
     ) -> Simulation:  # fmt: skip
-        """A simulation that stands at its start: the last one begun again where only the start is another.
+        """A simulation that stands at its start: the last one begun again where only the start, or a law's numbers,
+        are others.
 
-        Most runs of a fit differ in the start alone, and building a simulation takes longer than running it.
+        Most runs of a fit differ in nothing else, and building a simulation takes longer than running it.
         """
         key, last = self._key(hypothesis, case, values), self._last
         begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
-        if last.key == key and last.simulation is not None:
-            last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
-            return last.simulation
+        known, last.key = last.key, None  # until it stands
+        if last.simulation is not None and known is not None:
+            if known == key or (
+                known[1] == key[1] and _but_for_laws(last.run, scene) and last.simulation.retune(scene.laws)
+            ):
+                last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
+                last.key, last.held, last.run = key, (case, hypothesis.terms), scene
+                return last.simulation
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
         simulation = Simulation(whole, averaged=True, stretch=current().fits.stretch)
-        last.key = None
         if simulation.mode == "verlet":
-            last.key, last.held, last.simulation = key, (case, hypothesis.terms), simulation
+            last.key, last.held, last.run, last.simulation = key, (case, hypothesis.terms), scene, simulation
             if spin is not None:
                 simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
         return simulation
+
+
+def _but_for_laws(one: Scene | None, other: Scene) -> bool:
+    """Whether two scenes have all but their laws in common, as one that was made of the other by other laws."""
+    return one is not None and all(
+        getattr(one, f.name) is getattr(other, f.name) for f in fields(Scene) if f.name != "laws"
+    )
 
 
 def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...], offset: float) -> End:
@@ -378,6 +399,7 @@ class _Last(threading.local):
     key: tuple[Any, ...] | None = None
     held: tuple[Any, ...] = ()  # what the key speaks of, so that nothing else gets its id
     simulation: Simulation | None = None
+    run: Scene | None = None  # what it runs, but for the start
     scene: tuple[Any, Any, tuple[Scene, Mapping[str, Any]]] | None = None  # its key, what that speaks of, and camera
 
 

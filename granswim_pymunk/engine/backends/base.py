@@ -18,7 +18,9 @@ from ..motion import Motion
 from ..native import Offsets
 from ..order import order_of
 from ..state import (
+    Bodies,
     EngineState,
+    LawTable,
     bodies_of,
     link_arrays,
     lists_of,
@@ -93,10 +95,7 @@ class Backend(ABC):
             bodies.row("angle")[:], bodies.row("spin")[:] = bodies.turned.T
         self.kernel = self.compiled()
         self.uses = uses_of(scene, self.order)
-        laws = law_table(
-            scene, self.order, bodies, self.uses, self.joints, self.addresses, self.dt,
-            plan.averaged and self.averages,
-        )  # fmt: skip
+        laws = self.tables(bodies)
         smallest = float(bodies.radius.min()) if self.order.n else 1.0
         skin = plan.skin if plan.skin is not None else 0.4 * smallest
         reach = self.uses.reach(scene)
@@ -110,6 +109,11 @@ class Backend(ABC):
         self.world = World(scene, self.order, self.units, bodies, self.joints.apart, plan.carried, offsets)
         if self.impulse or self.finds_contacts:
             self.world.add_shapes()
+
+    def tables(self, bodies: Bodies) -> LawTable:
+        """How the laws of the scene act on these bodies."""
+        averaged = self.plan.averaged and self.averages
+        return law_table(self.scene, self.order, bodies, self.uses, self.joints, self.addresses, self.dt, averaged)
 
     # ---- what a mode does in its own way --------------------------------------------------------
 
@@ -170,6 +174,10 @@ class Backend(ABC):
     def restart(self, xy: np.ndarray, v: np.ndarray, t: float, spin: np.ndarray | None) -> None:
         """Begin again, see ``Simulation.restart``."""
         raise InputError("only a simulation in mode verlet can begin again")
+
+    def retune(self, laws: tuple[LawUse, ...]) -> bool:
+        """Give the laws other numbers, see ``Simulation.retune``."""
+        return False
 
     def steer(self, v: np.ndarray) -> None:
         """From now on carried bodies move at these velocities, see ``Simulation.steer``."""

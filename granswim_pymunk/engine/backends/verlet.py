@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from typing import ClassVar
 
 import numpy as np
 
 from ...joints import angles_of, hinged
+from ...scene import LawUse
 from .. import stepping
-from ..callbacks import Kernel, spins
+from ..callbacks import KIND_ORDER, Kernel, spins
 from ..motion import Motion
 from ..native import Offsets, column
-from ..tables import close_links
+from ..state import LawTable
+from ..tables import close_links, uses_of
 from .base import Plan
 from .native import Native
 
@@ -84,6 +87,31 @@ class Verlet(Native):
         self.context["status"] = 0
         self.step, self.begun, self.start = 0, False, "synchronised"
         self.state.forget_lists()
+
+    def retune(self, laws: tuple[LawUse, ...]) -> bool:
+        """Give the laws other numbers, see ``Simulation.retune``."""
+        before = self.scene.laws
+        if not self.in_place or len(laws) != len(before):
+            return False
+        for old, new in zip(before, laws, strict=True):
+            if old.law is not new.law or old.bodies != new.bodies:
+                return False
+            # the Space, or the joints, are made of the numbers of these
+            if (old.law.kind not in KIND_ORDER or old.name == "pin") and old.values != new.values:
+                return False
+        scene = replace(self.scene, laws=laws)
+        uses = uses_of(scene, self.order)
+        if uses.reach(scene) != self.uses.reach(self.scene):
+            return False
+        self.scene, self.uses = scene, uses
+        known, tables = self.state.laws, self.tables(self.state.bodies)
+        pairs = [(getattr(known, field.name), getattr(tables, field.name)) for field in fields(LawTable)]
+        if any(old.shape != new.shape for old, new in pairs):
+            return False
+        for old, new in pairs:
+            old[...] = new
+        self.world.ease(self.state.bodies, self.offsets)
+        return True
 
     def steer(self, v: np.ndarray) -> None:
         """From now on carried bodies move at these velocities, see ``Simulation.steer``."""
