@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_believed import fitted
 
-from granswim_pymunk.inference.hypothesis import Free
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis
 from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.choose import score_inner
 from granswim_pymunk.inference.tracks.intervals import _end, with_doubt
@@ -116,7 +116,8 @@ def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
     def trial(name, gain, numbers, value=0.1):
         free = tuple(Free(f"{name}.{k}", "1", 0.0, 1.0, 0.1, 0.01) for k in range(numbers))
         term = SimpleNamespace(free=free, label=name, mechanism=name)
-        fit = SimpleNamespace(name=name, values=np.full(numbers, value), excess=0.0)
+        own = {"hypothesis": Hypothesis((term,)), "values": np.full(numbers, value)}
+        fit = SimpleNamespace(name=name, excess=0.0, **own)
         return Trial(SimpleNamespace(term=term), fit, gain, math.inf)
 
     study = SimpleNamespace(fitter=SimpleNamespace(segmented=segmented), inner=SimpleNamespace(score=score))

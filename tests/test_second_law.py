@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from granswim_pymunk.inference.hypothesis import Free, Term
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.tracks import pairs
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.signatures import Signature
@@ -16,11 +16,11 @@ def term(label, *names):
     return Term("joint_drag", label, free, lambda *a: None)
 
 
-def fitted(chi2, values, ends, score):
+def fitted(chi2, values, ends, score, *terms):
     left = chi2 - 100
     fit = SimpleNamespace(
         chi2=chi2, count=100, excess=left if left > 3 * math.sqrt(200) else 0.0, values=np.array(values), starts={},
-        hypothesis=None, score=score,
+        hypothesis=Hypothesis(terms), score=score,
     )  # fmt: skip
     fit.interval = lambda k, spread: (fit.values[k], *ends[k])
     return fit
@@ -28,11 +28,13 @@ def fitted(chi2, values, ends, score):
 
 def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     """With one for each joint one is none and the other known badly: refused; one for both joints is taken."""
-    base = fitted(1e5, [1.0], [(0.9, 1.1)], 900.0)
+    free = Free("linear_drag.c", "kg/s", 0.0, math.inf, 0.0, 1.0)
+    drag = Term("linear_drag", "linear_drag", (free,), lambda *a: None)
+    base = fitted(1e5, [1.0], [(0.9, 1.1)], 900.0, drag)
     both, each = term("joint_drag", "c"), term("joint_drag (each body)", "c[a]", "c[b]")
     fits = {
-        both.label: fitted(5e4, [1.0, 1e-5], [(0.9, 1.1), (8e-6, 1.2e-5)], 430.0),
-        each.label: fitted(4.8e4, [1.0, 0.0, 2e-5], [(0.9, 1.1), (-9e-5, 9e-5), (-1e-6, 4e-5)], 400.0),
+        both.label: fitted(5e4, [1.0, 1e-5], [(0.9, 1.1), (8e-6, 1.2e-5)], 430.0, drag, both),
+        each.label: fitted(4.8e4, [1.0, 0.0, 2e-5], [(0.9, 1.1), (-9e-5, 9e-5), (-1e-6, 4e-5)], 400.0, drag, each),
     }
     signatures = tuple(Signature(t, np.zeros((4, 1)), 0.5, 1e4) for t in (each, both))
     monkeypatch.setattr(pairs, "make_bank", lambda *a: SimpleNamespace(signatures=signatures))
@@ -41,8 +43,6 @@ def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     monkeypatch.setattr(pairs, "search_nulls", lambda *a: SimpleNamespace(p=0.001))
     inner = SimpleNamespace(score=lambda fit: (fit.score, {"r": fit.score}), slack=0.0)
     fitter = SimpleNamespace(cases=[], fit=lambda *a, **k: base)
-    free = Free("linear_drag.c", "kg/s", 0.0, math.inf, 0.0, 1.0)
-    drag = Term("linear_drag", "linear_drag", (free,), lambda *a: None)
     found = [Trial(Signature(drag, np.zeros((4, 1)), 1.0, 1e6), base, 1e6, 900.0)]
     search = SimpleNamespace(
         base=base, fitter=fitter, inner=inner, rng=np.random.default_rng(1), spread=lambda fit: 500.0,

@@ -78,9 +78,9 @@ def test_a_short_search_through_segments_goes_on_where_it_may_matter():
     calls = []
 
     class Fits:
-        def fit(self, hypothesis, values, starts, evaluations):
+        def refitted(self, fit, evaluations):
             calls.append(evaluations)
-            return SimpleNamespace(values=values, starts=starts, chi2=150.0, excess=0.0, ended=True)
+            return SimpleNamespace(values=fit.values, starts=fit.starts, chi2=150.0, excess=0.0, ended=True)
 
     def tried(chi2: float, excess: float, ended: bool) -> Trial:
         fit = SimpleNamespace(hypothesis=None, values=np.zeros(1), starts={}, chi2=chi2, excess=excess, ended=ended)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from granswim_pymunk import diagnose
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.inference.tracks.choose import absurd
+from granswim_pymunk.inference.tracks.fitted import Fit
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.signatures import Signature
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene
 
@@ -38,3 +45,26 @@ def test_a_drag_on_a_table_that_is_not_level_is_no_bent_picture():
     assert set(named) == {"linear_drag", "uniform_force"}, named
     assert named["linear_drag"]["c"]["value"] == pytest.approx(DRAG, rel=0.05)
     assert named["uniform_force"]["a"]["value"] == pytest.approx(SLOPE, abs=3e-4)
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_each_of_two_laws_counts_the_numbers_that_it_uses_itself(place):
+    """In their common fit the first law's numbers stand before the other's: what is idle in one is not in the other."""
+    drags = Term(
+        "joint_drag", "joint_drag (each body)",
+        tuple(Free(f"joint_drag.c[{b}]", "N m s", 0.0, math.inf, 1e-5, 1e-5) for b in "ab"), lambda *a: None,
+    )  # fmt: skip
+    push = Term(
+        "uniform_force", "uniform_force",
+        (Free("uniform_force.a_x", "m/s2", -math.inf, 20.0, 0.0, 1.0), Free("uniform_force.a_y", "m/s2", -20.0, 20.0,
+                                                                          0.0, 1.0)), lambda *a: None,
+    )  # fmt: skip
+    order = (drags, push) if place == 0 else (push, drags)
+    own = {drags.label: (0.0, 2e-5), push.label: (19.99, 3.0)}  # a drag that is none; a push that ends at its bound
+    stiffness = Term("spring", "spring", (Free("spring.stiffness", "N/m", 1.0, 9.0, 5.0, 1.0),), lambda *a: None)
+    values = np.array([4.0, *own[order[0].label], *own[order[1].label]])
+    fit = Fit(Hypothesis((stiffness, *order)), values, {}, {}, {}, 1.0, 9, np.eye(5))
+    of_drags, of_push = (Trial(Signature(t, np.zeros((9, 0)), 1.0, 0.0), fit, 0.0, 0.0) for t in (drags, push))
+    assert of_drags.used == 1 and of_push.used == 2
+    assert tuple(of_drags.values) == own[drags.label] and tuple(of_push.values) == own[push.label]
+    assert absurd(of_push) and not absurd(of_drags)

@@ -158,7 +158,7 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
         return fit.values
     rest = Fitter(cases, predictor, frames, whole=True)
     evaluations, held = current().blocks.evaluations, tuple(int(k) for k in np.flatnonzero(~told))
-    return rest.fit(fit.hypothesis, fit.values, fit.starts, evaluations=evaluations, held=held).values
+    return rest.refitted(fit, evaluations=evaluations, held=held).values
 
 
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -41,15 +41,11 @@ def worth(trial: Trial, spread: float) -> float:
     return trial.gain / spread - 2 * trial.used
 
 
-def absurd(trial: Trial, rows: slice | None = None) -> str:
-    """Why the numbers of a law make no sense for the apparatus; empty where they do.
-
-    rows : where they lie among those of its fit; the last ones where left out
-    """
+def absurd(trial: Trial) -> str:
+    """Why the numbers of a law make no sense for the apparatus; empty where they do."""
     if trial.fit is None:
         return ""
-    own = trial.fit.values[rows or slice(len(trial.fit.values) - trial.numbers, None)]
-    ended = ended_at_bound(zip(trial.term.free, map(float, own), strict=True))
+    ended = ended_at_bound(zip(trial.term.free, map(float, trial.values), strict=True))
     return "" if ended is None else f"{ended[0]} ends at {ended[1]:g}, where its search ends"
 
 
@@ -61,9 +57,9 @@ def ordinary(trial: Trial) -> bool:
     """
     if trial.fit is None:
         return False
-    offset, apparatus = len(trial.fit.values) - trial.numbers, trial.apparatus and not trial.term.special
-    for k, free in enumerate(trial.term.free):
-        away = float(trial.fit.values[offset + k]) - free.neutral
+    apparatus = trial.apparatus and not trial.term.special
+    for free, value in zip(trial.term.free, trial.values, strict=True):
+        away = float(value) - free.neutral
         room = current().verdict.ordinary * abs((free.high if away > 0 else free.low) - free.neutral)
         if not free.inner and abs(away) > (room if apparatus else free.ordinary):
             return False
@@ -194,7 +190,7 @@ def _without_and_with(owner: str, chosen: Trial, base: Fit, fitter: Fitter, mine
     for kept in ([b for b in there if b != owner], there):
         part = for_bodies(chosen.term, kept)
         if part is None:
-            fits.append(alone.fit(base.hypothesis, base.values, base.starts, fixed=True))
+            fits.append(alone.refitted(base, fixed=True))
             continue
         # the other numbers begin where they are with the law: without it they may have made up for it
         start, starts = _with_numbers(chosen, len(base.values), part[1]), chosen.fit.starts

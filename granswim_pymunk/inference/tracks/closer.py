@@ -40,7 +40,7 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
         if fitter.stop():
             break
         closer = fitter.tightened(share / fitter.closeness)
-        again = closer.fit(base.hypothesis, base.values, base.starts, evaluations=current().evaluations.joints)
+        again = closer.refitted(base, evaluations=current().evaluations.joints)
         if again.chi2 - loose.chi2 <= loose.allowed_rise:
             fitter, base = closer, again
             continue

@@ -48,7 +48,7 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
         if share >= fitter.closeness:
             continue
         closer = fitter.tightened(share / fitter.closeness)
-        again = closer.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().evaluations.joints)
+        again = closer.refitted(fit, evaluations=current().evaluations.joints)
         if again.chi2 - fit.chi2 > allowed:
             break
         fitter, fit = closer, again
@@ -322,6 +322,10 @@ class Fitter(Follower):
             x, numbers, _ = self._solve(hypothesis, x, numbers, active, 1.0, left, False)
             found = self._finish(hypothesis, x, numbers, fixed)
         return found
+
+    def refitted(self, fit: Fit, **how: Any) -> Fit:
+        """The same hypothesis fitted once more, from where another fit of it ended; ``how`` as for ``fit``."""
+        return self.fit(fit.hypothesis, fit.values, fit.starts, **how)
 
     def _share(self, count: int, rough: bool = False) -> float:
         """Of chi2, the fall at which a fit ends."""

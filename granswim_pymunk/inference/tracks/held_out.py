@@ -246,7 +246,7 @@ def _with_its_start(fitter: Fitter, training: Fit, case: Case) -> tuple[Fit, np.
     """The training fit with the start of a recording, of one that is held out also with the numbers that belong to it
     alone, and which of all those are."""
     if not case.held_out:
-        return fitter.fit(training.hypothesis, training.values, training.starts, fixed=True), np.zeros(0, dtype=int)
+        return fitter.refitted(training, fixed=True), np.zeros(0, dtype=int)
     reduced, own = own_numbers(training.hypothesis, training.values, case)
     if len(own):
         return fitter.fit(reduced, training.values[own], None), own
@@ -392,7 +392,7 @@ def noise_floor(
             inner = Fitter([replicate], predictor, {case.name: frames}, stop)
             try:
                 few = current().evaluations.repeat
-                found = inner.fit(fit.hypothesis, fit.values, fit.starts, fixed=not alone, evaluations=few)
+                found = inner.refitted(fit, fixed=not alone, evaluations=few)
                 seen = inner.predict(found, replicate, np.ones(len(case.t), dtype=bool))
             except Failed:
                 continue
@@ -428,7 +428,7 @@ def right_law_errors(
         again = Fitter(replicates, predictor, None, own.stop)
         try:
             enough = current().evaluations.right
-            fit = again.fit(training.hypothesis, training.values, training.starts, evaluations=enough, near=near)
+            fit = again.refitted(training, evaluations=enough, near=near)
         except Failed:
             return None, None
         return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms, fit

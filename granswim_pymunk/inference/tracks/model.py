@@ -41,7 +41,6 @@ from ..pipeline import diagnose_by
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
-from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, rivals_of, worth
@@ -342,16 +341,16 @@ class Tracks(ObservationModel):
 
     def _alike_in_pairs(self, laws: Sequence[Trial]) -> list[Claim]:
         """Pairs with another law in place of one of the two, which training data cannot tell from it."""
-        found, names, first = list[Claim](), {t.mechanism for t in laws}, len(self.plain.fit.values)
+        found, names = list[Claim](), {t.mechanism for t in laws}
         for e in self.exchanged:
             fit = e.trial.fit
             if fit is None or not e.alike or {e.keep.mechanism, e.replaced.mechanism} != names:
                 continue
             # with the steps and joints that what is claimed has
-            fit = self.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().intervals.refit)
+            fit = self.fitter.refitted(fit, evaluations=current().intervals.refit)
             gain = self.tried.recalibrated.chi2 - fit.chi2
             pair = tuple(replace(t, fit=fit, gain=gain) for t in (e.keep, e.trial))
-            if not any(absurd(t, rows) for t, rows in zip(pair, rows_of(pair, first), strict=True)):
+            if not any(absurd(t) for t in pair):
                 found.append(Claim(pair, fit))
         return found
 

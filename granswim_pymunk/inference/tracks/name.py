@@ -48,14 +48,18 @@ class Trial(Tried):
         return self.signature.term
 
     @property
+    def values(self) -> np.ndarray:
+        """Its numbers in its fit, where others may stand before and behind them; none without a fit."""
+        return np.zeros(0) if self.fit is None else self.fit.values[self.fit.hypothesis.rows(self.label)]
+
+    @property
     def used(self) -> int:
         """How many numbers were used: a strength that ended at its bound, where its law is absent, was not."""
         if self.fit is None:
             return self.numbers
-        values = self.fit.values[len(self.fit.values) - self.numbers :]
         idle = sum(
             f.neutral in (f.low, f.high) and abs(v - f.neutral) < current().rounding.bound * f.scale and not f.inner
-            for v, f in zip(values, self.term.free, strict=True)
+            for v, f in zip(self.values, self.term.free, strict=True)
         )
         return max(self.numbers - idle, 1)
 
@@ -113,7 +117,7 @@ class InnerSplit:
         Source: MacKay 1992, Neural Computation 4, 415; Dawid 1984, J. R. Stat. Soc. A 147, 278.
         """
         enough = current().evaluations.inner
-        first = self.fitter.fit(whole.hypothesis, whole.values, whole.starts, evaluations=enough)
+        first = self.fitter.refitted(whole, evaluations=enough)
         by_case, total, count = {}, 0.0, 0
         for case in self.cases:
             both = whole.white[case.name]
@@ -265,7 +269,7 @@ def heats(fitter: Fitter, base: Fit, signatures: Sequence[Signature], late: Call
     for name, rows in frames.items():
         parts[name][rows[: max(int(current().refits.heat * len(rows)), 1)]] = True
     first = Fitter(fitter.cases, fitter.predictor, parts, fitter.stop, rough=True)
-    short = first.fit(base.hypothesis, base.values, base.starts, stages=refits.heat_stages)
+    short = first.refitted(base, stages=refits.heat_stages)
     if short.chi2 < far * short.count:
         return None
     least = current().signatures.surviving
@@ -319,7 +323,7 @@ def try_candidates(
         if run is not None and k in run.fits:
             begin = run.fits[k]
             evaluations = _beginnings(base, signature.term)[1]
-            found = own.fit(begin.hypothesis, begin.values, begin.starts, evaluations=evaluations)
+            found = own.refitted(begin, evaluations=evaluations)
         else:
             found = refit(own, base, signature, stages)
         return Trial(signature, found, base.chi2 - found.chi2, float("inf"))
@@ -430,7 +434,7 @@ def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
         return trial
     if not fit.excess:
         return trial
-    found = fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().evaluations.valley)
+    found = fitter.refitted(fit, evaluations=current().evaluations.valley)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
 
 

@@ -259,7 +259,7 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
         winner = search.scored(fit, [Trial.untried(pair.a), Trial.untried(pair.b)], pair.score)
         # strength and shape of a law lie along a valley: walk it to its end
         enough = current().evaluations.pair_valley
-        fit = search.fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=enough)
+        fit = search.fitter.refitted(fit, evaluations=enough)
         return _partners(search, search.as_in(fit, winner))
     return []
 

@@ -157,7 +157,7 @@ def with_numbers_that_were_found(
         best: tuple[Fit, int, str] | None = None
         rows = rows_of(found, first)
         for k, trial in enumerate(found):
-            why = absurd(replace(trial, fit=revised), rows[k])
+            why = absurd(replace(trial, fit=revised))
             if not why and trial.apparatus and not all(t.apparatus for t in found):
                 why = _unsure(trial, revised, rows[k], spread)
             if not why:

@@ -231,7 +231,7 @@ def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
     )
 
     def again(fit: Fit) -> Fit:
-        return fitter.fit(fit.hypothesis, fit.values, fit.starts, evaluations=current().evaluations.memory)
+        return fitter.refitted(fit, evaluations=current().evaluations.memory)
 
     naive = again(tried.naive)
     recalibrated = naive if tried.recalibrated is tried.naive else again(tried.recalibrated)
@@ -384,12 +384,12 @@ def finely(
         study.predictor.dt = {name: dt / 2 for name, dt in study.predictor.dt.items()}
         study.notes.append(f"{worst} would move by {moved.max():.1f} standard errors with half the time step: halved")
         few = current().evaluations.finer
-        revised = fitter.fit(revised.hypothesis, revised.values, revised.starts, evaluations=few)
-        naive = study.fitter.fit(tried.naive.hypothesis, tried.naive.values, tried.naive.starts, evaluations=few)
+        revised = fitter.refitted(revised, evaluations=few)
+        naive = study.fitter.refitted(tried.naive, evaluations=few)
         recalibrated = naive
         if tried.recalibrated is not tried.naive:
             then = tried.recalibrated
-            recalibrated = study.fitter.fit(then.hypothesis, then.values, then.starts, evaluations=few)
+            recalibrated = study.fitter.refitted(then, evaluations=few)
         tried = replace(tried, naive=naive, recalibrated=recalibrated)
         found = [replace(t, fit=revised, gain=recalibrated.chi2 - revised.chi2) for t in found]
     return tried, fitter, found, revised
