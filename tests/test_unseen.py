@@ -21,18 +21,33 @@ from granswim_pymunk.inference.criteria.packings import Sizes
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Free
 from granswim_pymunk.inference.packings import diagnose_unseen
-from granswim_pymunk.inference.packings.amounts import Amount, amount_jobs
+from granswim_pymunk.inference.packings.amounts import (
+    Amount,
+    amount_jobs,
+    amount_label,
+    in_spreads,
+    scaled_candidates,
+    spreads_off,
+)
 from granswim_pymunk.inference.packings.candidates import candidates_of, dimension
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
-from granswim_pymunk.inference.packings.conclude import again, best_pair, both_earned, by_themselves, plainer
+from granswim_pymunk.inference.packings.conclude import (
+    _refitted_leaders,
+    _within_signature,
+    again,
+    best_pair,
+    both_earned,
+    by_themselves,
+    plainer,
+)
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
 from granswim_pymunk.inference.packings.recalibrate import begin, recalibrate
 from granswim_pymunk.inference.packings.refitting import anchored, goodness, refit, run_at, stiffer
 from granswim_pymunk.inference.packings.response import Means, Model, add, covariances, fit
 from granswim_pymunk.inference.packings.runs import Job, Runner, softness, time_step
-from granswim_pymunk.inference.packings.screening import Bank, screen
-from granswim_pymunk.inference.packings.state import NAIVE, jobs_for, label_of, rounded
+from granswim_pymunk.inference.packings.screening import Bank, gains, screen
+from granswim_pymunk.inference.packings.state import NAIVE, Trial, jobs_for, label_of, rounded
 from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of
 from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
@@ -403,9 +418,9 @@ def test_pairs_are_priced_by_the_normal_equations():
     columns = dict(zip(names, (a, b, c), strict=True))
 
     def bank(r: np.ndarray, low: float) -> Bank:
-        signs = dict.fromkeys(names, (-np.inf, np.inf)) | {names[0]: (low, np.inf)}
+        room = dict.fromkeys(names, (-np.inf, np.inf)) | {names[0]: (low, np.inf)}
         directions = {name: column / np.linalg.norm(column) for name, column in columns.items()}
-        return Bank({}, r, np.zeros((40, 0)), columns, directions, signs, {}, {})
+        return Bank({}, r, np.zeros((40, 0)), columns, directions, room, {}, {})
 
     r = 8 * (b - a)[:, 0]
     gain, x, y = best_pair(bank(r, -np.inf), [first, second, third])
@@ -639,6 +654,61 @@ def test_p_is_uniform_where_runs_are_few_and_numbers_many(world):
         screen(s, every)
         ps.append(s.p_search)
     assert chi2.sf(-2 * np.sum(np.log(ps)), 2 * len(ps)) > 1e-3  # Fisher 1932
+
+
+def test_a_single_number_gains_within_its_bounds_alone():
+    """To first order: the least of a parabola, at its bottom or at the bound before it."""
+    conditions = conditions_of([recording(swimming(T))], [], 0)
+    x = next(x for x in candidates_of(conditions) if x.label == "added_mass")
+    (free,) = x.term.free
+    # masses follow from the bed's density: what is carried along does not take half of them away
+    assert free.low == pytest.approx(-0.06) and free.high == 1.0
+    a = np.random.default_rng(0).normal(size=(40, 1))
+    room = {x.label: (free.low, free.high)}
+    bank = Bank({}, a[:, 0], np.zeros((40, 0)), {x.label: a}, {x.label: a / np.linalg.norm(a)}, room, {}, {})
+    size = float(a[:, 0] @ a[:, 0])
+    r = a * np.array([[0.5, 2.0, -0.03, -0.87]])
+    assert gains(bank, x, r) / size == pytest.approx([0.25, 2 * 2 - 1, 0.03**2, 0.06 * (2 * 0.87 - 0.06)])
+
+
+@pytest.mark.parametrize(("strength", "size"), [(0.0, 4.0), (40.0, None)])
+def test_signatures_are_taken_at_the_size_of_what_is_to_be_explained(world, strength, size):
+    x = world_candidates()["linear_drag"]
+    first = float(x.design[0, 0])
+    conditions = conditions_of(filmed({x.label: [strength * first]} if strength else {}, 7, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    off = spreads_off(s, conditions[0])
+    assert (off > 2 * current().packings.amounts.most) == bool(strength)
+    wanted = off if size is None else size
+    chosen = next(c for c in scaled_candidates(s) if c.label == x.label)
+    shift = s.means.mean[conditions[0].name][amount_label(chosen, chosen.design[0]), True][0]
+    found = in_spreads(s, conditions[0], shift - s.means.mean[conditions[0].name][NAIVE, True][0])
+    assert 0.4 * wanted < found < 2.5 * wanted
+
+
+def test_a_law_that_is_fitted_away_from_its_signature_is_run_before_it_is_left_behind(world, monkeypatch):
+    """What saturates gains little by the chord of a large amount: less than the share from which others are run."""
+    criteria = current().packings
+    monkeypatch.setattr(World, "saturates", 1.5)
+    x = world_candidates()["linear_drag"]
+    first = float(x.design[0, 0])
+    conditions = conditions_of(filmed({x.label: [0.2 * first]}, 7, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    recalibrate(s)
+    ran = {}
+    for factor in (0.25, 8.0):
+        c = x.scaled(factor)
+        s.runner.do([j for k in range(4) for j in amount_jobs(c, c.design[0], s.training, [k])])
+        s.means.refresh()
+        screen(s, [c])
+        (t,) = s.trials
+        ran[factor] = _within_signature(s, t)
+        best = Trial(c, 1.0, t.gain / (1.5 * criteria.led_bent))  # another law, of which this one has 0.15
+        s.trials.append(best)
+        assert criteria.led_bent * best.gain < t.gain < criteria.led * best.gain
+        leaders = _refitted_leaders(s, [best, t])
+        assert (t in leaders and t.refitted > 0) == (not ran[factor])
+    assert ran == {0.25: True, 8.0: False}
 
 
 def test_places_are_held_against_nulls_that_were_recalibrated_as_the_recording_was(world):

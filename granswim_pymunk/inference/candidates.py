@@ -52,6 +52,11 @@ def weighed(cases: Sequence[Case]) -> bool:
     )  # fmt: skip
 
 
+def lightest() -> float:
+    """The lowest added mass, in units of the mass, of a body whose mass is known: as far as believed masses are off."""
+    return -current().candidates.believed * current().candidates.unstated
+
+
 def _radius_power(choice: Mapping[str, Any]) -> float:
     return float(choice.get("p", 0.0))
 
@@ -82,7 +87,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     given = constants(law, cases)
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
-    lightest = -current().candidates.believed * current().candidates.unstated if weighed(cases) else -math.inf
+    least = lightest() if weighed(cases) else -math.inf
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -99,7 +104,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = current().candidates.step * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
-                low = max(low, lightest) if p.within == "weight" else low
+                low = max(low, least) if p.within == "weight" else low
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary

@@ -136,7 +136,8 @@ class PackingCriteria:
     step : of an adjustable's range, and ``slope``: of a number's scale, by which derivatives step. Choice
     moved : of such a step, and ``moved_errors``: of its standard error, from which an adjustable is run again where it
         is. Choice;  chord : of its scale, from which a number's slope is the chord to where it was run. Choice
-    led : of the best gain, from which a candidate is refitted, ``led_apparatus`` one of the apparatus;  sharper : from
+    led : of the best gain, from which a candidate is refitted, ``led_apparatus`` one of the apparatus, ``led_bent`` one
+        that is fitted at ``bent`` times the amount of its signature, or at less than that part;  sharper : from
         which it is run in more packings, at most ``sharpened``;  rival : from which it is told beside. Choices
     arc : of the largest, above which a phase is of the place of a mismatch. Choice
     falls : of the objective, below which a step of its fit is none, and the last one. Choice
@@ -177,6 +178,8 @@ class PackingCriteria:
     chord: float = 0.1
     led: float = 0.3
     led_apparatus: float = 0.15
+    led_bent: float = 0.1
+    bent: float = 2.0
     sharper: float = 0.3
     sharpened: int = 8
     rival: float = 0.2

@@ -74,15 +74,28 @@ def amount_jobs(
     ]  # fmt: skip
 
 
+def in_spreads(s: Search, c: Condition, shift: np.ndarray) -> float:
+    """Root mean square of a shift (p,), in what the numbers of two packings differ by."""
+    mean_square = float(shift @ np.linalg.solve(s.means.covariance[c.name], shift)) / len(shift)
+    return math.sqrt(mean_square / 2.0)
+
+
+def spreads_off(s: Search, c: Condition) -> float:
+    """How far the recording is from the recalibrated scene, in what two packings differ by; 0.7 where nothing lacks."""
+    return in_spreads(s, c, s.base.left[c.name][0])
+
+
 def scaled_candidates(s: Search) -> list[Candidate]:
-    """All candidates at amounts that show in the first recording and do not overturn everything there."""
+    """All candidates at amounts that show in the first recording and do not overturn everything there.
+
+    Signatures bend: where more is to be explained than a usual first amount changes, they are taken at that size.
+    """
     every = candidates_of(s.training)
     adjustable = {t.label for t in s.adjust}
     every = [x for x in every if not any(f.name in adjustable for f in x.term.free)]
     physical = [x for x in every if not x.apparatus]
     probe = s.training[0]
-    chance = math.sqrt(2.0 * len(probe.numbers))
-    covariance = s.means.covariance[probe.name]
+    stretch = max(spreads_off(s, probe) / current().packings.amounts.wanted, 1.0)
     amounts = {x.label: Amount(other=x.other) for x in physical}
     for attempt in range(current().packings.probes):
         trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
@@ -96,8 +109,7 @@ def scaled_candidates(s: Search) -> list[Candidate]:
             found = s.means.mean[probe.name].get((amount_label(scaled, scaled.design[0]), True))
             size = math.inf
             if found is not None:
-                shift = found[0] - s.means.mean[probe.name][NAIVE, True][0]
-                size = math.sqrt(float(shift @ np.linalg.solve(covariance, shift))) / chance
+                size = in_spreads(s, probe, found[0] - s.means.mean[probe.name][NAIVE, True][0]) / stretch
             bigger = x.scaled(2 * amounts[x.label].factor)
             amounts[x.label].add(size, np.allclose(bigger.design, scaled.design))
     settled = {label: a.best for label, a in amounts.items() if a.best is not None}

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
-from ..candidates import applies
+from ..candidates import applies, lightest
 from ..criteria import current
 from ..hypothesis import Free, Term
 from ..swimmer_terms import swimmer_terms, tried_below
@@ -133,8 +133,10 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Cand
         for name in law.strength:
             p = law.parameter(name)
             at, size = len(free), _declared(law, p) or scale(p)
+            # masses of a bed follow from its density: what is carried along only adds to them
+            low = max(p.low, lightest()) if p.within == "weight" else p.low
             free += [
-                Free(f"{law.name}.{argument}", p.unit, p.low, p.high, p.neutral, size, None, p.neutral)
+                Free(f"{law.name}.{argument}", p.unit, low, p.high, p.neutral, size, None, p.neutral)
                 for argument in p.arguments
             ]
             groups.append((name, tuple(range(at, len(free)))))

@@ -119,8 +119,13 @@ def named_laws(
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     """What comes near the best, refitted by simulation, best first; signatures are not linear."""
     criteria, best = current().packings, open_[0].gain
-    least = {False: criteria.led * best, True: criteria.led_apparatus * best}
-    leaders = [t for t in open_ if t.gain > least[t.apparatus] or t.gain > least[False]]
+
+    def least(t: Trial) -> float:
+        if t.apparatus:
+            return criteria.led_apparatus
+        return criteria.led if _within_signature(s, t) else criteria.led_bent
+
+    leaders = [t for t in open_ if t.gain > min(least(t), criteria.led) * best]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
@@ -149,6 +154,17 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
                     again(s, one, 0.79, 1, s.sizes.duel)
                     dueled.add(one.label)
     return sorted(leaders, key=lambda t: -t.worth)
+
+
+def _within_signature(s: Search, t: Trial) -> bool:
+    """Whether a law is fitted near the amounts of its signature: elsewhere that bends, and what it gains is unknown."""
+    model = model_of(s, [t.candidate])
+    if model is None:
+        return True
+    found, n = fit(model, s.means, s.training), len(s.adjust)
+    run = np.abs(t.candidate.design).max(axis=0)
+    away = float(np.max(np.abs(found.u[n:] - t.candidate.neutral) / run))
+    return 1 / current().packings.bent < away < current().packings.bent
 
 
 def _in_reach(s: Search, best: Trial, other: Trial) -> bool:
@@ -290,7 +306,7 @@ def best_pair(bank: Bank, candidates: Sequence[Candidate]) -> tuple[float, Candi
         columns = np.hstack([bank.columns[a.label], bank.columns[b.label]])
         amounts, *_ = np.linalg.lstsq(columns, left, rcond=None)
         if all(
-            x.numbers > 1 or bank.signs[x.label][0] <= v <= bank.signs[x.label][1]
+            x.numbers > 1 or bank.room[x.label][0] <= v <= bank.room[x.label][1]
             for x, v in ((a, amounts[0]), (b, amounts[-1]))
         ):
             return gain, a, b

@@ -67,7 +67,7 @@ class Bank:
     adjust: np.ndarray  # orthonormal basis of the adjustables
     columns: dict[str, np.ndarray]  # of each candidate, adjustables projected out
     directions: dict[str, np.ndarray]  # orthonormal
-    signs: dict[str, tuple[float, float]]  # of single numbers: on which side of neutral there is room
+    room: dict[str, tuple[float, float]]  # of single numbers: from neutral to their bounds
     surviving: dict[str, float]
     visible: dict[str, float]
 
@@ -109,21 +109,22 @@ def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None)
                 noise += variance * size * model.free[k].scale ** 2
         bank.visible[x.label] = before / math.sqrt(noise) if noise > 0 else math.inf
         f = x.term.free[0]
-        bank.signs[x.label] = (f.low - f.neutral, f.high - f.neutral)
+        bank.room[x.label] = (f.low - f.neutral, f.high - f.neutral)
     return bank
 
 
 def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
-    """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; none on the side that a bound forbids."""
+    """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; of a single number within its bounds."""
     left = r - bank.adjust @ (bank.adjust.T @ r)
     directions = bank.directions[candidate.label]
     if not directions.shape[1]:
         return np.zeros(r.shape[1])
     found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
     if candidate.numbers == 1:
-        amount = bank.columns[candidate.label][:, 0] @ left
-        low, high = bank.signs[candidate.label]
-        found = np.where(((amount > 0) & (high <= 0)) | ((amount < 0) & (low >= 0)), 0.0, found)
+        column = bank.columns[candidate.label][:, 0]
+        along, size = column @ left, float(column @ column)
+        amount = np.clip(along / size, *bank.room[candidate.label])
+        found = amount * (2.0 * along - amount * size)
     return found
 
 
