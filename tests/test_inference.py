@@ -169,6 +169,20 @@ def test_an_outlier_on_a_curved_path_is_told_from_both_sides():
     assert not outliers(t, seen, 1e-4, smooth).any()
 
 
+def test_two_outliers_that_are_near_one_another_are_told_on_a_curved_path():
+    """The curve through the frames about one of them bends to the other, and hides it, until that is left out."""
+    found = 0
+    for k in range(40):
+        rng = np.random.default_rng(k)
+        t = np.arange(60) / 100
+        seen = 0.2 * np.sin(rng.uniform(1, 12) * t + rng.uniform(0, 6)) + 1e-4 * rng.normal(size=60)
+        smooth = np.ones(60, dtype=bool)
+        at = int(rng.integers(12, 44)) + np.array([0, rng.integers(2, 5)])
+        seen[at] += rng.choice([-1, 1], size=2) * 4e-3
+        found += np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist() == at.tolist()
+    assert found > 35, found
+
+
 def test_a_size_that_is_off_by_two_is_refuted_by_a_single_short_channel():
     rng = np.random.default_rng(5)
     body = Body("a", "free", 0.01, 0.1)

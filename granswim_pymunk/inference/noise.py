@@ -473,8 +473,29 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.
 
 
 def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float) -> np.ndarray:
-    """(n,) |values[:, at] - polynomial of fifth degree through the others (n, k)| over its standard deviation."""
+    """(n,) |values[:, at] - polynomial of fifth degree through the others (n, k)| over its standard deviation.
+
+    As of a line, a frame that is itself far off the curve through the others is left out: of two sightings nearby that
+    are no positions each would hide the other.
+    """
     others = [k for k in range(t.shape[1]) if k != at]
+    off, own = _off_fifth(t, values, at, others, sigma)
+    far = np.flatnonzero(own > current().noise.hides ** 2 * sigma**2)
+    if len(far):
+        fewer = ([k for k in others if k != j] for j in others)
+        tried = [_off_fifth(t[far], values[far], at, kept, sigma) for kept in fewer]
+        alone, less = (np.array(part) for part in zip(*tried, strict=True))
+        best = np.argmin(less, axis=0), np.arange(len(far))
+        hidden = own[far] > current().noise.hides ** 2 * less[best]
+        off[far] = np.where(hidden, alone[best], off[far])
+    return off
+
+
+def _off_fifth(
+    t: np.ndarray, values: np.ndarray, at: int, others: Sequence[int], sigma: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """What ``_off_curve`` says by the frames ``others``, and the variance (n,) of these about the curve, at least that
+    of the noise."""
     s = t - t[:, at, None]
     span = np.maximum(np.abs(s).max(axis=1, keepdims=True), 1e-300)
     design = np.power((s[:, others] / span)[..., None], np.arange(6))
@@ -484,7 +505,7 @@ def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float) -> np.n
     own = np.maximum(np.sum(left**2, axis=1) / (len(others) - 6), sigma**2)
     weights = inverse[:, 0]  # of the curve where the frame lies
     off = values[:, at] - np.sum(weights * v, axis=1)
-    return np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1)))
+    return np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1))), own
 
 
 def _off_cubic(t: np.ndarray, values: np.ndarray, rows: np.ndarray, side: int, sigma: float) -> np.ndarray:
