@@ -30,7 +30,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.held_out import noise_floor, right_law_errors
 from granswim_pymunk.inference.tracks.intervals import with_limits
-from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, try_candidates, unstuck
+from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
 from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
 from granswim_pymunk.inference.tracks.segments import Impact, make_segments
 from granswim_pymunk.inference.tracks.sets import SetSearch
@@ -426,8 +426,8 @@ def test_a_push_on_one_body_gives_way_to_the_same_on_all_that_does_as_well():
         return replace(trial, signature=replace(trial.signature, term=term))
 
     one, every = on(62.0, "a"), on(59.0, "a", "b")
-    assert choose.choose([one, every], 1.0, 20.0) is every
-    assert choose.choose([one, on(50.0, "a", "b")], 1.0, 20.0) is one
+    assert choose.choose([one, every], 1.0, 20.0, 2) is every
+    assert choose.choose([one, on(50.0, "a", "b")], 1.0, 20.0, 2) is one
 
 
 def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> Trial:
@@ -435,6 +435,38 @@ def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> T
     term = Term(name, name, free, lambda scene, camera, values: (scene, camera))
     fit = Fit(Hypothesis((term,)), np.ones(numbers), {}, {}, {}, chi2, 66, np.eye(numbers))
     return Trial(Signature(term, np.zeros((1, 0)), 1.0, gain), fit, gain, inner)
+
+
+def test_what_acts_in_the_first_frames_alone_is_named_where_it_leaves_noise():
+    """Later frames cannot speak for it; all of them do, by more than the price of one of those that were tried."""
+    limit = _tried("actuator_saturation", 1, 2241.0, 66.0, 1.73)  # without it later frames have 1.34
+    assert choose.choose([limit], 1.0, 1.34, 40) is limit
+    # not where so little comes by chance, where more than noise is left, or where later frames were never asked
+    weak, unasked = replace(limit, gain=15.0), replace(limit, inner=math.inf)
+    assert choose.choose([weak], 1.0, 1.34, 40) is None and choose.choose([unasked], 1.0, 1.34, 40) is None
+    assert choose.choose([weak], 1.0, 1.75, 40) is weak
+    assert choose.choose([limit], 1.5, 1.34, 40) is None
+
+
+def test_a_stream_that_ran_to_its_bound_along_a_valley_may_as_well_lie_halfway():
+    """Beside an adjustable drag only c u is known; beside one that is known u itself is, and its bound pulls it."""
+    truth = table(use("linear_drag", c=0.006), use("ambient_flow", c=0.002, u=(0.5, -0.25)))  # faster than any body
+    for adjustable in (Adjustable("linear_drag", "c", 1e-3, 0.03),), ():
+        naive = replace(table(use("linear_drag", c=0.009 if adjustable else 0.006)), adjustable=adjustable)
+        case = prepare(filmed(truth, naive, SHORT, np.random.default_rng(16)), held_out=False, split=False)
+        fitter = Fitter([case], Predictor({"r": 1e-3}))
+        (flow,) = (t for t in named_terms([case], each=False) if t.label == "ambient_flow")
+        c, *u = flow.free
+        flow = replace(flow, free=(replace(c, scale=1e-4), *(replace(f, scale=1e-3) for f in u)))
+        hypothesis = Hypothesis(adjustable_terms([case])).with_term(flow)
+        first, high = len(adjustable), flow.free[1].high
+        begin = [*[0.005] * first, 1e-3 / high, high, -high / 2]
+        ended = fitter.fit(hypothesis, begin, evaluations=60, held=(first + 1,))
+        level = off_bounds(fitter, ended, slice(first, first + 3))
+        trial = Trial(Signature(flow, np.zeros((1, 0)), 1.0, 1.0), level, 1.0, 1.0)
+        assert bool(choose.absurd(trial)) != bool(adjustable)
+        assert (level is ended) != bool(adjustable)
+        assert level.chi2 < ended.chi2 + 4.0
 
 
 @pytest.mark.long

@@ -79,7 +79,7 @@ def test_what_is_the_same_as_a_scale_is_a_scale():
     fitted = [t for t in trials if t.fit is not None]
     equal = [t for t in fitted if t.gain > fitted[0].gain - 1.0]
     assert {t.mechanism for t in equal} == {"camera_scale", "camera_foreshortening"}
-    chosen = choose.choose([scored(t) for t in fitted], 1.0, math.inf)
+    chosen = choose.choose([scored(t) for t in fitted], 1.0, math.inf, len(fitted))
     assert chosen is not None and chosen.mechanism == "camera_scale"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from ..camera_terms import camera_terms
 from ..candidates import for_bodies, owners
 from ..criteria import current
 from ..data import Case
+from ..significance import price
 from ..simpler import by_chance, ended_at_bound, special_cases
 from ..trial import best_of_each
 from .fit import Fitter
@@ -72,8 +74,19 @@ def extraordinary(trial: Trial) -> bool:
     return may_be and not ordinary(trial)
 
 
-def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | None:
-    """The candidate to be named.
+def foretold(trial: Trial, spread: float, base_inner: float, looked: int) -> bool:
+    """Whether a law is one that later data inside the training part do not speak against.
+
+    Where it leaves noise alone, all data are asked: ln p(all) = ln p(first part) + ln p(rest | first part), and what
+    acts in the first part alone (an end stop met while a motor starts) can only lose in the rest. It has to earn
+    the price of one of ``looked`` candidates in all (``significance.price``).
+    """
+    enough = price(looked, trial.used)
+    return trial.inner < base_inner or (spread <= 1 and math.isfinite(trial.inner) and trial.gain / spread > enough)
+
+
+def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -> Trial | None:
+    """The candidate to be named, of ``looked`` that were compared.
 
     Where the best fit leaves noise (spread 1) chi2 decides; where something remains, prediction inside the
     training part does, since chi2 then rewards whatever bends. Of candidates that cannot be told apart, the
@@ -81,7 +94,8 @@ def choose(trials: list[Trial], spread: float, base_inner: float) -> Trial | Non
     much, and a law on all bodies before the same law on one of them, which had as many chances as there are bodies.
     """
     verdict, sets = current().verdict, current().sets
-    trials = [t for t in trials if worth(t, spread) > verdict.noticed and t.inner < base_inner and not absurd(t)]
+    trials = [t for t in trials if worth(t, spread) > verdict.noticed and foretold(t, spread, base_inner, looked)]
+    trials = [t for t in trials if not absurd(t)]
     if not trials:
         return None
     every = [t.term for t in trials]

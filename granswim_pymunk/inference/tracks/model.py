@@ -333,7 +333,7 @@ class Tracks(ObservationModel):
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         found: list[Trial] = []
         while same := [t for t in same if t.mechanism not in {winner.mechanism, *(u.mechanism for u in found)}]:
-            best = choose(same, spread, least)
+            best = choose(same, spread, least, len(self.tried.terms))
             if best is None:
                 break
             found.append(best)

@@ -15,7 +15,7 @@ from ...laws import has_role
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Predictor, Term
-from ..simpler import special_cases
+from ..simpler import by_chance, ended_at_bound, special_cases
 from ..trial import Tried
 from .fit import Fitter, side_by_side
 from .fitted import Fit
@@ -342,6 +342,8 @@ def try_candidates(
             for t, behind in zip(trials, apart, strict=True)
         ]
         trials = side_by_side(fitter, jobs)
+        least = current().refits.inner_scored * max([ahead, *(t.gain for t in trials)])
+        trials = [t if t.gain < least else _off_its_bounds(fitter, base, t) for t in trials]
     return sorted(trials, key=lambda t: -t.gain)
 
 
@@ -436,6 +438,55 @@ def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
         return trial
     found = fitter.refitted(fit, evaluations=current().evaluations.valley)
     return replace(trial, fit=found, gain=base.chi2 - found.chi2) if found.chi2 < fit.chi2 else trial
+
+
+def _off_its_bounds(fitter: Fitter, base: Fit, trial: Trial) -> Trial:
+    if trial.fit is None:
+        return trial
+    fit = off_bounds(fitter, trial.fit, slice(len(trial.fit.values) - trial.numbers, len(trial.fit.values)))
+    return trial if fit is trial.fit else replace(trial, fit=fit, gain=base.chi2 - fit.chi2)
+
+
+def off_bounds(fitter: Fitter, fit: Fit, rows: slice) -> Fit:
+    """The fit with factors of a strength halfway from where their search began to their bounds, if they ended there
+    and may as well lie halfway.
+
+    Where only a product is known, as the push c u of a stream beside an adjustable drag, chi2 has a level valley along
+    which a search runs until a bound stops it: such an end says nothing against the law. Where chi2 with the number
+    held halfway rises by more than chance (``by_chance``), the number is pulled to its bound. A strength at its bound
+    is as large as it may be (a picture of another size), and stays there.
+    """
+    for k in range(rows.start, rows.stop):
+        free = fit.hypothesis.free[k]
+        ended = ended_at_bound([(free, float(fit.values[k]))]) if free.inner else None
+        if ended is None:
+            continue
+        fit = _along_its_valley(fitter, fit, k, (ended[1] + free.neutral) / 2) or fit
+    return fit
+
+
+def _along_its_valley(fitter: Fitter, fit: Fit, k: int, end: float) -> Fit | None:
+    """The fit with its number ``k`` held at ``end``, None where chi2 rises by more than chance on the way there.
+
+    A valley bends: a step after which the other numbers do not find back to it is halved.
+    """
+    criteria, here, step = current().intervals, fit, end - float(fit.values[k])
+    least = criteria.fine * abs(step)
+    for _ in range(criteria.most):
+        values = here.values.copy()
+        values[k] += step
+        few = criteria.evaluations
+        found = fitter.fit(fit.hypothesis, values, here.starts, evaluations=few, held=(k,), near=here)
+        rest = end - float(found.values[k])
+        if not by_chance(found.chi2 - fit.chi2, 1):
+            step /= 2
+            if abs(step) < least:
+                break
+        elif abs(rest) < least:
+            return found
+        else:
+            here, step = found, math.copysign(min(abs(rest), criteria.growth * abs(step)), rest)
+    return None
 
 
 def label_of(*trials: Trial) -> str:

@@ -204,7 +204,7 @@ def _one_more(
     )
     # what may as well be absent stands in the way of no other: of joints of their own one may have none
     good = [t for t in good if t.fit is not None and _away_from_absent(t.fit, t, spread)] or good
-    best = choose(good, spread, base_inner + search.inner.slack) if good else None
+    best = choose(good, spread, base_inner + search.inner.slack, len(beside.signatures)) if good else None
     if best is None or best.fit is None:
         return nothing
     null = search_nulls(

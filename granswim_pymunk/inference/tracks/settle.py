@@ -20,7 +20,7 @@ from .choose import absurd
 from .fit import Fitter
 from .fitted import Fit
 from .intervals import with_believed_errors
-from .name import Trial
+from .name import Trial, off_bounds
 from .sets import SetSearch
 from .signatures import columns_of, make_bank
 
@@ -153,6 +153,11 @@ def with_numbers_that_were_found(
     spread : inflation of variances by what the fit leaves
     """
     found, dropped, first = list(found), dict[str, str](), len(base.values)
+    level = revised
+    for own in rows_of(found, first):
+        level = off_bounds(fitter, level, own)
+    if level is not revised:
+        found, revised = [replace(t, fit=level, gain=base.chi2 - level.chi2) for t in found], level
     while found:
         best: tuple[Fit, int, str] | None = None
         rows = rows_of(found, first)

@@ -289,7 +289,8 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
     study.progress("nulls", 0.64)
     sets, late = current().sets, study.late(current().budget.exchanges)
     replicates = sets.replicates_late if late else sets.replicates
-    chosen = choose(tried.alive, tried.spread, tried.inner["recalibrated"] + study.inner.slack)
+    least = tried.inner["recalibrated"] + study.inner.slack
+    chosen = choose(tried.alive, tried.spread, least, len(tried.terms))
     signatures = tried.bank.signatures
     if not signatures:
         return None, None
