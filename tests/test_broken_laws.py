@@ -211,3 +211,53 @@ def test_laws_with_other_numbers_run_as_in_a_new_simulation(name, make, scheme):
     assert np.array_equal(before.sample(times), fresh)
     assert differs or all(other(item).values == item.values for item in scene.laws)
     assert not before.retune(scene.laws[1:]) and (not scene.laws[1:] or not before.retune(scene.laws[::-1]))
+
+
+def meeting(*laws):
+    """Disks that meet twice and go on from impact to impact."""
+    bodies = (
+        Body("a", "free", 0.01, MASS, initial=(0.0, 0.0, 0.5, 0.0)),
+        Body("b", "free", 0.01, MASS, initial=(0.0205, 0.004, 0.0, 0.0)),
+        Body("c", "free", 0.015, MASS, initial=(0.06, -0.01, -0.2, 0.05)),
+    )
+    return Scene(bodies, (use("contact_elastic", restitution=0.8), *laws)), 1e-3
+
+
+def arms(*laws):
+    """Two arms, one hung from the other."""
+    bodies = (
+        Body("upper", "free", 0.01, 0.2, inertia=6e-4, initial=(0.1, 0.0, 0.0, 0.0)),
+        Body("lower", "free", 0.01, 0.1, inertia=2e-4, initial=(0.2, -0.08, 0.0, 0.0)),
+    )
+    hinges = (
+        use("hinge", bodies=["upper"], anchor=(0.0, 0.0), anchor_a=(-0.1, 0.0)),
+        use("hinge", bodies=["upper", "lower"], anchor_a=(0.1, 0.0), anchor_b=(0.0, 0.08)),
+    )
+    return Scene(bodies, (use("gravity"), *hinges, *laws), gravity=(0.0, -9.81)), 1e-4
+
+
+PUSH = use("uniform_force", a=(0.4, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("make", "before", "after", "tables"),
+    [
+        (meeting, [use("linear_drag", c=0.3, p=1)], [use("linear_drag", c=0.2, p=1)], True),
+        (meeting, [PUSH], [use("uniform_force", a=(0.1, -0.3))], True),
+        (meeting, [use("contact_friction", mu=0.01)], [use("contact_friction", mu=0.02)], False),
+        (meeting, [PUSH, use("added_mass", beta=0.2)], [PUSH, use("added_mass", beta=0.4)], False),
+        (arms, [use("joint_drag", c=1e-3)], [use("joint_drag", c=2e-3)], True),
+        (arms, [use("linear_drag", c=0.3, p=1)], [use("linear_drag", c=0.2, p=1)], True),
+        (arms, [use("added_mass", beta=0.2)], [use("added_mass", beta=0.4)], False),
+    ],
+)
+def test_beside_impacts_and_hinges_too_and_not_where_more_than_tables_is_made_of_them(make, before, after, tables):
+    (other, dt), (scene, _) = make(*before), make(*after)
+    start, times = np.array([b.initial for b in scene.bodies]), np.arange(0.0, 0.3, 0.021)
+    fresh = Simulation(scene, dt=dt, averaged=True).sample(times)
+    simulation = Simulation(other, dt=dt, averaged=True)
+    assert not np.array_equal(simulation.sample(times), fresh)
+    assert simulation.retune(scene.laws) == tables
+    if tables:
+        simulation.restart(start[:, :2], start[:, 2:], scene.time.start)
+        assert np.array_equal(simulation.sample(times), fresh)

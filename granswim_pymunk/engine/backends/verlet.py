@@ -91,13 +91,16 @@ class Verlet(Native):
     def retune(self, laws: tuple[LawUse, ...]) -> bool:
         """Give the laws other numbers, see ``Simulation.retune``."""
         before = self.scene.laws
-        if not self.in_place or len(laws) != len(before):
+        if len(laws) != len(before):
             return False
+        held = bool(self.impulse) or len(self.joints.links.rows) > 0
         for old, new in zip(before, laws, strict=True):
             if old.law is not new.law or old.bodies != new.bodies:
                 return False
-            # the Space, or the joints, are made of the numbers of these
-            if (old.law.kind not in KIND_ORDER or old.name == "pin") and old.values != new.values:
+            # more than tables is made of these: how disks bounce and rub, Chipmunk's joints, links and what they move
+            surface = self.impulse and old.name == "contact_friction"
+            joint = old.name == "pin" or (held and old.law.kind == "constraint")
+            if (old.law.kind not in KIND_ORDER or surface or joint) and old.values != new.values:
                 return False
         scene = replace(self.scene, laws=laws)
         uses = uses_of(scene, self.order)
