@@ -1,8 +1,30 @@
 """Settings for all tests: kernels are compiled once per user cache, figures need no screen."""
 
+from __future__ import annotations
+
 import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from granswim_pymunk.inference import Diagnosis
 
 # many small matrices: threads of the linear algebra library would only wait for each other
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
+
+
+@pytest.fixture(scope="session")
+def bed_with_another_held_out() -> Diagnosis:
+    """Of a small bed whose grains are seen, with a weak joint, and a whole recording held out."""
+    from granswim_pymunk.inference.windows import diagnose_bed
+    from granswim_pymunk.inference.windows.plan import Plan
+    from granswim_pymunk.recording import read_recording
+
+    recording = read_recording(Path(__file__).parent / "data" / "small_joint")
+    other = replace(recording, name="other")
+    return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))

@@ -626,11 +626,8 @@ def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp
     assert verdict["notes"]  # a third of a minute is not enough for everything, and it says so
 
 
-def test_whole_recordings_are_held_out():
-    recording = small("small_joint")
-    other = replace(recording, name="other")
-    plan = Plan(1, 1, 4, 8, 2)
-    found = diagnose_bed([recording], [other], candidates=["weak_joint"], plan=plan)
+def test_whole_recordings_are_held_out(bed_with_another_held_out):
+    found, recording = bed_with_another_held_out, small("small_joint")
     assert [int(b.training.sum()) for b in found.evidence.beds] == [8, 0]
     verdict = found.verdict
     check_verdict(verdict)
@@ -670,11 +667,15 @@ def test_p_is_not_small_where_the_scene_is_the_truth():
     assert not any(d.verdict["mechanisms"] for d in found)
 
 
-def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
+def test_an_interrupted_diagnosis_goes_on_with_the_same_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr("granswim_pymunk.inference.kept.cache_folder", lambda: tmp_path)
     recording = small("small_joint")
     options = {"candidates": ["weak_joint"], "plan": Plan(1, 1, 4, 8, 2), "seed": 3}
     whole = diagnose_bed([recording], **options)
     tried = []
+
+    def kept() -> list[Path]:
+        return list((tmp_path / "diagnoses").glob("*/*.npy"))
 
     def stop(text: str, share: float) -> None:
         tried.append(text)
@@ -683,13 +684,13 @@ def test_an_interrupted_diagnosis_goes_on_with_the_same_bits():
 
     with pytest.raises(KeyboardInterrupt):
         diagnose_bed([recording], **options, progress=stop)
+    assert kept()
     rest = diagnose_bed([recording], **options)
     assert rest.runs < 0.7 * whole.runs  # recalibration, replicates and three signatures were kept
     assert rest.evidence.score == whole.evidence.score
     assert rest.verdict["recalibrated"] == whole.verdict["recalibrated"]
     assert rest.verdict["mechanisms"] == whole.verdict["mechanisms"] != []
-    again = diagnose_bed([recording], **options)
-    assert again.runs == whole.runs  # with its verdict a diagnosis is forgotten: the next one starts anew
+    assert not kept()  # with its verdict a diagnosis is forgotten: the next one starts anew
 
 
 def test_replicates_have_bodies_that_are_off_as_the_recording_says():

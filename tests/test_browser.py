@@ -17,8 +17,6 @@ from PIL import Image
 
 from granswim_pymunk.inference import Diagnosis, diagnose
 from granswim_pymunk.inference.packings import diagnose_unseen
-from granswim_pymunk.inference.windows import diagnose_bed
-from granswim_pymunk.inference.windows.plan import Plan
 from granswim_pymunk.recording import read_recording, resolve_recording
 from granswim_pymunk.report import write_diagnosis
 
@@ -64,13 +62,6 @@ def report(tmp_path_factory) -> Path:
     return out / "report.html"
 
 
-def of_a_bed() -> Diagnosis:
-    """Of a small bed whose grains are seen."""
-    recording = read_recording(Path(__file__).parent / "data" / "small_joint")
-    other = replace(recording, name="other")
-    return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))
-
-
 def of_films() -> Diagnosis:
     """Of four films of a swimmer whose bed is not seen, in a world whose runs cost nothing."""
     law = unseen_world.world_candidates()["weak_joint at joint 3"]
@@ -83,15 +74,17 @@ def of_a_curve() -> Diagnosis:
 
 
 @pytest.fixture(scope="module")
-def other_reports(tmp_path_factory) -> dict[str, Path]:
+def other_reports(tmp_path_factory, bed_with_another_held_out) -> dict[str, Path]:
     """A report of each other kind of recording."""
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("granswim_pymunk.inference.packings.model.Runner", unseen_world.World)
-        for make in (of_a_bed, of_films, of_a_curve):
-            out = tmp_path_factory.mktemp(make.__name__)
+        for kind, make in (
+            ("of_a_bed", lambda: bed_with_another_held_out), ("of_films", of_films), ("of_a_curve", of_a_curve)
+        ):  # fmt: skip
+            out = tmp_path_factory.mktemp(kind)
             write_diagnosis(make(), out)
-            found[make.__name__] = out / "report.html"
+            found[kind] = out / "report.html"
     return found
 
 
