@@ -12,10 +12,11 @@ from test_diagnosis import SHORT, collision, filmed
 import granswim_pymunk.inference.criteria
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.data import Case, estimate_noise, grid_of, prepare
-from granswim_pymunk.inference.explained import Explained, Scores, explained
+from granswim_pymunk.inference.explained import Explained, Scores, explained, spoken_against
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor
 from granswim_pymunk.inference.judge import accepted, completeness, paired
 from granswim_pymunk.inference.noise import (
+    LikelyNoise,
     Noise,
     Seen,
     averaged,
@@ -404,6 +405,27 @@ def left_by_a_fit(r: np.ndarray) -> Seen:
     whole = np.concatenate([by_value, by_start], axis=-1).reshape(2 * count, 6)
     rest = r.ravel() - whole @ np.linalg.lstsq(whole, r.ravel(), rcond=None)[0]
     return Seen(rest.reshape(count, 2), np.arange(count), by_value, by_start, np.zeros((0, 6)), np.zeros(0))
+
+
+def test_a_weak_law_that_unseen_data_speak_against_is_no_explanation():
+    """What is too weak for a share is decided by chi2, but not where prediction is worse by more than chance."""
+    weak = Explained(-0.5, -3.0, 1.0, 0.45, 0.3, False, 0.2)
+    assert spoken_against(weak) is weak and accepted(weak, [], 5.0)[0]
+    against = replace(weak, share=-2.7, left=1.1)
+    good, why = accepted(spoken_against(against), [], 5.0)
+    assert not good and "-270 %" in why
+
+
+def test_replicates_have_the_slow_noise_that_a_short_film_cannot_rule_out():
+    """A fit of its start takes most of it away there; what is predicted from such a start shows it."""
+    rng = np.random.default_rng(3)
+    short, long = (LikelyNoise.of([left_by_a_fit(rng.normal(size=(n, 2)))]) for n in (60, 1000))
+    slow = LikelyNoise.of([left_by_a_fit(Noise(1.0, 20.0).draw((1000, 2), rng))])
+    assert long.weights[0] > 0.9 > short.weights[0] > 0.1 > slow.weights[0]
+    # variance of the mean over 20 frames, in units of white noise
+    means = [20 * np.var(n.draw((20, 1, 4000), rng).mean(axis=0)) for n in (long, short, slow)]
+    assert means[0] < 1.5 < means[1] < means[2]
+    assert LikelyNoise.of([]).noises == (Noise(),)
 
 
 def test_a_slow_part_is_found_that_a_fit_has_partly_taken_away():

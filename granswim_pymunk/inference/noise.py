@@ -298,6 +298,32 @@ def _slow_noises(criteria: NoiseCriteria) -> list[Noise]:
     return [Noise(float(s), float(m)) for s in sizes for m in np.geomspace(1.5, criteria.memory_most, 8)]
 
 
+@dataclass(frozen=True)
+class LikelyNoise:
+    """All noises that residuals may be, for replicates: a short film tells the slow part badly or not at all.
+
+    noises, weights : as of ``averaged``
+    """
+
+    noises: tuple[Noise, ...]
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) -> LikelyNoise:
+        if not recordings:
+            return cls((Noise(),), np.ones(1))
+        noises, _, weights = _weighed(recordings, criteria or current().noise)
+        return cls(noises, weights)
+
+    def draw(self, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+        """As ``Noise.draw``; each of the last axis has a noise of its own."""
+        drawn, result = rng.choice(len(self.noises), size=shape[-1], p=self.weights), np.empty(shape)
+        for k in np.unique(drawn):
+            mine = drawn == k
+            result[..., mine] = self.noises[k].draw((*shape[:-1], int(mine.sum())), rng)
+        return result
+
+
 def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) -> tuple[np.ndarray, np.ndarray]:
     """How far numbers move (p,), and their covariance (p, p), over all noises that these residuals may be.
 
@@ -306,18 +332,24 @@ def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) 
     what is likely beforehand: a slow part or none, and all sizes and memories alike. V_i is larger where residuals are
     larger than that noise. Source: Hoeting et al. 1999, Statistical Science 14, 382.
     """
-    criteria = criteria or current().noise
-    levelled = [_levelled(seen) for seen in recordings]
-    noises = [Noise(), *_slow_noises(criteria)]
-    told = [_restricted(levelled, noise) for noise in noises]
-    prior = np.array([1.0] + [1.0 / (len(noises) - 1)] * (len(noises) - 1))
-    deviance = np.array([t.deviance for t in told])
-    weights = prior * np.exp(-(deviance - deviance.min()) / 2)
-    weights /= weights.sum()
+    told, weights = _weighed(recordings, criteria or current().noise)[1:]
     moved = np.array([t.moved for t in told])
     mean = weights @ moved
     within = np.einsum("i,ikl->kl", weights, np.array([t.covariance * max(t.size, 1.0) for t in told]))
     return mean, within + np.einsum("i,ik,il->kl", weights, moved - mean, moved - mean)
+
+
+def _weighed(
+    recordings: Sequence[Seen], criteria: NoiseCriteria
+) -> tuple[tuple[Noise, ...], list[Restricted], np.ndarray]:
+    """Noises, what each makes of the residuals, and its weight, see ``averaged``."""
+    levelled = [_levelled(seen) for seen in recordings]
+    noises = (Noise(), *_slow_noises(criteria))
+    told = [_restricted(levelled, noise) for noise in noises]
+    prior = np.array([1.0] + [1.0 / (len(noises) - 1)] * (len(noises) - 1))
+    deviance = np.array([t.deviance for t in told])
+    weights = prior * np.exp(-(deviance - deviance.min()) / 2)
+    return noises, told, weights / weights.sum()
 
 
 def _levelled(seen: Seen) -> Seen:

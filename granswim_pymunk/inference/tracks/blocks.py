@@ -17,7 +17,7 @@ from ..data import Case
 from ..explained import Scores
 from ..hypothesis import Failed, Predictor
 from ..linear import project
-from ..noise import Noise
+from ..noise import LikelyNoise, Noise
 from .fit import Fitter
 from .fitted import Fit, spin_at
 from .follow import POOL
@@ -207,7 +207,7 @@ def score(
     fit: Fit,
     blocks: Sequence[Block],
     predictor: Predictor,
-    noise: Noise,
+    noise: Noise | LikelyNoise,
     rng: np.random.Generator,
     criteria: BlockCriteria | None = None,
 ) -> Scores:
@@ -260,7 +260,9 @@ def _stretches(frames: int, blocks: int, criteria: BlockCriteria) -> np.ndarray:
     return np.arange(frames) * count // max(frames, 1)
 
 
-def _drawn(block: Block, noise: Noise, rng: np.random.Generator, draws: int) -> tuple[np.ndarray, np.ndarray]:
+def _drawn(
+    block: Block, noise: Noise | LikelyNoise, rng: np.random.Generator, draws: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Noise on the frames of the start and on the rest, where something was seen: (n_1, draws), (n_2, draws)."""
     frames = np.flatnonzero(block.frames)
     drawn = noise.draw((len(frames), len(block.case.channels), draws), rng)

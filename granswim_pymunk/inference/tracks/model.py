@@ -18,7 +18,7 @@ from ...scene import Scene
 from ..candidates import asked_terms, in_contact_alone
 from ..criteria import current
 from ..data import Case
-from ..explained import Scores, explained, spread_with_mismatch
+from ..explained import Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free
 from ..judge import (
     NOTHING,
@@ -37,6 +37,7 @@ from ..judge import (
 )
 from ..mechanisms import UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
+from ..noise import LikelyNoise
 from ..pipeline import diagnose_by
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
@@ -61,7 +62,7 @@ from .held_out import (
     training_errors,
     worse_by_chance,
 )
-from .innovations import Whiteness, WindowMap, locate, series_of, variance_by_case, whiteness, window_map
+from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits
 from .kicks import told as told_of
 from .kicks import unexplained
@@ -228,7 +229,7 @@ class Tracks(ObservationModel):
         study, tried, rng = self.study, self.tried, self.study.rng
         study.progress("what explains", 0.72)
         self.blocks = make_blocks(study.cases)
-        noise = completeness(series_of(tried.best, study.training)).noise
+        noise = LikelyNoise.of(seen_by(tried.best, study.training))
 
         def scores(fit: Fit) -> Scores:
             return score(fit, self.blocks, study.predictor, noise, rng)
@@ -239,7 +240,7 @@ class Tracks(ObservationModel):
         named = None
         if claim.laws:
             self.scores[claim.label] = scores(claim.fit)
-            named = explained(self.scores[claim.label], before, rng, varies=varies)
+            named = spoken_against(explained(self.scores[claim.label], before, rng, varies=varies))
         most = max((t.gain for t in tried.forms), default=0.0)
         forms = []
         for trial in tried.forms:
