@@ -33,6 +33,7 @@ from granswim_pymunk.inference.packings.candidates import candidates_of, dimensi
 from granswim_pymunk.inference.packings.checks import confirm, gain_of, predicted_by
 from granswim_pymunk.inference.packings.conclude import (
     _refitted_leaders,
+    _sound,
     _within_signature,
     again,
     best_pair,
@@ -48,7 +49,7 @@ from granswim_pymunk.inference.packings.response import Means, Model, add, covar
 from granswim_pymunk.inference.packings.runs import Job, Runner, softness, time_step
 from granswim_pymunk.inference.packings.screening import Bank, gains, screen
 from granswim_pymunk.inference.packings.state import NAIVE, Trial, jobs_for, label_of, rounded
-from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of
+from granswim_pymunk.inference.packings.summaries import Condition, View, conditions_of, fastest_of
 from granswim_pymunk.inference.significance import price
 from granswim_pymunk.laws import Parameter, law
 from granswim_pymunk.laws.base import _REGISTRY
@@ -669,6 +670,22 @@ def test_a_single_number_gains_within_its_bounds_alone():
     size = float(a[:, 0] @ a[:, 0])
     r = a * np.array([[0.5, 2.0, -0.03, -0.87]])
     assert gains(bank, x, r) / size == pytest.approx([0.25, 2 * 2 - 1, 0.03**2, 0.06 * (2 * 0.87 - 0.06)])
+
+
+def test_a_stream_that_is_faster_than_any_disk_is_no_explanation(world):
+    """Its drag would be next to nothing: what is meant is a force."""
+    conditions = conditions_of(filmed({}, 7, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    x, fastest = world_candidates()["ambient_flow"], fastest_of(conditions)
+    xy, t = conditions[0].recording.xy, conditions[0].recording.t
+    step = np.abs(np.diff(xy, axis=0)) / np.diff(t)[:, None, None]
+    assert np.median(step) < fastest < step.max()
+    c = float(x.design[0, 0])
+    for share, sound in ((0.5, True), (-0.9, True), (1.1, False), (30.0, False)):
+        push = share * fastest * c * np.array([0.6, 0.8])
+        assert _sound(s, x, np.array([c, *push])) == sound
+    assert len(s.notes) == 2 and all("no explanation" in n for n in s.notes)
+    assert fastest_of(conditions_of([curve_of({}, 3)], [], 0)) == math.inf
 
 
 @pytest.mark.parametrize(("strength", "size"), [(0.0, 4.0), (40.0, None)])

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ... import distributions as stats
-from ...laws import all_laws
+from ...laws import all_laws, has_role
 from ..criteria import current
 from ..explained import Explained
+from ..flow import flow_of
 from ..mechanisms import UNKNOWN
 from ..significance import at_alarm, price
 from ..simpler import all_absent, ended_at_bound, special_cases
@@ -21,6 +22,7 @@ from .refitting import arrived, refit
 from .response import Fit, fit, spread_of, whitened
 from .screening import Bank, counts, extended, model_of
 from .state import NAIVE, Search, Trial, base_point, extra_at, rounded
+from .summaries import fastest_of
 
 BY_CHANCE = "with the scene's own contacts it is not beyond chance"
 
@@ -234,6 +236,11 @@ def _sound(s: Search, x: Candidate, values: np.ndarray) -> bool:
     if ended is not None:
         s.notes.append(f"{x.label} is no explanation: it runs into its bound, {ended[0]} = {ended[1]:.3g}")
         return False
+    if has_role(x.mechanism, "medium"):
+        speed, fastest = math.hypot(*flow_of(values, None)[0][1:]), fastest_of(s.training)
+        if speed > fastest:
+            s.notes.append(f"{x.label} is no explanation: it would go at {speed:.3g} m/s, no disk at {fastest:.3g}")
+            return False
     value = float(values[0])
     if x.mechanism == "camera_scale" and abs(value - 1) > current().verdict.scale_off:
         s.notes.append(f"{x.label} is no explanation: {x.term.free[0].name} would be {value:.3g}")

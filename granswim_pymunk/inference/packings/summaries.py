@@ -509,3 +509,19 @@ def _from_curve(recording: Recording, held: bool, split: bool) -> list[Condition
             )
         )  # fmt: skip
     return result
+
+
+def fastest_of(conditions: Sequence[Condition]) -> float:
+    """How fast disks moved in the training parts, along one axis [m/s]; infinite where no tracks were seen.
+
+    A few steps may be faster, as in recordings of bodies.
+    """
+    found = []
+    for c in conditions:
+        if c.view is None or c.view.curve:
+            continue
+        learnt = c.recording.t <= c.view.t[c.view.last]
+        step = np.abs(np.diff(c.recording.xy[learnt], axis=0)) / np.diff(c.recording.t[learnt])[:, None, None]
+        seen = (column[np.isfinite(column)] for column in step.reshape(len(step), -1).T)
+        found += [float(np.quantile(column, current().candidates.fastest)) for column in seen if len(column)]
+    return max(found, default=math.inf)
