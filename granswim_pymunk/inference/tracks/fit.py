@@ -25,7 +25,7 @@ from ..threads import ContextPool
 from .fitted import Fit, huber, information_of, weight_roots
 from .follow import POOL, Follower, Slow
 from .segments import Segment, find_impacts, limits_of
-from .solve import Blocks, Problem, Secant, descend
+from .solve import Blocks, Problem, Secant, descend, gauss_newton
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
 _FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
@@ -326,6 +326,30 @@ class Fitter(Follower):
     def refitted(self, fit: Fit, **how: Any) -> Fit:
         """The same hypothesis fitted once more, from where another fit of it ended; ``how`` as for ``fit``."""
         return self.fit(fit.hypothesis, fit.values, fit.starts, **how)
+
+    def beside(
+        self, base: Fit, hypothesis: Hypothesis, begin: np.ndarray
+    ) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
+        """Values and starts from which to look for numbers beside those of a fit: (p + k,), and (q,) per recording.
+
+        With a law of numbers ``begin`` (k,) and the starts of a fit without it, a run goes astray, however right they
+        are: a first-order amount is what is best once starts and free numbers have made room for it. They are moved
+        as the derivatives of the fit ``base`` ask for, where that is nearer.
+        """
+        values = np.concatenate([base.values, begin])
+        left = [self.vector(c, hypothesis, values, base.starts[c.name]) for c in self.cases]
+        blocks = []
+        for c, r in zip(self.cases, left, strict=True):
+            roots, (by_value, by_start) = self._roots(c, r), base.jacobian[c.name]
+            none = np.zeros((len(by_value), len(begin)))
+            blocks.append(Blocks(roots * r, np.hstack([by_value, none]), by_start))
+        low, high = (np.array(end) for end in hypothesis.bounds)
+        step, steps, _ = gauss_newton(blocks, values, (low, high), current().fits.least)
+        moved = np.clip(values + step, low, high)
+        starts = {c.name: base.starts[c.name] + d for c, d in zip(self.cases, steps, strict=True)}
+        there = sum(self._loss(c, self.vector(c, hypothesis, moved, starts[c.name])) for c in self.cases)
+        here = sum(self._loss(c, r) for c, r in zip(self.cases, left, strict=True))
+        return (moved, starts) if there < here else (values, base.starts)
 
     def _share(self, count: int, rough: bool = False) -> float:
         """Of chi2, the fall at which a fit ends."""

@@ -189,9 +189,9 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
     few = current().refits
     best: Fit | None = None
     for share, begin in beginnings:
-        values = np.concatenate([base.values, begin])
+        values, starts = fitter.beside(base, hypothesis, begin)
         found = fitter.fit(
-            hypothesis, values, base.starts, stages=stages if share != 1 else (1.0,), evaluations=evaluations,
+            hypothesis, values, starts, stages=stages if share != 1 else (1.0,), evaluations=evaluations,
             near=base,
         )  # fmt: skip
         if best is None or found.chi2 < best.chi2:

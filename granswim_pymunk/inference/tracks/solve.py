@@ -109,7 +109,7 @@ def descend(
     blocks = differentiate(values, starts, residuals, fresh)
     closely = any(b.seen is not None for b in blocks)
     while used < evaluations and not stop():
-        step, steps, promised = _step(blocks, values, bounds, damping)
+        step, steps, promised = gauss_newton(blocks, values, bounds, damping)
         new_values = np.clip(values + step, low, high)
         new_starts = [s + d for s, d in zip(starts, steps, strict=True)]
         found = evaluate(new_values, new_starts)
@@ -137,7 +137,7 @@ def descend(
     return values, starts, False
 
 
-def _step(
+def gauss_newton(
     blocks: Sequence[Blocks], values: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], damping: float
 ) -> tuple[np.ndarray, list[np.ndarray], float]:
     """Steps of the shared and of the other numbers, and the fall of chi2 they promise."""
