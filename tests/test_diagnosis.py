@@ -430,6 +430,15 @@ def test_a_push_on_one_body_gives_way_to_the_same_on_all_that_does_as_well():
     assert choose.choose([one, on(50.0, "a", "b")], 1.0, 20.0, 2) is one
 
 
+def test_no_law_that_explains_more_gives_way_to_a_special_fault():
+    push, bent = _tried("uniform_force", 2, 337.0, 345.0, 2.96), _tried("lens_distortion", 1, 249.0, 433.0, 3.02)
+    special = replace(bent.term, special=True)
+    bent = replace(bent, signature=replace(bent.signature, term=special))
+    assert choose.choose([push, bent], 1.6, 4.4) is push
+    as_well = replace(bent, gain=334.0)
+    assert choose.choose([push, as_well], 1.6, 4.4) is as_well
+
+
 def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> Trial:
     free = tuple(Free(f"{name}.{k}", "1", -math.inf, math.inf, 0.0, 1.0) for k in range(numbers))
     term = Term(name, name, free, lambda scene, camera, values: (scene, camera))

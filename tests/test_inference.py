@@ -10,6 +10,7 @@ from scipy import stats
 from test_diagnosis import SHORT, collision, filmed
 
 import granswim_pymunk.inference.criteria
+from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.data import Case, estimate_noise, grid_of, prepare
 from granswim_pymunk.inference.explained import Explained, Scores, explained, spoken_against
@@ -22,6 +23,7 @@ from granswim_pymunk.inference.noise import (
     averaged,
     coloured,
     fit_noise,
+    left_alone,
     outliers,
     slopes,
     slow_part,
@@ -36,6 +38,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import InnerSplit
 from granswim_pymunk.inference.tracks.segments import cut_by_growth, find_impacts, make_segments
 from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
+from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
@@ -182,6 +185,35 @@ def test_two_outliers_that_are_near_one_another_are_told_on_a_curved_path():
         seen[at] += rng.choice([-1, 1], size=2) * 4e-3
         found += np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist() == at.tolist()
     assert found > 35, found
+
+
+def test_a_sighting_stands_out_from_what_a_fit_leaves_where_neither_kink_nor_drift_does():
+    rng = np.random.default_rng(4)
+    k = np.arange(60.0)
+    left = rng.normal(size=(60, 4))
+    left[:, 0] += 8 * np.sin(k / 9)  # a force that was left out
+    left[:, 2] += 3 * np.maximum(k - 30, 0)  # an impact at another time
+    who = ("a", "a", "b", "b")
+    assert not left_alone(left, who).any()
+    left[20, :2] += [6.5, -6.0]  # neither alone is six standard deviations of a prediction off
+    left[33, 2:] += [-30.0, 25.0]
+    assert np.argwhere(left_alone(left, who)).tolist() == [[20, 0], [20, 1], [33, 2], [33, 3]]
+    none = sum(left_alone(rng.normal(size=(200, 2)), ("a", "a")).any() for _ in range(100))
+    assert none == 0
+
+
+def test_a_law_is_looked_for_with_starts_that_made_room_for_it():
+    """Beside the starts of a scene without it a law leads astray, however right its numbers are."""
+    truth = collision(0.9).with_laws(use("uniform_force", a=(0.05, 0.0)))
+    case = prepare(filmed(truth, collision(0.9), SHORT, np.random.default_rng(3)), held_out=False, split=True)
+    fitter = Fitter([case], Predictor(time_steps([case])))
+    base = fitter.fit(Hypothesis())
+    (term,) = (t for t in named_terms([case]) if t.label == "uniform_force")
+    hypothesis, law = Hypothesis((term,)), np.array([0.05, 0.0])
+    values, starts = fitter.beside(base, hypothesis, law)
+    moved = fitter.vector(case, hypothesis, values, starts[case.name])
+    stayed = fitter.vector(case, hypothesis, law, base.starts[case.name])
+    assert float(moved @ moved) < base.chi2 < 0.1 * float(stayed @ stayed)
 
 
 def test_a_size_that_is_off_by_two_is_refuted_by_a_single_short_channel():

@@ -481,6 +481,46 @@ def outliers(
     return found
 
 
+def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCriteria | None = None) -> np.ndarray:
+    """(T, c) True where a single sighting stands out from what a fit leaves of the frames about it.
+
+    residuals (T, c) over the noise, NaN where not used; bodies (c,): whose each column is. What a law left out leaves
+    is smooth from frame to frame: a parabola through the frames on both sides tells it, and where that fits badly
+    (about an impact) what it leaves counts as noise. The coordinates of a body are held against it together: a sum of
+    squares, as improbable as ``outlier`` standard deviations in one.
+    """
+    criteria = criteria or current().noise
+    found = np.zeros(residuals.shape, dtype=bool)
+    columns = np.array(bodies)
+    half = criteria.outlier_frames
+    for body in dict.fromkeys(bodies):
+        mine = np.flatnonzero(columns == body)
+        rows = np.flatnonzero(np.isfinite(residuals[:, mine]).all(axis=1))
+        if len(rows) < 2 * half + 1:
+            continue
+        off = np.zeros(len(rows))
+        for c in mine:
+            own = _off_level(rows.astype(float), residuals[rows, c], half)
+            off += (own / max(1.0, _ROBUST * float(np.nanmedian(own)))) ** 2
+        least = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), len(mine)))
+        # of neighbours that accuse one another the worst is the one that is off
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(np.nan_to_num(off), half), 2 * half + 1).max(axis=1)
+        found[np.ix_(rows[(off > least) & (off == near)], mine)] = True
+    return found
+
+
+_ROBUST = 1.4826  # the standard deviation of normal numbers over the median of their sizes
+
+
+def _off_level(t: np.ndarray, values: np.ndarray, half: int) -> np.ndarray:
+    """(n,) |value - parabola through so many on either side| over its standard deviation; NaN near the ends."""
+    window = np.lib.stride_tricks.sliding_window_view
+    count = 2 * half + 1
+    result = np.full(len(t), np.nan)
+    result[half : len(t) - half] = _off_curve(window(t, count), window(values, count), half, 1.0, degree=2)
+    return result
+
+
 def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.ndarray) -> np.ndarray:
     """|value - polynomial of fifth degree through the frames about it| over its standard deviation.
 
@@ -504,18 +544,18 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.
     return result
 
 
-def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float) -> np.ndarray:
-    """(n,) |values[:, at] - polynomial of fifth degree through the others (n, k)| over its standard deviation.
+def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float, degree: int = 5) -> np.ndarray:
+    """(n,) |values[:, at] - polynomial through the others (n, k)| over its standard deviation.
 
     As of a line, a frame that is itself far off the curve through the others is left out: of two sightings nearby that
     are no positions each would hide the other.
     """
     others = [k for k in range(t.shape[1]) if k != at]
-    off, own = _off_fifth(t, values, at, others, sigma)
+    off, own = _off_by(t, values, at, others, sigma, degree)
     far = np.flatnonzero(own > current().noise.hides ** 2 * sigma**2)
     if len(far):
         fewer = ([k for k in others if k != j] for j in others)
-        tried = [_off_fifth(t[far], values[far], at, kept, sigma) for kept in fewer]
+        tried = [_off_by(t[far], values[far], at, kept, sigma, degree) for kept in fewer]
         alone, less = (np.array(part) for part in zip(*tried, strict=True))
         best = np.argmin(less, axis=0), np.arange(len(far))
         hidden = own[far] > current().noise.hides ** 2 * less[best]
@@ -523,18 +563,18 @@ def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float) -> np.n
     return off
 
 
-def _off_fifth(
-    t: np.ndarray, values: np.ndarray, at: int, others: Sequence[int], sigma: float
+def _off_by(
+    t: np.ndarray, values: np.ndarray, at: int, others: Sequence[int], sigma: float, degree: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """What ``_off_curve`` says by the frames ``others``, and the variance (n,) of these about the curve, at least that
     of the noise."""
     s = t - t[:, at, None]
     span = np.maximum(np.abs(s).max(axis=1, keepdims=True), 1e-300)
-    design = np.power((s[:, others] / span)[..., None], np.arange(6))
+    design = np.power((s[:, others] / span)[..., None], np.arange(degree + 1))
     inverse = np.linalg.pinv(design)
     v = values[:, others]
     left = v - np.einsum("nkd,ndl,nl->nk", design, inverse, v)
-    own = np.maximum(np.sum(left**2, axis=1) / (len(others) - 6), sigma**2)
+    own = np.maximum(np.sum(left**2, axis=1) / (len(others) - degree - 1), sigma**2)
     weights = inverse[:, 0]  # of the curve where the frame lies
     off = values[:, at] - np.sum(weights * v, axis=1)
     return np.abs(off) / np.sqrt(own * (1 + np.sum(weights**2, axis=1))), own

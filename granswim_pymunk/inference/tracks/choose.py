@@ -124,6 +124,9 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
     # where something remains, a law with more numbers must remove most of what a simpler one leaves
     most = sets.left * (best.fit.excess if best.fit is not None else 0.0)
     same += [t for t in trials if t.used < best.used and t.fit is not None and t.fit.excess < most]
+    # a special fault hardly any laboratory has: no law gives way to it that explains more than chance would
+    most = max((paid[id(t)] for t in same if not t.term.special), default=-np.inf)
+    same = [t for t in same if not t.term.special or paid[id(t)] > most - verdict.same]
     forms = [t.term for t in same]
     # a picture's scale is off more often than the inertia of a body
     chosen = min(

@@ -81,6 +81,7 @@ from .study import (
     tried_alone,
     with_close_joints,
     with_memory,
+    without_single_ones,
 )
 from .verdict import Told, as_the_picture, revised_scene, used
 
@@ -160,6 +161,8 @@ class Tracks(ObservationModel):
         self.naive_fit, self.recalibrated_fit = calibrated(self.study)
 
     def try_candidates(self) -> None:
+        fits = without_single_ones(self.study, self.naive_fit, self.recalibrated_fit)
+        self.study, self.naive_fit, self.recalibrated_fit = fits
         self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         self.study, self.tried = with_memory(self.study, tried)

@@ -12,7 +12,7 @@ from ..candidates import flexible_terms, named_terms, scaled_like
 from ..criteria import current
 from ..data import Case, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
-from ..noise import Noise
+from ..noise import Noise, left_alone
 from ..result import Progress
 from ..significance import Null, price
 from .believed import believed_terms
@@ -123,6 +123,36 @@ def calibrated(study: Study) -> tuple[Fit, Fit]:
 def _caught(study: Study, fit: Fit) -> bool:
     """Whether a fit to segments leaves more than noise, so that some may be caught beside an impact."""
     return study.fitter.segmented and fit.excess > 0
+
+
+def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[Study, Fit, Fit]:
+    """The study without sightings that stand out from what a fit leaves about them, and the fits to the others.
+
+    About an impact neighbouring frames alone do not tell them, and a fit follows through it.
+    """
+    cases, lost = [], dict[str, int]()
+    for case in study.cases:
+        seen = recalibrated.innovations.get(case.name)
+        if case.held_out or seen is None:
+            cases.append(case)
+            continue
+        found = left_alone(seen, [channel.body for channel in case.channels])
+        if found.any():
+            case = replace(case, values=np.where(found, np.nan, case.values))
+            lost[case.name] = int(found.any(axis=1).sum())
+        cases.append(case)
+    if not lost:
+        return study, naive, recalibrated
+    training = [c for c in cases if not c.held_out]
+    fitter = Fitter(cases, study.predictor, stop=study.stop)
+    if any(len(fitter.segments[c.name]) != len(study.fitter.segments[c.name]) for c in training):
+        return study, naive, recalibrated  # without them another impact is seen: that is for what looks for impacts
+    inner = InnerSplit.make(training, study.predictor, study.stop)
+    study = replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
+    for name, many in lost.items():
+        study.notes.append(f"{name}: {many} single sightings stand out from what a fit leaves and are left out")
+    fits = [fitter.refitted(fit) for fit in (naive, recalibrated)]
+    return study, fits[0], fits[1] if recalibrated is not naive else fits[0]
 
 
 def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
