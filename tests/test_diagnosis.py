@@ -434,9 +434,9 @@ def test_no_law_that_explains_more_gives_way_to_a_special_fault():
     push, bent = _tried("uniform_force", 2, 337.0, 345.0, 2.96), _tried("lens_distortion", 1, 249.0, 433.0, 3.02)
     special = replace(bent.term, special=True)
     bent = replace(bent, signature=replace(bent.signature, term=special))
-    assert choose.choose([push, bent], 1.6, 4.4) is push
+    assert choose.choose([push, bent], 1.6, 4.4, 2) is push
     as_well = replace(bent, gain=334.0)
-    assert choose.choose([push, as_well], 1.6, 4.4) is as_well
+    assert choose.choose([push, as_well], 1.6, 4.4, 2) is as_well
 
 
 def _tried(name: str, numbers: int, gain: float, chi2: float, inner: float) -> Trial:

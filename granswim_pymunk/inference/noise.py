@@ -501,15 +501,13 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
         off = np.zeros(len(rows))
         for c in mine:
             own = _off_level(rows.astype(float), residuals[rows, c], half)
-            off += (own / max(1.0, _ROBUST * float(np.nanmedian(own)))) ** 2
+            # where noise is larger than was believed, half of all frames are farther off than its quartile
+            off += (own / max(1.0, float(np.nanmedian(own)) / float(stats.norm.isf(0.25)))) ** 2
         least = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), len(mine)))
         # of neighbours that accuse one another the worst is the one that is off
         near = np.lib.stride_tricks.sliding_window_view(np.pad(np.nan_to_num(off), half), 2 * half + 1).max(axis=1)
         found[np.ix_(rows[(off > least) & (off == near)], mine)] = True
     return found
-
-
-_ROBUST = 1.4826  # the standard deviation of normal numbers over the median of their sizes
 
 
 def _off_level(t: np.ndarray, values: np.ndarray, half: int) -> np.ndarray:
