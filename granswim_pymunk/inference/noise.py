@@ -515,7 +515,7 @@ def _off_level(t: np.ndarray, values: np.ndarray, half: int) -> np.ndarray:
     window = np.lib.stride_tricks.sliding_window_view
     count = 2 * half + 1
     result = np.full(len(t), np.nan)
-    result[half : len(t) - half] = _off_curve(window(t, count), window(values, count), half, 1.0, degree=2)
+    result[half : len(t) - half] = _off_curve(window(t, count), window(values, count), half, 1.0, 2)
     return result
 
 
@@ -526,23 +526,23 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.
     ``smooth`` (else NaN).  Half of these frames would be left by a jump that stays: the curve then fits badly, and what
     it leaves of the others is counted as their noise.
     """
-    half = current().noise.beside
+    half, degree = current().noise.beside, current().noise.curve
     count = 2 * half + 1
     result = np.full(len(t), np.nan)
     if len(t) < count:
         return result
     window = np.lib.stride_tricks.sliding_window_view
     s, v, middle = window(t, count), window(values, count), slice(half, len(t) - half)
-    result[middle] = _off_curve(s, v, half, sigma)
+    result[middle] = _off_curve(s, v, half, sigma, degree)
     for k in range(half):
         if smooth[:count].all():
-            result[k] = _off_curve(s[:1], v[:1], k, sigma)[0]
+            result[k] = _off_curve(s[:1], v[:1], k, sigma, degree)[0]
         if smooth[-count:].all():
-            result[-1 - k] = _off_curve(s[-1:], v[-1:], count - 1 - k, sigma)[0]
+            result[-1 - k] = _off_curve(s[-1:], v[-1:], count - 1 - k, sigma, degree)[0]
     return result
 
 
-def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float, degree: int = 5) -> np.ndarray:
+def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float, degree: int) -> np.ndarray:
     """(n,) |values[:, at] - polynomial through the others (n, k)| over its standard deviation.
 
     As of a line, a frame that is itself far off the curve through the others is left out: of two sightings nearby that

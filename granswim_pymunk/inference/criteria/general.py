@@ -43,8 +43,8 @@ class NoiseCriteria:
     sizes : of ``slow_most``, at which the likelihood of a slow part is looked at, ``slow`` where there is one. Choice:
         it changes by less than one number's worth between two of them
     believed : frequencies of a spectrum, that a stated white part counts for where none is told. Choice
-    beside : frames on either side, through which a curve is drawn that a sighting is held against. Theory: its six
-        numbers leave four
+    beside : frames on either side, through which a curve is drawn that a sighting is held against, a polynomial of
+        degree ``curve``. Theory: its six numbers leave four
     """
 
     slow_most: float = 1.0
@@ -75,6 +75,7 @@ class NoiseCriteria:
     slow: tuple[float, ...] = (0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
     believed: int = 1000
     beside: int = 5
+    curve: int = 5
 
 
 @dataclass(frozen=True)
