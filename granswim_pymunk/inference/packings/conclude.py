@@ -120,14 +120,15 @@ def named_laws(
 
 def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
     """What comes near the best, refitted by simulation, best first; signatures are not linear."""
-    criteria, best = current().packings, open_[0].gain
+    criteria, best, noticed = current().packings, open_[0].gain, current().verdict.noticed
 
-    def least(t: Trial) -> float:
-        if t.apparatus:
-            return criteria.led_apparatus
-        return criteria.led if _within_signature(s, t) else criteria.led_bent
+    def leads(t: Trial) -> bool:
+        if t.gain > (criteria.led_apparatus if t.apparatus else criteria.led) * best:
+            return True
+        bent = not t.apparatus and t.gain > max(criteria.led_bent * best, noticed)
+        return bent and not _within_signature(s, t)
 
-    leaders = [t for t in open_ if t.gain > min(least(t), criteria.led) * best]
+    leaders = [t for t in open_ if leads(t)]
     leaders = leaders[: 2 * s.sizes.leaders]
     for k, t in enumerate(leaders):
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
