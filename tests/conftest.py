@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,3 +30,17 @@ def bed_with_another_held_out() -> Diagnosis:
     recording = read_recording(Path(__file__).parent / "data" / "small_joint")
     other = replace(recording, name="other")
     return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))
+
+
+@contextmanager
+def no_simulation() -> Iterator[None]:
+    """In here whoever builds, begins or goes on with a simulation fails."""
+    from granswim_pymunk.engine import Simulation
+
+    def refuse(*args: object, **kwargs: object) -> None:
+        raise AssertionError("something was simulated")
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("__init__", "restart", "retune", "sample", "advance", "forces"):
+            patch.setattr(Simulation, name, refuse)
+        yield

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import no_simulation
 
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
@@ -60,7 +61,7 @@ from granswim_pymunk.inference.windows.work import Work
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
 from granswim_pymunk.recording import Recording, read_recording
-from granswim_pymunk.report import pictures
+from granswim_pymunk.report import pictures, write_report
 from granswim_pymunk.report.bed_films import film_of
 from granswim_pymunk.report.player import player
 from granswim_pymunk.report.sentences import answers, headline
@@ -648,6 +649,11 @@ def test_whole_recordings_are_held_out(bed_with_another_held_out):
     scenes = found.revised.values()
     first, second = (scene.laws_named("bending")[0].values["stiffness"] for scene in scenes)
     assert first == second != recording.scene.laws_named("bending")[0].values["stiffness"]
+
+
+def test_the_page_of_a_bed_simulates_nothing(bed_with_another_held_out, tmp_path):
+    with no_simulation():
+        assert write_report(bed_with_another_held_out, tmp_path).stat().st_size > 10_000
 
 
 @pytest.mark.long

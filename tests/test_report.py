@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import no_simulation
 from PIL import Image
 
+from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import Diagnosis
 from granswim_pymunk.inference.data import prepare
@@ -98,7 +100,14 @@ def cases() -> dict[str, Diagnosis]:
 def written(cases, tmp_path_factory) -> dict[str, Path]:
     """The report of each verdict, in a folder of its own that did not exist."""
     folder = tmp_path_factory.mktemp("reports")
-    return {name: write_report(found, folder / name) for name, found in cases.items()}
+    with no_simulation():
+        return {name: write_report(found, folder / name) for name, found in cases.items()}
+
+
+def test_the_pages_read_the_result_and_simulate_nothing(cases, written):
+    assert set(written) == set(cases)  # made where none may
+    with no_simulation(), pytest.raises(AssertionError, match="simulated"):
+        Simulation(next(iter(cases["missing_physics"].revised.values())))
 
 
 def told(found: Diagnosis) -> str:
