@@ -39,6 +39,7 @@ from granswim_pymunk.inference.tracks.name import InnerSplit
 from granswim_pymunk.inference.tracks.segments import cut_by_growth, find_impacts, make_segments
 from granswim_pymunk.inference.tracks.solve import Blocks, Problem, descend
 from granswim_pymunk.inference.tracks.steps import time_steps
+from granswim_pymunk.inference.tracks.study import standing_out
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
@@ -200,6 +201,19 @@ def test_a_sighting_stands_out_from_what_a_fit_leaves_where_neither_kink_nor_dri
     assert np.argwhere(left_alone(left, who)).tolist() == [[20, 0], [20, 1], [33, 2], [33, 3]]
     none = sum(left_alone(rng.normal(size=(200, 2)), ("a", "a")).any() for _ in range(100))
     assert none == 0
+
+
+def test_what_a_stamp_moved_is_no_fault_of_a_sighting():
+    rng = np.random.default_rng(6)
+    case = prepare(filmed(collision(0.9), collision(0.9), SHORT, rng), held_out=False, split=True)
+    left = rng.normal(size=case.values.shape)
+    late = np.tile([8.0, 0.2, 2.0, 0.0], (len(case.t), 1))
+    moved = left.copy()
+    moved[20] += 1.5 * late[20]  # this one stamp is off
+    assert standing_out(case, moved)[20, :2].all()
+    assert not standing_out(replace(case, late=late), moved).any()
+    moved[30, 2:] += [40.0, 40.0]
+    assert np.argwhere(standing_out(replace(case, late=late), moved)).tolist() == [[30, 2], [30, 3]]
 
 
 def test_a_law_is_looked_for_with_starts_that_made_room_for_it():

@@ -125,6 +125,15 @@ def _caught(study: Study, fit: Fit) -> bool:
     return study.fitter.segmented and fit.excess > 0
 
 
+def standing_out(case: Case, left: np.ndarray) -> np.ndarray:
+    """(T, c) True where a sighting stands out from what a fit leaves, (T, c) over the noise, of the frames about it.
+
+    An error of a stamp moves all that moves, and is no fault of a sighting.
+    """
+    of_noise = 1.0 if case.late is None else np.sqrt(1 + case.late**2)
+    return left_alone(left / of_noise, [channel.body for channel in case.channels])
+
+
 def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[Study, Fit, Fit]:
     """The study without sightings that stand out from what a fit leaves about them, and the fits to the others.
 
@@ -136,7 +145,7 @@ def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[St
         if case.held_out or seen is None:
             cases.append(case)
             continue
-        found = left_alone(seen, [channel.body for channel in case.channels])
+        found = standing_out(case, seen)
         if found.any():
             case = replace(case, values=np.where(found, np.nan, case.values))
             lost[case.name] = int(found.any(axis=1).sum())
