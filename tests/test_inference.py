@@ -146,14 +146,19 @@ def test_the_ends_of_a_bent_path_are_no_outliers():
     assert np.flatnonzero(outliers(t, straight, 3e-5)).tolist() == [0, 59]
 
 
+def curved_path(seed):
+    """With noise of 1e-4: where the next draws come from, times, places and a mask of where nothing is hit: all."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(60) / 100
+    seen = 0.2 * np.sin(rng.uniform(1, 12) * t + rng.uniform(0, 6)) + 1e-4 * rng.normal(size=60)
+    return rng, t, seen, np.ones(60, dtype=bool)
+
+
 def test_an_outlier_among_the_first_frames_is_told_by_those_about_it():
     """No line reaches it from before, and one from after tells little of a bend; but for the outermost frame."""
     found = 0
     for k in range(40):
-        rng = np.random.default_rng(k)
-        t = np.arange(60) / 100
-        seen = 0.2 * np.sin(rng.uniform(1, 12) * t + rng.uniform(0, 6)) + 1e-4 * rng.normal(size=60)
-        smooth = np.ones(60, dtype=bool)
+        rng, t, seen, smooth = curved_path(k)
         assert not outliers(t, seen, 1e-4, smooth).any()
         at = int(rng.choice([1, 2, 3, 56, 57, 58]))
         seen[at] += 1.6e-3
@@ -178,10 +183,7 @@ def test_two_outliers_that_are_near_one_another_are_told_on_a_curved_path():
     """The curve through the frames about one of them bends to the other, and hides it, until that is left out."""
     found = 0
     for k in range(40):
-        rng = np.random.default_rng(k)
-        t = np.arange(60) / 100
-        seen = 0.2 * np.sin(rng.uniform(1, 12) * t + rng.uniform(0, 6)) + 1e-4 * rng.normal(size=60)
-        smooth = np.ones(60, dtype=bool)
+        rng, t, seen, smooth = curved_path(k)
         at = int(rng.integers(12, 44)) + np.array([0, rng.integers(2, 5)])
         seen[at] += rng.choice([-1, 1], size=2) * 4e-3
         found += np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist() == at.tolist()

@@ -500,7 +500,7 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
             continue
         off = np.zeros(len(rows))
         for c in mine:
-            own = _off_level(rows.astype(float), residuals[rows, c], half)
+            own = _off_middle(rows.astype(float), residuals[rows, c], half, 1.0, 2)
             # where noise is larger than was believed, half of all frames are farther off than its quartile
             off += (own / max(1.0, float(np.nanmedian(own)) / float(stats.norm.isf(0.25)))) ** 2
         least = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), len(mine)))
@@ -510,12 +510,13 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
     return found
 
 
-def _off_level(t: np.ndarray, values: np.ndarray, half: int) -> np.ndarray:
-    """(n,) |value - parabola through so many on either side| over its standard deviation; NaN near the ends."""
+def _off_middle(t: np.ndarray, values: np.ndarray, half: int, sigma: float, degree: int) -> np.ndarray:
+    """(T,) |value - polynomial through so many frames on either side| over its standard deviation; NaN at the ends."""
     window = np.lib.stride_tricks.sliding_window_view
     count = 2 * half + 1
     result = np.full(len(t), np.nan)
-    result[half : len(t) - half] = _off_curve(window(t, count), window(values, count), half, 1.0, 2)
+    if len(t) >= count:
+        result[half : len(t) - half] = _off_curve(window(t, count), window(values, count), half, sigma, degree)
     return result
 
 
@@ -528,9 +529,15 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.
     """
     half, degree = current().noise.beside, current().noise.curve
     count = 2 * half + 1
-    result = np.full(len(t), np.nan)
+    result = _off_middle(t, values, half, sigma, degree)
     if len(t) < count:
         return result
+    for k in range(half):
+        if smooth[:count].all():
+            result[k] = _off_curve(t[None, :count], values[None, :count], k, sigma, degree)[0]
+        if smooth[-count:].all():
+            result[-1 - k] = _off_curve(t[None, -count:], values[None, -count:], count - 1 - k, sigma, degree)[0]
+    return result
     window = np.lib.stride_tricks.sliding_window_view
     s, v, middle = window(t, count), window(values, count), slice(half, len(t) - half)
     result[middle] = _off_curve(s, v, half, sigma, degree)

@@ -443,7 +443,7 @@ def _to_its_end(fitter: Fitter, base: Fit, trial: Trial, least: float) -> Trial:
 def _off_its_bounds(fitter: Fitter, base: Fit, trial: Trial) -> Trial:
     if trial.fit is None:
         return trial
-    fit = off_bounds(fitter, trial.fit, slice(len(trial.fit.values) - trial.numbers, len(trial.fit.values)))
+    fit = off_bounds(fitter, trial.fit, trial.fit.hypothesis.rows(trial.label))
     return trial if fit is trial.fit else replace(trial, fit=fit, gain=base.chi2 - fit.chi2)
 
 

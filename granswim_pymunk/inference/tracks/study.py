@@ -125,6 +125,14 @@ def _caught(study: Study, fit: Fit) -> bool:
     return study.fitter.segmented and fit.excess > 0
 
 
+def with_cases(study: Study, cases: list[Case]) -> Study:
+    """The study of the same recordings with other sightings or another noise; segments join as closely as before."""
+    training, closeness = [c for c in cases if not c.held_out], study.fitter.closeness
+    fitter = Fitter(cases, study.predictor, stop=study.stop).tightened(closeness)
+    inner = InnerSplit.make(training, study.predictor, study.stop, closeness)
+    return replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
+
+
 def standing_out(case: Case, left: np.ndarray) -> np.ndarray:
     """(T, c) True where a sighting stands out from what a fit leaves, (T, c) over the noise, of the frames about it.
 
@@ -152,15 +160,13 @@ def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[St
         cases.append(case)
     if not lost:
         return study, naive, recalibrated
-    training = [c for c in cases if not c.held_out]
-    fitter = Fitter(cases, study.predictor, stop=study.stop)
-    if any(len(fitter.segments[c.name]) != len(study.fitter.segments[c.name]) for c in training):
-        return study, naive, recalibrated  # without them another impact is seen: that is for what looks for impacts
-    inner = InnerSplit.make(training, study.predictor, study.stop)
-    study = replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
+    before, study = study, with_cases(study, cases)
+    segments, those = study.fitter.segments, before.fitter.segments
+    if any(len(segments[c.name]) != len(those[c.name]) for c in study.training):
+        return before, naive, recalibrated  # without them another impact is seen: that is for what looks for impacts
     for name, many in lost.items():
         study.notes.append(f"{name}: {many} single sightings stand out from what a fit leaves and are left out")
-    fits = [fitter.refitted(fit) for fit in (naive, recalibrated)]
+    fits = [study.fitter.refitted(fit) for fit in (naive, recalibrated)]
     return study, fits[0], fits[1] if recalibrated is not naive else fits[0]
 
 
@@ -259,12 +265,8 @@ def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
     if not noise.size:
         return study, tried
     study.progress("the memory of the noise", 0.58)
-    slow = {c.name: replace(c, noise=noise) for c in study.cases}
-    cases, training = list(slow.values()), [slow[c.name] for c in study.training]
-    closeness = study.fitter.closeness
-    fitter = Fitter(cases, study.predictor, stop=study.stop).tightened(closeness)
-    inner = InnerSplit.make(training, study.predictor, study.stop, closeness)
-    study = replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
+    study = with_cases(study, [replace(c, noise=noise) for c in study.cases])
+    fitter, inner, training = study.fitter, study.inner, study.training
     study.notes.append(
         f"the noise has a slow part: {noise.size:.2g} times its white part, correlated over {noise.memory:.0f} frames"
     )
