@@ -278,7 +278,10 @@ def _parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
             continue
         ends = [end if isinstance(end, list) else [None] * len(value) for end in (low, high)]
         for k, (part, a, b) in enumerate(zip(value, *ends, strict=True)):
-            lines.append(f"{f'{name}[{k}]:':<{width}} {_with_error(part, a, b, unit)}")
+            told = _with_error(part, a, b, unit)
+            if a is None and b is None:  # a component that these data do not show
+                told = told.replace("(chosen)", "(no interval)")
+            lines.append(f"{f'{name}[{k}]:':<{width}} {told}")
     return lines
 
 

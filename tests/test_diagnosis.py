@@ -167,21 +167,27 @@ def test_a_push_on_one_disk_is_located_there():
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.05, -0.03), atol=1e-3)
 
 
-def test_a_force_on_a_slanted_rail_has_one_component():
-    across = 0.02
-    slanted = cart().laws
-    slanted = (use("rail", direction=(math.sin(across), math.cos(across))), *slanted[1:])
-    body = replace(cart().bodies[0], initial=(0.08 * math.sin(across), 0.08 * math.cos(across), 0.0, 0.0))
+def test_a_force_on_a_slanted_rail_is_told_along_the_rail():
+    """What points across moves nothing: no component is known, and their fixed ratio is no knowledge of either."""
+    rail = np.array([math.sin(0.9), math.cos(0.9)])
+    slanted = (use("rail", direction=tuple(rail)), *cart().laws[1:])
+    body = replace(cart().bodies[0], initial=(*(0.08 * rail), 0.0, 0.0))
     naive = Scene((body,), slanted)
     truth = Scene((body,), (*slanted, use("linear_drag", c=0.1), use("uniform_force", a=(0.0, 0.2))))
     found = diagnose_tracks([filmed(truth, naive, SWING[::4], np.random.default_rng(9))])
     # a stream that did the same would be faster than the cart, which is no explanation
-    entries = {e["name"]: e["parameters"] for e in found.verdict["mechanisms"]}
+    entries = {e["name"]: e for e in found.verdict["mechanisms"]}
     assert set(entries) == {"linear_drag", "uniform_force"}
-    a = entries["uniform_force"]["a"]
-    assert a["value"][0] == 0.0 and a["low"][0] is None
-    assert a["low"][1] < 0.2 < a["high"][1] and a["high"][1] - a["low"][1] < 0.02
-    assert entries["linear_drag"]["c"]["value"] == pytest.approx(0.1, rel=5e-3)
+    told = entries["uniform_force"]
+    a = told["parameters"]["a"]
+    assert a["low"] == a["high"] == [None, None]
+    part = 0.2 * rail[1]
+    np.testing.assert_allclose(a["value"], part * rail, atol=0.005)
+    low, high = map(float, told["expression"].rpartition("(")[2].partition(")")[0].split(" to "))
+    assert low < part < high and high - low < 0.02
+    assert entries["linear_drag"]["parameters"]["c"]["value"] == pytest.approx(0.1, rel=5e-3)
+    (law,) = next(iter(found.revised.values())).laws_named("uniform_force")
+    np.testing.assert_allclose(law.values["a"], a["value"])
 
 
 def test_nothing_missing_gives_no_mismatch():

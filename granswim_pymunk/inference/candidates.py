@@ -457,6 +457,39 @@ def with_numbers(term: Term, kept: Sequence[int]) -> Term:
     return replace(term, free=tuple(term.free[k] for k in kept), apply=_Partly(term, kept), groups=groups)
 
 
+class _Along:
+    """Applies a term of which one number stands for the components of a vector, of that size along a direction."""
+
+    def __init__(self, term: Term, rows: Sequence[int], direction: np.ndarray) -> None:
+        self.term, self.rows, self.direction = term, tuple(rows), direction
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        first, full = self.rows[0], list(values)
+        full[first : first + 1] = [float(values[first]) * float(part) for part in self.direction]
+        return self.term.apply(scene, camera, full)
+
+
+def along_only(term: Term, rows: Sequence[int], direction: np.ndarray) -> Term:
+    """The term with one number in place of the components of a vector: its size along a unit direction.
+
+    For data that see no other part of it: of a push on a body on a rail, what points along the rail. Any component
+    across would do, so that none of the vector's own is known; nought is the shortest.
+    rows : of the components, one behind the other
+    """
+    first = rows[0]
+    name = next(name for name, mine in term.groups if first in mine)
+    law, bracket, owner = term.free[first].name.partition(".")[0], *term.free[first].name.partition("[")[1:]
+    size = replace(term.free[first], name=f"{law}.{name}{bracket}{owner}")
+    free = (*term.free[:first], size, *term.free[rows[-1] + 1 :])
+    fewer = len(rows) - 1
+    groups = tuple(
+        (n, (first,) if first in mine else tuple(r - fewer if r > first else r for r in mine))
+        for n, mine in term.groups
+    )
+    told = {**term.along, size.name: tuple(float(part) for part in direction)}
+    return replace(term, free=free, apply=_Along(term, rows, direction), groups=groups, along=told)
+
+
 def for_bodies(term: Term, bodies: Sequence[str]) -> tuple[Term, list[int]] | None:
     """A term that has a strength for each body, for some of them only, and which of its numbers those are."""
     numbers = [k for k, f in enumerate(term.free) if any(f.name.endswith(f"[{b}]") for b in bodies)]

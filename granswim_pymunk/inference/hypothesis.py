@@ -62,6 +62,8 @@ class Term:
     law: str = ""  # name of the law that it is made of
     suited: bool = False  # its law is declared for an apparatus that the recordings have: it goes before its equals
     fixed: Mapping[str, tuple[Any, str]] = field(default_factory=dict)  # value and unit of what the recording gives
+    # numbers that are the size of a vector along a unit direction, by their names: all of it that the data see
+    along: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     special: bool = False  # a special fault of the apparatus: of equals with as many numbers the plain one is named
 
 

@@ -146,7 +146,7 @@ def _law_boxes(d: Diagnosis, drawn: Mapping[str, Any]) -> str:
 def _law_box(d: Diagnosis, entries: Sequence[Mapping[str, Any]], drawn: Mapping[str, Any]) -> str:
     first = entries[0]
     # the first part is the equation; what follows a semicolon are numbers, which come below with their intervals
-    equation_alone = (first["expression"] or "").split("; ")[0]
+    equation_alone, *more = (first["expression"] or "").split("; ")
     lines = [f'<p class="equation">{equation(equation_alone)}</p>']
     values = []
     if first["name"] == "unknown" and len(first["parameters"]) > SEVERAL:
@@ -165,6 +165,8 @@ def _law_box(d: Diagnosis, entries: Sequence[Mapping[str, Any]], drawn: Mapping[
                 values.append(_range(name, entries))
     if "r_0" in equation_alone and (first["parameters"].get("p") or {}).get("value"):
         values.append(f"r<sub>0</sub> = {length(float(np.mean(list(mobile(d).values()))), 'm')}")
+    # what is told of a number that has no interval of its own
+    values += [equation(said) for said in more if " = " not in said]
     if values:
         lines.append(f'<p class="values">{"; ".join(values)}</p>')
     whom = _acting(d, entries)

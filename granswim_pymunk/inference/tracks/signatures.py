@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...laws import has_role
-from ..candidates import rescaled, with_numbers
+from ..candidates import along_only, rescaled, with_numbers
 from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis
@@ -161,6 +161,38 @@ def _independent(columns: np.ndarray) -> np.ndarray:
     return kept
 
 
+def _to_a_sigma(columns: np.ndarray) -> np.ndarray:
+    """(k,) of numbers by their columns (n, k), what changes the prediction by a sigma; 1 where nothing does."""
+    rms = np.sqrt(np.mean(columns**2, axis=0))
+    return np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
+
+
+def _only_direction(columns: np.ndarray) -> np.ndarray | None:
+    """The unit direction (k,) of a vector that alone shows, where its columns (n, k) are all multiples of one.
+
+    None where more of it shows, or components do not at all: then the others are what is known of it.
+    """
+    if columns.shape[1] < 2 or not columns.any(axis=0).all() or _independent(columns).sum() > 1:
+        return None
+    direction = np.linalg.svd(columns, full_matrices=False)[2][0]
+    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
+
+
+def _told_along(term: Term, columns: np.ndarray) -> tuple[Term, np.ndarray]:
+    """A term without inner numbers, and its columns (n, k), with one number for each vector of one direction alone.
+
+    Of a push on a body on a slanted rail both components show, and only together.
+    """
+    for rows in [rows for _, rows in reversed(term.groups) if len(rows) > 1 and min(rows) >= 0]:
+        absent = all(term.free[r].neutral == 0 for r in rows)
+        direction = _only_direction(columns[:, list(rows)]) if absent else None
+        if direction is not None:
+            term = along_only(term, rows, direction)
+            size = columns[:, list(rows)] @ direction
+            columns = np.column_stack([columns[:, : rows[0]], size, columns[:, rows[-1] + 1 :]])
+    return term, columns
+
+
 def _flow_signature(
     fitter: Fitter, fit: Fit, term: Term, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
 ) -> Signature:
@@ -177,10 +209,10 @@ def _flow_signature(
         probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
         probes.append(columns_of(fitter, fit, probe)[0][:, 0])
     columns = np.column_stack([probes[0], (probes[1] - probes[0]) / top, (probes[2] - probes[0]) / top])
-    rms = np.sqrt(np.mean(columns**2, axis=0))
-    scales = np.where(rms > 0, 1.0 / np.where(rms > 0, rms, 1.0), 1.0)
     if not columns.any():
         return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
+    term, columns = _told_along(term, columns)
+    scales = _to_a_sigma(columns)
     # of a motion that is straight and steady without the law, drag and stream look alike: that is no reason
     answered = np.concatenate([[columns[:, 0].any()], _independent(columns[:, 1:])])
     if answered[0] and not answered.all():
@@ -216,6 +248,9 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
             signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
             continue
         columns, scales = columns_of(fitter, fit, term)
+        if not any(f.inner for f in term.free):
+            term, columns = _told_along(term, columns)
+            scales = scales if len(scales) == len(term.free) else _to_a_sigma(columns)
         answered = _independent(columns)
         if not answered.any():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))

@@ -92,6 +92,9 @@ class Told:
                 parameters[name] = (value, None, None, unit)
             acting = list(term.bodies if term.bodies is not None else distinct_bodies(self.cases))
             expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
+            shown = [r for r, f in enumerate(term.free) if f.name in term.along]
+            mine = [r for r in shown if owner is None or term.free[r].name.endswith(f"[{owner}]")]
+            expression += "".join(self._seen_along(offset, term, r) for r in mine)
             entries.append(
                 mechanism_entry(
                     trial.mechanism, expression, acting if owner is None else joints.get(owner, [owner]), parameters,
@@ -103,7 +106,10 @@ class Told:
     def _parameter(self, offset: int, term: Term, rows: Sequence[int]) -> Written:
         found: list[tuple[float, float | None, float | None]] = []
         for r in rows:
-            if r < 0:  # a component that these recordings do not show
+            if r >= 0 and term.free[r].name in term.along:  # components that show only together: each may be any
+                size = float(self.fit.values[offset + r])
+                found += [(size * part, None, None) for part in term.along[term.free[r].name]]
+            elif r < 0:  # a component that these recordings do not show
                 found.append((0.0, None, None))
             else:
                 value, *ends = self.fit.interval(offset + r, self.spread)
@@ -114,6 +120,13 @@ class Told:
             return (*found[0], unit)
         values, lows, highs = (list(column) for column in zip(*found, strict=True))
         return values, lows, highs, unit
+
+    def _seen_along(self, offset: int, term: Term, r: int) -> str:
+        """What is known of a vector of which one direction alone shows."""
+        free = term.free[r]
+        value, low, high = self.fit.interval(offset + r, self.spread)
+        direction = ", ".join(f"{part:.3g}" for part in term.along[free.name])
+        return f"; only its part along [{direction}] shows, {value:.4g} ({low:.4g} to {high:.4g}) {free.unit}"
 
 
 def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
