@@ -10,15 +10,15 @@ import pytest
 from granswim_pymunk.inference.candidates import asked_terms, named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
-from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.forms import forms_as_good
-from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company
+from granswim_pymunk.inference.tracks.intervals import held_at_bounds, mixed_quantile, with_company, with_slopes
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.settle import known_together
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import film
-from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 ALONG, ACROSS = (0.5, 0.0), (0.3, 0.4)
 
@@ -85,6 +85,49 @@ def test_an_interval_holds_what_a_law_is_beside_another():
     assert not low <= c <= high
     _, lower, higher = wide.interval(0)
     assert lower <= c <= higher and lower <= low and high <= higher
+
+
+def test_an_interval_holds_what_a_law_is_on_a_table_that_is_not_level():
+    """A drag on a slope of 0.4 mm/m that nobody notices: the interval of the drag alone misses it."""
+    c = 0.002
+    for slope, held in ((4e-4, True), (1e-2, False)):
+        trial, fitter = found("linear_drag", use("linear_drag", c=c), use("uniform_force", a=(9.81 * slope, 0.0)))
+        terms = named_terms(fitter.cases)
+        wide = with_slopes(fitter, trial.fit, 0, 1.0, terms)
+        (_, low, high), (_, lower, higher) = trial.fit.interval(0), wide.interval(0)
+        assert not low <= c <= high
+        assert (lower <= c <= higher) is held and lower <= low and high <= higher
+    # a slope that the fit knows of is no nuisance
+    level = [t for t in terms if t.mechanism != "uniform_force"]
+    assert with_slopes(fitter, trial.fit, 0, 1.0, level) is trial.fit
+
+
+def test_what_an_adjustable_at_its_bound_cannot_take_up_is_company():
+    """More drag than the scene's may be, beside a push: its interval holds what it is where a drag is missing, too."""
+    a, bodies = 0.05, (Body("a", "free", 0.01, 0.05, initial=(0.0, 0.0, *ACROSS)),)
+    believed = Scene(bodies, (use("linear_drag", c=0.01),), adjustable=(Adjustable("linear_drag", "c", 0.005, 0.01),))
+    true = Scene(bodies, (use("linear_drag", c=0.02), use("uniform_force", a=(0.0, a))))
+    seen = film(true, np.arange(0.0, 2.0, 0.01), rng=np.random.default_rng(0), noise=1e-4)
+    case = prepare(replace(seen, scene=believed, position_noise=1e-4), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    terms = {t.mechanism: t for t in named_terms([case])}
+    fit = fitter.fit(Hypothesis((*adjustable_terms([case]), terms["uniform_force"])), None, evaluations=40)
+    assert fit.values[0] == pytest.approx(0.01)
+    # only a drag explains what is left, and without it the push is off
+    wide = with_company(fitter, fit, 1, 1.0, [terms["linear_drag"]])
+    assert not fit.interval(2)[1] <= a <= fit.interval(2)[2]
+    assert wide.interval(2)[1] <= a <= wide.interval(2)[2]
+
+
+def test_a_number_at_its_bound_would_go_on():
+    trial, _ = found("linear_drag", use("linear_drag", c=0.02), seconds=0.5)
+    (term,) = trial.fit.hypothesis.terms
+    at = replace(trial.fit, values=np.array([1.0]),
+                 hypothesis=Hypothesis((replace(term, free=(replace(term.free[0], low=0.0, high=1.0),)),)))  # fmt: skip
+    assert held_at_bounds(at, np.array([2.0])) == [0]
+    assert held_at_bounds(at, np.array([-2.0])) == []
+    assert held_at_bounds(replace(at, values=np.array([0.9])), np.array([2.0])) == []
+    assert held_at_bounds(replace(at, values=np.array([0.0])), np.array([-2.0])) == [0]
 
 
 def test_the_quantile_of_a_mixture():

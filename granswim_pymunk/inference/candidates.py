@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..joints import arm_of
 from ..laws import Law, all_laws
 from ..scene import Scene, use
+from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
 from .data import Case
@@ -345,12 +346,20 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             continue
         if not applies(law, cases) or out_of_place(law, cases):
             continue
-        terms += law_terms(law, cases, each=False)
+        terms += [_unlevel(t, law, scenes) for t in law_terms(law, cases, each=False)]
         if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
             terms += law_terms(law, cases, each=True)
         elif several and each and _is_push(law):
             terms += _on_one_body(law, cases)
     return terms
+
+
+def _unlevel(term: Term, law: Law, scenes: Sequence[Scene]) -> Term:
+    """The term, if it is what a table does that is not level, with the size up to which nobody notices that."""
+    if law.role != "push" or any(any(s.gravity) for s in scenes):
+        return term
+    slope = current().apparatus.off_level * STANDARD_GRAVITY
+    return replace(term, free=tuple(replace(f, unseen=slope) for f in term.free))
 
 
 def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:

@@ -44,6 +44,7 @@ class Free:
     natural: bool = False  # its bounds are those of nature (a restitution of one), and may be the answer
     inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
     ordinary: float = 0.0  # distance from ``neutral`` up to which it is what laboratories are off by
+    unseen: float = 0.0  # standard deviation about ``neutral`` that a careful laboratory does not notice, 0: none
     prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
 
 

@@ -107,6 +107,8 @@ class ApparatusCriteria:
     scale : of a picture's scale and of a tilt [rad], the first step;  shift [m] : of a bias;  frame : of the time
         between two frames, of an offset;  turn [rad] : of a direction;  middle : of the extent of all tracks, of the
         middle of a lens. Choices
+    off_level [rad] : of a table, or of a picture with gravity in it, one standard deviation that nobody notices.
+        Choice: half a millimetre on a metre
     within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
     """
 
@@ -118,6 +120,7 @@ class ApparatusCriteria:
     frame: float = 0.1
     turn: float = 0.1
     middle: float = 0.1
+    off_level: float = 5e-4
     within_frame: float = 0.3
 
 

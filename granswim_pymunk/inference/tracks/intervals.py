@@ -21,6 +21,7 @@ from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term
 from ..linear import project
+from ..mechanisms import APPARATUS
 from ..noise import averaged
 from ..significance import half_interval
 from .believed import error_name, with_error
@@ -179,6 +180,51 @@ def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
     return replace(fit, limits=limits)
 
 
+def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:
+    """The fit with limits of its laws' numbers from ``first`` on that hold what they are where nothing is quite level.
+
+    No table is, nor a picture with gravity in it, and what nobody notices of it is not named. Such slopes e, each over
+    the size that it usually has (``Free.unseen``), are nuisances with a prior: with J and M the derivatives by the
+    numbers and by e, starts projected out, both have the covariance ([J M]'[J M]/spread + diag(0, 1))^-1 about what
+    the data make of them. An interval reaches from the lower to the higher end of its own and that one. Not so of a
+    fault of the apparatus that is named itself: what would stand in its place is told as its rival.
+    terms : of which those with such sizes are taken that the fit lacks
+    """
+    p, taken = len(fit.values), {t.label for t in fit.hypothesis.terms}
+    faults = [t for t in terms if t.label not in taken and t.free and all(f.unseen for f in t.free)]
+    if p <= first or not faults:
+        return fit
+    whole = stacked(fitter, fit)
+    sized = [columns_of(fitter, fit, t)[0] * [f.unseen for f in t.free] for t in faults]
+    both = whole.beside(np.column_stack([whole.numbers, *sized]))
+    left = whole.beside(whole.left)
+    both[:, held_at_bounds(fit, both[:, :p].T @ left)] = 0.0
+    size = np.linalg.norm(both, axis=0)
+    size[size == 0] = 1.0
+    prior = np.concatenate([np.zeros(p), np.ones(both.shape[1] - p)])
+    inverse = np.linalg.pinv((both / size).T @ (both / size) / spread + np.diag(prior / size**2), hermitian=True)
+    covariance = inverse / np.outer(size, size)
+    moved = covariance @ (both.T @ left) / spread
+    limits = dict(fit.limits)
+    of_term = [t for t in fit.hypothesis.terms for _ in t.free]
+    for k in [k for k in range(first, p) if of_term[k].mechanism not in APPARATUS]:
+        value, low, high = replace(fit, believed=None).interval(k, spread)
+        half = half_interval(float(covariance[k, k]))
+        limits[k] = min(low, value + float(moved[k]) - half), max(high, value + float(moved[k]) + half)
+    return replace(fit, limits=limits)
+
+
+def held_at_bounds(fit: Fit, downhill: np.ndarray) -> list[int]:
+    """Numbers that lie where their search ends, and would go on if it did not: ``downhill`` (p,), where chi2 falls."""
+    held = []
+    for k, free in enumerate(fit.hypothesis.free):
+        near = current().verdict.at_bound * (free.high - free.low)
+        value = float(fit.values[k])
+        if math.isfinite(near) and downhill[k] * ((value > free.high - near) - (value < free.low + near)) > 0:
+            held.append(k)
+    return held
+
+
 def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:
     """The fit with limits of its numbers from ``first`` on that hold what they would be beside one more law.
 
@@ -195,6 +241,8 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
         return fit
     whole = stacked(fitter, fit)
     left, numbers = whole.beside(whole.left), whole.beside(whole.numbers)
+    # what an adjustable number at its bound cannot take up, a law of the same form may
+    numbers[:, held_at_bounds(fit, numbers.T @ left)] = 0.0
     own = np.linalg.pinv(numbers)
     company = []
     for term in terms:

@@ -63,7 +63,7 @@ from .held_out import (
     worse_by_chance,
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
-from .intervals import with_company, with_doubt, with_limits
+from .intervals import with_company, with_doubt, with_limits, with_slopes
 from .kicks import told as told_of
 from .kicks import unexplained
 from .name import Trial, spread_of
@@ -326,6 +326,7 @@ class Tracks(ObservationModel):
                 f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
             )
         fit = with_doubt(self.fitter, fit, count, self.spread)
+        fit = with_slopes(self.fitter, fit, count, self.spread, self.tried.terms)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
