@@ -21,9 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config, sigutils
+from numba.core import cgutils, config, sigutils, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.ccallback import CFunc
+from numba.extending import intrinsic
 from tqdm import tqdm
 
 from .files import written_whole
@@ -70,10 +71,10 @@ def shown(total: int) -> Iterator[None]:
 
 @functools.cache
 def _shared() -> bytes:
-    """A sum over the modules of the engine whose functions are compiled into those of others."""
+    """A sum over the modules whose functions are compiled into those of others."""
     total = hashlib.sha256()
-    for name in ("native.py", "neighbours.py"):
-        total.update((Path(__file__).parent / "engine" / name).read_bytes())
+    for name in ("compiled.py", "engine/native.py", "engine/neighbours.py"):
+        total.update((Path(__file__).parent / name).read_bytes())
     return total.digest()
 
 
@@ -196,3 +197,27 @@ def cfunc(signature: Any, *, cache: bool = True, **options: Any) -> Callable[[An
         return callback
 
     return wrap
+
+
+def fetch(builder: Any, pointer: Any) -> None:
+    """Ask for the cache line at a pointer, which may lie beyond what is allocated."""
+    ir = cgutils.ir
+    flag = ir.IntType(32)
+    kind = ir.FunctionType(ir.VoidType(), [pointer.type, flag, flag, flag])
+    prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+    # to read, into all levels, data
+    builder.call(prefetch, [pointer, *(ir.Constant(flag, k) for k in (0, 3, 1))])
+
+
+@intrinsic
+def ask_for(typingctx, rows, at):
+    """Ask for row ``at`` of an array (n, 2) of floats, so that it is in the caches when it is read."""
+
+    def generate(context, builder, signature, args):
+        number = cgutils.ir.IntType(64)
+        first = context.make_array(signature.args[0])(context, builder, args[0]).data
+        place = builder.mul(builder.zext(args[1], number), cgutils.ir.Constant(number, 2))
+        fetch(builder, builder.bitcast(builder.gep(first, [place]), cgutils.voidptr_t))
+        return context.get_dummy_value()
+
+    return types.void(rows, types.uint32), generate

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .compiled import njit
+from .compiled import ask_for, njit
 from .errors import InputError, SimulationError
 from .files import written_whole
 from .limits import MOST_BODIES
@@ -36,6 +36,8 @@ MARGIN = 2e-4
 SKIN = 0.35  # of a mean diameter
 ROUNDS = 80  # of exchanging grains, at most
 BLOCK = 400  # steps between two looks at the clock and the keyboard
+LATER = 64  # places are asked for so many pairs ahead: pairs come in the order of numbers, from anywhere in the bed
+PAIRS = 256  # are looked at before the forces of those that touch are summed: they stay in the first-level cache
 
 Progress = Callable[[float], None]
 
@@ -357,9 +359,11 @@ def _make(scene: Scene, progress: Progress | None) -> tuple[np.ndarray, np.ndarr
     return box.grain_radius, xy
 
 
-@njit(cache=True, nogil=True)
-def _list(x, y, radius, count, width, reach, first, second):
-    """Pairs with a grain in them nearer than ``reach`` plus radii, by cells; -1 where they do not fit."""
+# Rows of the working arrays are sorted by place, so that neighbours lie near each other in memory. Pairs and sums keep
+# the order of the grains' numbers, and of the cells about each: the order of rows changes no bit of a bed.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cells(x, y, radius, width, reach):
+    """Cells no smaller than the longest distance in a list: their columns and rows, column and row of each disk."""
     n = x.shape[0]
     cell = 0.0
     bottom = np.inf
@@ -373,132 +377,265 @@ def _list(x, y, radius, count, width, reach, first, second):
     rows = int((top - bottom) / cell) + 1
     if columns < 3:
         columns = 1  # then every column neighbours itself only, and the image is found by rounding
-    head = np.full(columns * rows, -1, dtype=np.int64)
-    following = np.empty(n, dtype=np.int64)
-    for i in range(n - 1, -1, -1):
+    at = np.empty((n, 2), dtype=np.int32)
+    for i in range(n):
         turned = x[i] - width * math.floor(x[i] / width)
-        c = min(int(turned / width * columns), columns - 1)
-        c += columns * min(int((y[i] - bottom) / cell), rows - 1)
-        following[i] = head[c]
-        head[c] = i
+        at[i, 0] = min(int(turned / width * columns), columns - 1)
+        at[i, 1] = min(int((y[i] - bottom) / cell), rows - 1)
+    return columns, rows, at
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sorted(columns, rows, at, count):
+    """Where the disks of each cell begin, disks by cells; which grain each row of the working arrays holds, and back.
+
+    Grains (numbers below ``count``) come first, by cells; the others stay in their rows.
+    """
+    n = at.shape[0]
+    begins = np.zeros(columns * rows + 1, dtype=np.int64)
+    for i in range(n):
+        begins[at[i, 0] * rows + at[i, 1] + 1] += 1
+    for c in range(columns * rows):
+        begins[c + 1] += begins[c]
+    free = begins.copy()
+    members = np.empty(n, dtype=np.int32)
+    for i in range(n):
+        c = at[i, 0] * rows + at[i, 1]
+        members[free[c]] = i
+        free[c] += 1
+    order = np.arange(n)
+    row_of = np.arange(n)
+    row = 0
+    for i in members:
+        if i < count:
+            order[row] = i
+            row_of[i] = row
+            row += 1
+    return begins, members, order, row_of
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _list(x, y, radius, count, width, reach, first, second):
+    """Pairs with a grain in them nearer than ``reach`` plus radii, by cells; -1 where they do not fit.
+
+    Their number, and of the rows sorted by place which disk each holds, and which row each disk has.
+    """
+    n = x.shape[0]
+    columns, rows, at = _cells(x, y, radius, width, reach)
+    begins, members, order, row_of = _sorted(columns, rows, at, count)
+    seen = np.empty((n, 3))  # side by side for those of a cell
+    for k in range(n):
+        i = members[k]
+        seen[k, 0] = x[i] - width * math.floor(x[i] / width)
+        seen[k, 1] = y[i]
+        seen[k, 2] = radius[i] + reach
+    side = 0 if columns == 1 else 1
     total = 0
     for i in range(count):
-        turned = x[i] - width * math.floor(x[i] / width)
-        column = min(int(turned / width * columns), columns - 1)
-        row = min(int((y[i] - bottom) / cell), rows - 1)
-        for dr in range(-1, 2):
-            if row + dr < 0 or row + dr >= rows:
-                continue
-            for dc in range(-1, 2):
-                if columns == 1 and dc != 0:
-                    continue
-                j = head[(column + dc) % columns + columns * (row + dr)]
-                while j >= 0:
-                    if j > i:
-                        dx = x[j] - x[i]
+        here = x[i] - width * math.floor(x[i] / width)
+        for row in range(max(at[i, 1] - 1, 0), min(at[i, 1] + 2, rows)):
+            for column in range(at[i, 0] - side, at[i, 0] + side + 1):
+                away = here + (width if column < 0 else -width if column >= columns else 0.0)
+                cell = column % columns * rows + row
+                for k in range(begins[cell], begins[cell + 1]):
+                    dx = seen[k, 0] - away
+                    if columns == 1:
                         dx -= width * math.floor(dx / width + 0.5)
-                        dy = y[j] - y[i]
-                        near = radius[i] + radius[j] + reach
-                        if dx * dx + dy * dy < near * near:
-                            if total == first.shape[0]:
-                                return -1
-                            first[total] = i
-                            second[total] = j
-                            total += 1
-                    j = following[j]
-    return total
+                    dy = seen[k, 1] - y[i]
+                    near = radius[i] + seen[k, 2]
+                    if members[k] > i and dx * dx + dy * dy < near * near:
+                        if total == first.shape[0]:
+                            return -1, order, row_of
+                        first[total] = i
+                        second[total] = members[k]
+                        total += 1
+    return total, order, row_of
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _in_rows(x, radius, width, margin, row_of, pairs, first, second, shift, reach):
+    """From numbers of disks to rows; what brings x_j - x_i of a pair to the nearest image, and where it touches."""
+    for k in range(pairs):
+        i = first[k]
+        j = second[k]
+        shift[k] = -width * math.floor((x[j] - x[i]) / width + 0.5)
+        reach[k] = (radius[i] + radius[j]) * (1.0 + margin)
+        first[k] = row_of[i]
+        second[k] = row_of[j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _forces(xy, radius, pairs, first, second, shift, reach, force):
+    """Sum the forces on all grains; the largest overlap in radii of the smaller disk.
+
+    The pairs that touch are gathered first, block by block, without a branch that cannot be foreseen.
+    """
+    way_x = np.empty(PAIRS)
+    way_y = np.empty(PAIRS)
+    square = np.empty(PAIRS)
+    touch = np.empty(PAIRS)
+    least = np.empty(PAIRS)
+    push = np.empty(PAIRS)
+    which = np.empty(PAIRS, dtype=np.uint64)
+    force[:] = 0.0
+    overlap = -np.inf
+    end = np.uint64(pairs)
+    for low in range(np.uint64(0), end, np.uint64(PAIRS)):
+        met = np.uint64(0)
+        for k in range(low, min(low + np.uint64(PAIRS), end)):
+            i = first[k]
+            j = second[k]
+            dx = xy[j, 0] - xy[i, 0] + shift[k]
+            dy = xy[j, 1] - xy[i, 1]
+            apart = dx * dx + dy * dy
+            way_x[met] = dx
+            way_y[met] = dy
+            square[met] = apart
+            which[met] = k
+            met += np.uint64(apart < reach[k] * reach[k])
+            later = min(k + np.uint64(LATER), end - np.uint64(1))
+            ask_for(xy, first[later])  # type: ignore[call-arg]
+            ask_for(xy, second[later])  # type: ignore[call-arg]
+        for m in range(met):
+            i = first[which[m]]
+            j = second[which[m]]
+            touch[m] = radius[i] + radius[j]
+            least[m] = min(radius[i], radius[j])
+            push[m] = reach[which[m]]
+        for m in range(met):
+            distance = math.sqrt(square[m])
+            least[m] = (touch[m] - distance) / least[m]
+            distance = distance if distance > 0.0 else 1.0
+            push[m] = (push[m] - distance) / distance
+            way_x[m] = push[m] * (way_x[m] if square[m] > 0.0 else 1.0)  # apart along x, from one place
+            way_y[m] = push[m] * way_y[m]
+        for m in range(met):
+            overlap = max(overlap, least[m])
+            i = first[which[m]]
+            j = second[which[m]]
+            force[i, 0] -= way_x[m]
+            force[i, 1] -= way_y[m]
+            force[j, 0] += way_x[m]
+            force[j, 1] += way_y[m]
+    return overlap
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sums(order, v, force, terms):
+    """Power, squares of all velocities and of all forces, the largest force squared; in the order of the grains."""
+    power = 0.0
+    speed = 0.0
+    square = 0.0
+    largest = 0.0
+    for i in range(v.shape[0]):
+        at = order[i]
+        terms[at, 0] = force[i, 0] * v[i, 0] + force[i, 1] * v[i, 1]
+        terms[at, 1] = v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1]
+        terms[at, 2] = force[i, 0] * force[i, 0] + force[i, 1] * force[i, 1]
+    for i in range(v.shape[0]):
+        power += terms[i, 0]
+        speed += terms[i, 1]
+        square += terms[i, 2]
+        largest = max(largest, terms[i, 2])
+    return power, speed, square, largest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _downhill(memory, power, turning, xy, v, force, old):
+    """A step of FIRE; how far the grain went that went farthest since the list was made, squared."""
+    dt = memory[0]
+    count = v.shape[0]
+    if power > 0.0:
+        mix = memory[1]
+        turn = mix * turning
+        for i in range(count):
+            for c in range(2):
+                v[i, c] = (1.0 - mix) * v[i, c] + turn * force[i, c]
+        memory[2] += 1.0
+        if memory[2] > 5.0:
+            memory[0] = dt = min(dt * 1.1, 0.5)
+            memory[1] = mix * 0.99
+    else:
+        for i in range(count):
+            for c in range(2):
+                xy[i, c] -= 0.5 * dt * v[i, c]
+                v[i, c] = 0.0
+        memory[0] = dt = max(dt * 0.5, 0.02)
+        memory[1] = 0.1
+        memory[2] = 0.0
+    moved = 0.0
+    for i in range(count):
+        for c in range(2):
+            v[i, c] += dt * force[i, c]
+            xy[i, c] += dt * v[i, c]
+        moved = max(moved, (xy[i, 0] - old[i, 0]) ** 2 + (xy[i, 1] - old[i, 1]) ** 2)
+    return moved
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _into_rows(order, x, y, vx, vy, xy, v):
+    for row in range(order.shape[0]):
+        xy[row, 0] = x[order[row]]
+        xy[row, 1] = y[order[row]]
+    for row in range(v.shape[0]):
+        v[row, 0] = vx[order[row]]
+        v[row, 1] = vy[order[row]]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _out_of_rows(order, x, y, vx, vy, xy, v):
+    for row in range(v.shape[0]):
+        x[order[row]] = xy[row, 0]
+        y[order[row]] = xy[row, 1]
+        vx[order[row]] = v[row, 0]
+        vy[order[row]] = v[row, 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _relax(x, y, radius, count, width, vx, vy, memory, steps, quiet, enough, margin, skin):
-    """FIRE on the grains (rows below ``count``); the others stay. Returns largest overlap, and if it is done.
+    """FIRE on the grains (numbers below ``count``); the others stay. Returns largest overlap, and if it is done.
 
     Force on j: (1 + margin) (r_i + r_j) - d along the line of centres, unit stiffness and mass.
     """
     n = x.shape[0]
-    first = np.empty(16 * n, dtype=np.int64)
-    second = np.empty(16 * n, dtype=np.int64)
-    old_x = np.full(count, np.inf)
-    old_y = np.full(count, np.inf)
-    fx = np.zeros(count)
-    fy = np.zeros(count)
+    first, second, shift, reach = _room(16 * n)
+    order = np.arange(n)
+    sizes = radius
+    xy, force = np.empty((n, 2)), np.empty((n, 2))
+    v, old, terms = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 3))
+    _into_rows(order, x, y, vx, vy, xy, v)
     pairs = 0
     overlap = 0.0
+    done = False
+    moved = np.inf
     for _ in range(steps):
-        moved = 0.0
-        for i in range(count):
-            moved = max(moved, (x[i] - old_x[i]) ** 2 + (y[i] - old_y[i]) ** 2)
         if not moved < 0.25 * skin * skin:
-            pairs = _list(x, y, radius, count, width, skin, first, second)
+            _out_of_rows(order, x, y, vx, vy, xy, v)
+            pairs, order, row_of = _list(x, y, radius, count, width, skin, first, second)
+            _into_rows(order, x, y, vx, vy, xy, v)
             if pairs < 0:
-                first = np.empty(2 * first.shape[0], dtype=np.int64)
-                second = np.empty(first.shape[0], dtype=np.int64)
+                first, second, shift, reach = _room(2 * first.shape[0])
                 continue
-            old_x[:] = x[:count]
-            old_y[:] = y[:count]
-        fx[:] = 0.0
-        fy[:] = 0.0
-        overlap = -np.inf
-        for k in range(pairs):
-            i = first[k]
-            j = second[k]
-            dx = x[j] - x[i]
-            dx -= width * math.floor(dx / width + 0.5)
-            dy = y[j] - y[i]
-            reach = (radius[i] + radius[j]) * (1.0 + margin)
-            square = dx * dx + dy * dy
-            if square < reach * reach:
-                distance = math.sqrt(square)
-                overlap = max(overlap, (radius[i] + radius[j] - distance) / min(radius[i], radius[j]))
-                if distance == 0.0:
-                    dx = 1.0
-                    distance = 1.0
-                push = (reach - distance) / distance
-                fx[i] -= push * dx
-                fy[i] -= push * dy
-                if j < count:
-                    fx[j] += push * dx
-                    fy[j] += push * dy
-        if overlap < enough:
-            return overlap, True
-        power = 0.0
-        speed = 0.0
-        force = 0.0
-        largest = 0.0
-        for i in range(count):
-            square = fx[i] * fx[i] + fy[i] * fy[i]
-            power += fx[i] * vx[i] + fy[i] * vy[i]
-            speed += vx[i] * vx[i] + vy[i] * vy[i]
-            force += square
-            largest = max(largest, square)
-        if largest < quiet * quiet:
-            return overlap, True
-        dt = memory[0]
-        if power > 0.0:
-            mix = memory[1]
-            turn = mix * math.sqrt(speed / force)
-            for i in range(count):
-                vx[i] = (1.0 - mix) * vx[i] + turn * fx[i]
-                vy[i] = (1.0 - mix) * vy[i] + turn * fy[i]
-            memory[2] += 1.0
-            if memory[2] > 5.0:
-                memory[0] = dt = min(dt * 1.1, 0.5)
-                memory[1] = mix * 0.99
-        else:
-            for i in range(count):
-                x[i] -= 0.5 * dt * vx[i]
-                y[i] -= 0.5 * dt * vy[i]
-                vx[i] = 0.0
-                vy[i] = 0.0
-            memory[0] = dt = max(dt * 0.5, 0.02)
-            memory[1] = 0.1
-            memory[2] = 0.0
-        for i in range(count):
-            vx[i] += dt * fx[i]
-            vy[i] += dt * fy[i]
-            x[i] += dt * vx[i]
-            y[i] += dt * vy[i]
-    return overlap, False
+            _in_rows(x, radius, width, margin, row_of, pairs, first, second, shift, reach)
+            sizes = radius[order]
+            old[:] = xy[:count]
+        overlap = _forces(xy, sizes, pairs, first, second, shift, reach, force)
+        done = overlap < enough
+        if done:
+            break
+        power, speed, square, largest = _sums(order, v, force, terms)
+        done = largest < quiet * quiet
+        if done:
+            break
+        moved = _downhill(memory, power, math.sqrt(speed / square), xy, v, force, old)
+    _out_of_rows(order, x, y, vx, vy, xy, v)
+    return overlap, done
+
+
+@njit(cache=True, nogil=True)
+def _room(pairs):
+    """For a list of so many pairs."""
+    return np.empty(pairs, np.uint32), np.empty(pairs, np.uint32), np.empty(pairs), np.empty(pairs)
 
 
 @njit(cache=True, nogil=True)
@@ -527,13 +664,11 @@ def _exchange(x, y, radius, count, width, tries, order, margin):
     largest = radius[:count].max()
     # no pair that touches after an exchange is missing from this list
     reach = 2.0 * (largest - smallest) + 2.0 * margin * largest
-    first = np.empty(16 * n, dtype=np.int64)
-    second = np.empty(16 * n, dtype=np.int64)
-    pairs = _list(x, y, radius, count, width, reach, first, second)
+    first, second, _shift, _reach = _room(16 * n)
+    pairs, _order, _row_of = _list(x, y, radius, count, width, reach, first, second)
     while pairs < 0:
-        first = np.empty(2 * first.shape[0], dtype=np.int64)
-        second = np.empty(first.shape[0], dtype=np.int64)
-        pairs = _list(x, y, radius, count, width, reach, first, second)
+        first, second, _shift, _reach = _room(2 * first.shape[0])
+        pairs, _order, _row_of = _list(x, y, radius, count, width, reach, first, second)
     start = np.zeros(n + 2, dtype=np.int64)
     for k in range(pairs):
         start[first[k] + 2] += 1

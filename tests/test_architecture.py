@@ -32,7 +32,7 @@ CIRCLES = {"scene", "scene.model", "scene.reading", "render"}
 # lines of functions that are longer: compiled kernels alone
 LONG = {
     "proof.kernels.run": 155, "engine.neighbours.build_list": 139, "proof.kernels.pair_forces": 90,
-    "packing._relax": 89, "proof.kernels.list_pairs": 84,
+    "proof.kernels.list_pairs": 84,
 }  # fmt: skip
 
 

@@ -22,7 +22,8 @@ from llvmlite import ir
 from numba.core.registry import cpu_target
 from pymunk._chipmunk_cffi import ffi, lib
 
-from .native import LEAD, ROW, Offsets, column, fetch, offsets, releaser, rows_of_bodies, settle_in
+from ..compiled import fetch
+from .native import LEAD, ROW, Offsets, column, offsets, releaser, rows_of_bodies, settle_in
 
 # in front of each body: in place, the speed it may reach before the neighbour list is renewed, squared
 # [m2/s2]; apart, the address of its row. Then the address of the numbers in MOTION

@@ -20,6 +20,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from pymunk._chipmunk_cffi import ffi, lib
 
+from ..compiled import fetch
+
 
 class ProbeError(RuntimeError):
     """The layout of Chipmunk's structures could not be found: compiled callbacks cannot be installed."""
@@ -266,16 +268,6 @@ def lowest_bit(typingctx, word):
         return builder.cttz(args[0], cgutils.true_bit)
 
     return types.uint64(types.uint64), generate
-
-
-def fetch(builder: Any, pointer: Any) -> None:
-    """Ask for the cache line at a pointer, which may lie beyond what is allocated."""
-    ir = cgutils.ir
-    flag = ir.IntType(32)
-    kind = ir.FunctionType(ir.VoidType(), [pointer.type, flag, flag, flag])
-    prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-    # to read, into all levels, data
-    builder.call(prefetch, [pointer, *(ir.Constant(flag, k) for k in (0, 3, 1))])
 
 
 def _column(context: Any, builder: Any, kind: Any, array: Any) -> Any:
