@@ -29,6 +29,7 @@ from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.held_out import noise_floor, right_law_errors
+from granswim_pymunk.inference.tracks.innovations import white_sizes
 from granswim_pymunk.inference.tracks.intervals import with_limits
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
 from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
@@ -574,12 +575,22 @@ def test_what_a_right_law_leaves_where_its_numbers_are_found():
     case = prepare(filmed(truth, scene, SHORT, np.random.default_rng(3)), held_out=False, split=True)
     predictor = Predictor({"r": 1e-3})
     push = next(t for t in named_terms([case]) if t.label == "uniform_force")
-    fit = Fitter([case], predictor).fit(Hypothesis((push,)))
+
+    def fit_of(case):
+        return Fitter([case], predictor).fit(Hypothesis((push,)))
+
+    fit = fit_of(case)
     errors = right_law_errors(fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
     powers = np.vander(case.t / case.t[-1], 3)
     learnt, scored = powers[case.training], powers[case.scored]
     leverage = np.sum((scored @ np.linalg.inv(learnt.T @ learnt)) * scored, axis=1)
-    assert np.mean(errors**2) == pytest.approx(NOISE**2 * (1 + leverage.mean()), rel=0.2)
+    shown = np.mean(white_sizes(fit, [case], np.random.default_rng(4).spawn(1)[0], 60) ** 2)
+    assert shown == pytest.approx(1.0, rel=0.6)
+    assert np.mean(errors**2) == pytest.approx(shown * NOISE**2 * (1 + leverage.mean()), rel=0.2)
+    # where less noise is believed than the film shows, the film is right
+    less = replace(case, sigma=case.sigma / 1.2)
+    there = right_law_errors(fit_of(less), [less], predictor, lambda: False, np.random.default_rng(4), 60)
+    assert np.mean(there**2) == pytest.approx(np.mean(errors**2), rel=0.1)
     _, floor = noise_floor(fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
     assert floor is not None and floor**2 < 0.7 * np.mean(errors**2)
 

@@ -12,7 +12,7 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks.fit import Fitter
-from granswim_pymunk.inference.tracks.forms import forms_as_good
+from granswim_pymunk.inference.tracks.forms import forms_as_good, left_standing
 from granswim_pymunk.inference.tracks.intervals import held_at_bounds, mixed_quantile, with_company, with_slopes
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.settle import known_together
@@ -21,15 +21,19 @@ from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 ALONG, ACROSS = (0.5, 0.0), (0.3, 0.4)
+C = 0.006  # kg/m
 
 
-def found(law, *laws, velocity=ALONG, seconds=2.0, other=()):
-    """A fit of one law to a body that slides under ``laws``, as a trial, and its fitter."""
+def found(law, *laws, velocity=ALONG, seconds=2.0, split=False):
+    """A fit of one law to a body that slides under ``laws``, as a trial, and its fitter.
+
+    ``split``: to the first 60 %
+    """
     scene = Scene((Body("a", "free", 0.01, 0.05, initial=(0.0, 0.0, *velocity)),))
     seen = film(scene.with_laws(*laws), np.arange(0.0, seconds, 0.01), rng=np.random.default_rng(0), noise=1e-4)
     bodies = tuple(replace(b, initial=None) for b in scene.bodies)
     recording = replace(seen, scene=replace(scene, bodies=bodies), position_noise=1e-4)
-    case = prepare(recording, held_out=False, split=False)
+    case = prepare(recording, held_out=False, split=split)
     fitter = Fitter([case], Predictor({case.name: 1e-3}))
     base = fitter.fit(Hypothesis(), None)
     signature = next(s for s in make_bank(fitter, base, named_terms([case])).signatures if s.term.mechanism == law)
@@ -58,6 +62,17 @@ def test_a_third_power_is_told_from_a_square_over_a_range_of_speeds(c, narrow):
     trial, fitter = found("quadratic_drag", use("quadratic_drag", c=c))
     assert trial.gain > 100
     assert (("flexible_power", False) in told(trial, fitter)) is narrow
+
+
+@pytest.mark.parametrize("law", [use("quadratic_drag", c=C), use("flexible_power", top=0.5, c=C * 0.25, n=3.0, p=0)])
+def test_held_out_frames_turn_a_form_down_where_they_tell_it_from_the_law(law):
+    """Over 60 % of the time a third power does as well as a square, over all of it the one that acts does."""
+    trial, fitter = found("quadratic_drag", law, split=True)
+    alike = [a for a in forms_as_good([trial], trial.fit, 0, fitter, 1.0) if a.form.mechanism == "flexible_power"]
+    assert alike
+    whole = fitter.of_all_frames(fitter.cases)
+    standing = left_standing(alike, [trial], trial.fit, 0, whole, 1.0)
+    assert bool(standing) is (law.name == "flexible_power")
 
 
 def test_a_force_across_a_straight_path_is_a_push():

@@ -282,6 +282,9 @@ class VerdictCriteria:
     further : by how many times the d' of another experiment must be larger before it is proposed in place of an
         earlier, simpler one. Choice
     same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
+    alike : chi2, by which a law has to be ahead of a form without a name for its own form to be told. Theory: where
+        the form acts, d' from the law, the law is ahead by -d'^2 +- 2 d', and by as much as this once in twenty films
+        at the most, whatever d' is: sf(1.645) = 0.05
     simpler : how improbable the gain of further numbers must be by chance before the richer law is named. Choice
     absent : with which chance numbers that are absent gain as much: what it means that a 95 % interval holds "absent"
     noticed : chi2 over its spread, numbers paid for, from which a law is looked at. Theory: chance gives it to one
@@ -307,6 +310,7 @@ class VerdictCriteria:
     settles: float = 4.0
     further: float = 1.1
     same: float = 4.0
+    alike: float = 2.7
     simpler: float = 1e-3
     absent: float = 0.05
     noticed: float = 8.0

@@ -182,6 +182,11 @@ class Fitter(Follower):
         """The same with every recording followed from one start."""
         return Fitter(self.cases, self.predictor, self.frames, self.stop, self.weights, whole=True, spin=self.spin)
 
+    def of_all_frames(self, cases: Sequence[Case]) -> Fitter:
+        """Of all frames of these recordings, held-out ones too, in segments between all impacts."""
+        frames = {case.name: case.training | case.start | case.scored for case in cases}
+        return Fitter(cases, self.predictor, frames, self.stop, spin=self.spin)
+
     def fit_from(self, segments: Fit) -> Fit:
         """Recordings followed from one start, beginning where a fit to their segments ended, over growing parts."""
         first = {name: numbers[: self.segments[name][0].size] for name, numbers in segments.starts.items()}

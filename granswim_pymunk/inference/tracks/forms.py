@@ -3,6 +3,9 @@
 Where a third power of the speed follows the tracks as well as its square, what is left is noise under either. Then a
 name is the best approximation so far. So it is where a field that changes in place follows them better than a uniform
 force.
+
+A form in place of a law is a claim as well, and held-out data may turn it down. Where a body slows down, they are often
+all that tells one power of the speed from another.
 """
 
 from __future__ import annotations
@@ -14,11 +17,13 @@ import numpy as np
 
 from ..candidates import asked_terms, owners
 from ..criteria import current
-from ..hypothesis import Term
+from ..hypothesis import Failed, Term
+from ..judge import completeness
 from ..linear import basis
 from ..trial import rows_of
 from .fit import Fitter
 from .fitted import Fit
+from .innovations import series_of
 from .name import Trial
 from .signatures import columns_of, stacked
 
@@ -37,8 +42,8 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
 
     With a law's columns J times its numbers v put back, r + J v is what it has to explain; a form with columns C leaves
     the least |r + J v - C c|^2 over c, starts and all other numbers. It does as well where this is above what the law
-    leaves by less than what is told apart (``VerdictCriteria.same``, times ``spread``), and better where it is below by
-    more than that; numbers are paid for (AIC).
+    leaves by less than ``VerdictCriteria.alike`` (times ``spread``), and better where it is below by more than what is
+    told apart (``same``); numbers are paid for (AIC).
     first : of the numbers of the fit, where those of the laws begin
     """
     whole = stacked(fitter, fit)
@@ -50,7 +55,7 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
         rest = vector - q @ (q.T @ vector)
         return float(rest @ rest)
 
-    now, told, same = least(left, numbers), list[Alike](), current().verdict.same
+    now, told, verdict = least(left, numbers), list[Alike](), current().verdict
     for trial, rows in zip(found, rows_of(found, first), strict=True):
         if trial.apparatus:
             continue
@@ -61,6 +66,25 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
             more = basis(whole.beside(columns)).shape[1] - trial.used
             rise = least(left + numbers[:, rows] @ mine, np.hstack([columns, others])) - now
             ahead = -rise / spread - 2 * more
-            if columns.any() and ahead > (same if more > 0 else -same):
+            if columns.any() and ahead > (verdict.same if more > 0 else -verdict.alike):
                 told.append(Alike(term, trial, more > 0))
     return told
+
+
+def left_standing(
+    told: Sequence[Alike], found: Sequence[Trial], fit: Fit, first: int, whole: Fitter, spread: float
+) -> list[Alike]:
+    """Those forms that do as well on all frames together, held-out ones among them, by some power of the radius.
+
+    Numbers and starts of the laws are found again from all frames. Where that fails, or leaves more than noise, the
+    laws are not all there is, and nothing is turned down.
+    whole : of all frames;  other arguments as of ``forms_as_good``
+    """
+    try:
+        again = whole.refitted(fit)
+    except Failed:
+        return list(told)
+    if not completeness(series_of(again, whole.cases)).passes:
+        return list(told)
+    standing = {(a.form.mechanism, a.law.mechanism) for a in forms_as_good(found, again, first, whole, spread)}
+    return [a for a in told if (a.form.mechanism, a.law.mechanism) in standing]

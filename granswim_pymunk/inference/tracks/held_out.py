@@ -19,6 +19,7 @@ from ..linear import errors_of
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
+from .innovations import white_sizes
 from .segments import find_impacts, make_segments
 
 
@@ -413,7 +414,8 @@ def right_law_errors(
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
-    that is a little off has carried the bodies away. Repeats that fail are left out.
+    that is a little off has carried the bodies away. Their noise is as large as the film shows it, and known no better
+    than that. Repeats that fail are left out.
     """
     truths = {}
     for case in cases:
@@ -422,7 +424,8 @@ def right_law_errors(
         except Failed:
             continue
     count = current().left.right if repeats is None else repeats
-    filmed = [[_filmed_again(c, truths[c.name], rng) for c in cases if c.name in truths] for _ in range(count)]
+    sizes = white_sizes(training, [c for c in cases if c.name in training.white], rng.spawn(1)[0], count)
+    filmed = [[_filmed_again(c, truths[c.name], rng, s) for c in cases if c.name in truths] for s in sizes]
 
     def left(replicates: list[Case], own: Fitter, near: Fit | None) -> tuple[float | None, Fit | None]:
         again = Fitter(replicates, predictor, None, own.stop)
@@ -455,8 +458,8 @@ def _as_explained(
     return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, len(own) > 0
 
 
-def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator) -> Case:
-    """The recording with noise of its own, seen where it was."""
-    noisy = truth + case.draw(rng)
+def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator, size: float = 1.0) -> Case:
+    """The recording with noise of its own, ``size`` times as large as its own, seen where it was."""
+    noisy = truth + size * case.draw(rng)
     noisy[~np.isfinite(case.values)] = np.nan
     return replace(case, values=noisy)

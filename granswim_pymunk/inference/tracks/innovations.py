@@ -14,7 +14,7 @@ from ...joints import arm_of
 from ...walls import gap_to_wall
 from ..criteria import current
 from ..data import Case
-from ..noise import Noise, Seen, coloured, slow_part
+from ..noise import Noise, Seen, believable, coloured, periodogram, slow_part
 from ..places import Place
 from ..significance import after_looks, normal_score
 from .fit import Fitter
@@ -42,6 +42,18 @@ def series_of(fit: Fit, cases: Sequence[Case], white: bool = False) -> list[np.n
             column = array[:, c]
             result.append(column[np.isfinite(column)])
     return result
+
+
+def white_sizes(fit: Fit, cases: Sequence[Case], rng: np.random.Generator, draws: int) -> np.ndarray:
+    """(draws,) Sizes that the white part may have, in units of what was believed.
+
+    The fast half of spectra, which no fit of something slow has touched, tells it, as well as so many frequencies do.
+    """
+    spectra = [periodogram(s) for s in series_of(fit, cases, white=True)]
+    fast = [power[len(power) // 2 :] for power in spectra if len(power) > current().noise.frequencies]
+    every = np.concatenate(fast) if fast else np.zeros(0)
+    level, told = (believable(every), len(every)) if fast else (1.0, current().noise.believed)
+    return np.asarray(np.sqrt(level * 2 * told / rng.chisquare(2 * told, size=draws)))
 
 
 def whiteness(fit: Fit, cases: Sequence[Case], free: int) -> Whiteness:

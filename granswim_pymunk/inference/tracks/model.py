@@ -48,7 +48,7 @@ from .choose import absurd, choose, rivals_of, worth
 from .experiment import propose
 from .fit import Fitter, joined
 from .fitted import Fit
-from .forms import forms_as_good
+from .forms import forms_as_good, left_standing
 from .held_out import (
     Errors,
     carried_on,
@@ -488,6 +488,9 @@ class Tracks(ObservationModel):
             return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
+        if alike and any(case.scored.any() for case in self.study.cases):
+            whole = fitter.of_all_frames(self.study.cases)
+            alike = left_standing(alike, claim.laws, claim.fit, first, whole, self.spread)
         return tuple(dict.fromkeys((a.form.mechanism, a.law.mechanism, a.better) for a in alike))
 
     def _fitter_of(self, fit: Fit) -> Fitter:

@@ -15,10 +15,10 @@ from ... import distributions as stats
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term
-from ..noise import Noise, believable, periodogram
+from ..noise import Noise
 from .fit import Fitter
 from .fitted import Fit
-from .innovations import memory_of, series_of
+from .innovations import memory_of, white_sizes
 from .pairs import price
 from .signatures import Bank, make_bank
 
@@ -39,10 +39,8 @@ def chance_of_more(fitter: Fitter, fit: Fit, terms: Sequence[Term], rng: np.rand
         lead = max(shown, key=lambda s: s.gain - 2 * s.directions.shape[1])
         pays = lead.gain >= price(len(shown), lead.directions.shape[1])
         noise = memory_of(fit, fitter.cases, lead.directions if pays else None)
-    level, told = _white_level(fit, fitter.cases)
     drawn = np.column_stack([_drawn(fit, fitter.cases, noise, rng) for _ in range(current().left.draws)])
-    # the size of the white part is known only as well as ``told`` frequencies tell it
-    drawn *= np.sqrt(level * 2 * told / rng.chisquare(2 * told, size=current().left.draws))
+    drawn *= white_sizes(fit, fitter.cases, rng, current().left.draws)
     return largest_by_chance(bank, bank.innovations, drawn)
 
 
@@ -58,16 +56,6 @@ def largest_by_chance(bank: Bank, residuals: np.ndarray, drawn: np.ndarray) -> f
     found = stats.chi2.logsf(bank.gains(residuals) * numbers / mean, numbers).min()
     least = stats.chi2.logsf(by_chance * (numbers / mean)[:, None], numbers[:, None]).min(axis=0)
     return float((1 + np.sum(least <= found)) / (drawn.shape[1] + 1))
-
-
-def _white_level(fit: Fit, cases: Sequence[Case]) -> tuple[float, int]:
-    """Size of the white part in units of what was believed, from the fast half of spectra, and how many frequencies."""
-    spectra = [periodogram(s) for s in series_of(fit, cases, white=True)]
-    fast = [power[len(power) // 2 :] for power in spectra if len(power) > current().noise.frequencies]
-    if not fast:
-        return 1.0, current().noise.believed
-    every = np.concatenate(fast)
-    return believable(every), len(every)
 
 
 def _drawn(fit: Fit, cases: Sequence[Case], noise: Noise, rng: np.random.Generator) -> np.ndarray:
