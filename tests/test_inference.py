@@ -12,7 +12,7 @@ from test_diagnosis import SHORT, collision, filmed
 import granswim_pymunk.inference.criteria
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
-from granswim_pymunk.inference.data import Case, estimate_noise, grid_of, prepare
+from granswim_pymunk.inference.data import Case, estimate_noise, grid_of, left_out, prepare
 from granswim_pymunk.inference.explained import Explained, Scores, explained, spoken_against
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor
 from granswim_pymunk.inference.judge import accepted, completeness, paired
@@ -606,3 +606,8 @@ def test_a_coordinate_that_hardly_moves_has_the_noise_of_its_pixels():
     along = 0.2 * np.sin(2 * t) + rng.normal(0.0, 1e-3, 300)
     assert grid_of(np.round(along / pixel) * pixel) == pytest.approx(pixel)
     assert estimate_noise(t, np.round(along / pixel) * pixel) == pytest.approx(1e-3, rel=0.2)
+
+
+def test_one_sighting_is_one():
+    assert left_out(1, "off by more than noise") == "1 single sighting, off by more than noise, is left out"
+    assert left_out(5, "off by more than noise") == "5 single sightings, off by more than noise, are left out"

@@ -106,6 +106,11 @@ class Case:
         return "rad rms" if all(channel.kind == "angle" for channel in self.channels) else "m rms"
 
 
+def left_out(count: int, why: str) -> str:
+    """What a note says of single sightings that are no positions."""
+    return f"{count} single sighting{'' if count == 1 else 's'}, {why}, {'is' if count == 1 else 'are'} left out"
+
+
 def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points.
 
@@ -221,7 +226,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
-        notes.append(f"{recording.name}: {lost} single sightings are off by more than noise and are left out")
+        notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
     begin, end, free = float(t[first]), float(t[-1]), np.arange(len(t)) >= first

@@ -10,7 +10,7 @@ import numpy as np
 from ...recording import Recording
 from ..candidates import flexible_terms, named_terms, scaled_like
 from ..criteria import current
-from ..data import Case, prepare_all
+from ..data import Case, left_out, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from ..noise import Noise, left_alone
 from ..result import Progress
@@ -165,7 +165,7 @@ def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[St
     if any(len(segments[c.name]) != len(those[c.name]) for c in study.training):
         return before, naive, recalibrated  # without them another impact is seen: that is for what looks for impacts
     for name, many in lost.items():
-        study.notes.append(f"{name}: {many} single sightings stand out from what a fit leaves and are left out")
+        study.notes.append(f"{name}: {left_out(many, 'far off what a fit leaves')}")
     fits = [study.fitter.refitted(fit) for fit in (naive, recalibrated)]
     return study, fits[0], fits[1] if recalibrated is not naive else fits[0]
 
