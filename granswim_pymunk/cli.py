@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
@@ -64,6 +65,13 @@ def _prepare(module: ModuleType, args: argparse.Namespace) -> None:
         importlib.import_module(f".{name}", __package__)
 
 
+def in_one_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as a user of the commands reads it: what is wrong, not where in the package it was seen."""
+    return f"granswim: {message}\n"
+
+
 def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = None) -> int:
     """Run a command. Wrong input: one clear line on stderr and exit code 2; Ctrl-C: 130, SIGTERM: 143.
 
@@ -81,6 +89,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         build_parser().error(f"unrecognized arguments: {argv[0]}")
     args = parser.parse_args(argv)
     module = command_module(args.command)
+    shown = warnings.formatwarning
     try:
         _prepare(module, args)
         if ready is not None:
@@ -88,6 +97,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         # not before: modules of others take an exception in an import for a broken installation
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGTERM, _terminate)
+        warnings.formatwarning = in_one_line
         with routed(args):
             return int(module.main(args))
     except InputError as error:
@@ -101,6 +111,8 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         return 128 + (signal.SIGTERM if isinstance(error, Terminated) else signal.SIGINT)
     except BrokenPipeError:
         return 1
+    finally:
+        warnings.formatwarning = shown
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from granswim_pymunk.cli import build_parser, command_module, main
+from granswim_pymunk.cli import build_parser, command_module, in_one_line, main
 from granswim_pymunk.commands import COMMANDS
 from granswim_pymunk.files import claimed
 
@@ -124,3 +124,7 @@ def test_interrupted_while_it_starts(after: float, number: signal.Signals, tmp_p
         return  # nothing of ours was loaded
     assert run.returncode == 128 + number, (said, error)
     assert "Traceback" not in said + error and "interrupted" in error
+
+
+def test_a_warning_of_a_command_is_one_line() -> None:
+    assert in_one_line(UserWarning("input b is no body"), UserWarning, "a.py", 1) == "granswim: input b is no body\n"
