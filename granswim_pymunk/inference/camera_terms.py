@@ -31,7 +31,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     offset = Free("camera.time_offset", "s", -ends.offset, ends.offset, 0.0, ends.frame / rate)
     if positions:
         off = current().verdict.scale_off
-        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, current().apparatus.scale, None, 1.0)
+        scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, ends.scale, None, 1.0, usual=ends.usual_scale)
         terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
     terms.append(Term("camera_tilt", "camera_tilt", (tilt,), put("tilt"),

@@ -108,10 +108,11 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 low = max(low, least) if p.within == "weight" else low
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
-                    ordinary = 0.0 if inner else p.ordinary
+                    ordinary, usual = (0.0, 0.0) if inner else (p.ordinary, p.usual)
                     free.append(
-                        Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner, ordinary=ordinary)
-                    )
+                        Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner, ordinary=ordinary,
+                             usual=usual)
+                    )  # fmt: skip
                 groups.append((p.name, tuple(range(start, len(free)))))
         label = law.mechanism + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(

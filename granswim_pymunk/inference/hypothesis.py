@@ -45,7 +45,13 @@ class Free:
     inner: bool = False  # shapes the term (a range, an exponent) and shows only when its strength is not zero
     ordinary: float = 0.0  # distance from ``neutral`` up to which it is what laboratories are off by
     unseen: float = 0.0  # standard deviation about ``neutral`` that a careful laboratory does not notice, 0: none
+    usual: float = 0.0  # the same of what is told in its own terms, as a mass or a length of the picture is
     prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
+
+    @property
+    def error(self) -> float:
+        """Standard deviation by which any laboratory is off in it, 0 where it is no error of an apparatus."""
+        return self.usual or self.unseen
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from .base import Parameter, law
     parameters=[
         # masses are off by one to three per cent
         Parameter("beta", "1", "added inertia in units of the mass", low=-0.9, high=1.0, typical=0.1, in_bed=0.2,
-                  ordinary=0.03, within="weight")
+                  ordinary=0.03, usual=0.02, within="weight")
     ],
     strength=("beta",),
     candidate="named",

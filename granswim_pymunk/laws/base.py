@@ -163,6 +163,9 @@ class Parameter:
     side: int = 0
     # up to which a strength is what laboratories are off by in what they believe; 0: it is never that
     ordinary: float = 0.0
+    # by how much a strength is off in any laboratory, one standard deviation: an error that nobody states, and beside
+    # which other laws have to explain something; 0: it is no such error
+    usual: float = 0.0
     # of the shape of a form without a name: values that no law with a name has, at which that form is held beside one
     asked: tuple[float, ...] = ()
 

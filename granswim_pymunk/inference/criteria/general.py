@@ -110,6 +110,8 @@ class ApparatusCriteria:
     off_level [rad] : of a table, or of a picture with gravity in it, one standard deviation that nobody notices.
         Choice: half a millimetre on a metre
     within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
+    usual_scale : by how much any picture's scale is off, one standard deviation. Source: what proofs under real-life
+        conditions draw; usual errors of laws are declared with them
     """
 
     tilt: float = 0.8
@@ -122,6 +124,7 @@ class ApparatusCriteria:
     middle: float = 0.1
     off_level: float = 5e-4
     within_frame: float = 0.3
+    usual_scale: float = 0.005
 
 
 @dataclass(frozen=True)
@@ -275,6 +278,9 @@ class VerdictCriteria:
     scale_off : a scale of the picture that is off by more is no explanation
     ordinary : of the way from absent to where the search for a number ends, within which a fault of the apparatus is
         what laboratories are off by. Choice: scales by 3 %
+    usual : standard deviations of what any laboratory is off by, within which an error of the apparatus is usual.
+        Theory: chance exceeds three one time in four hundred
+    nearly : of the gain of a refitted law, that its signature alone shows where first order will do. Choice
     at_bound : of the way from absent to where the search for a number ends, within which it ended there. Choice
     decides : d' from which an experiment is worth doing. Theory: below 2 chance decides one time in six
     settles : d' from which an experiment settles it. Theory: halfway between two laws that are d' apart chance errs one
@@ -305,6 +311,8 @@ class VerdictCriteria:
     beyond: float = 2.0
     scale_off: float = 0.3
     ordinary: float = 0.1
+    usual: float = 3.0
+    nearly: float = 0.7
     at_bound: float = 1e-3
     decides: float = 2.0
     settles: float = 4.0

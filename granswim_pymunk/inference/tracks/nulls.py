@@ -56,17 +56,21 @@ def search_nulls(
     case: float,
     replicates: int,
     rng: np.random.Generator,
+    errors: np.ndarray | None = None,
 ) -> Null:
     """Search again in innovations that hold no candidate.
 
     ``noise``: the size of white noise, or innovations (T, c) of each recording, in the order of the bank, whose
     phases are shuffled, and how many steps between segments come after them. ``wanted`` (candidates,): mask of those
-    that count; ``case``: the gain found on the data.
+    that count; ``case``: the gain found on the data; ``errors`` (n, m): what errors of the apparatus add at their usual
+    sizes, each drawn anew.
     """
     if isinstance(noise, float):
         drawn = noise * rng.normal(size=(len(bank.innovations), replicates))
     else:
         drawn = np.column_stack([_shuffled_again(noise, rng) for _ in range(replicates)])
+    if errors is not None:
+        drawn = drawn + errors @ rng.normal(size=(errors.shape[1], replicates))
     return Null(bank.gains(drawn)[wanted].max(axis=0, initial=0.0), case)
 
 

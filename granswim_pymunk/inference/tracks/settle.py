@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -40,16 +41,21 @@ def in_names_of_apparatus(
     """Each law exchanged for the one that by its declaration stands for it in such an apparatus and does as well.
 
     Of one law, two or three. They may be the same law in other numbers, so each begins at the amount that moves the
-    bodies alike. Also which laws gave way: these data cannot tell them from those that are named.
+    bodies alike. Of errors that any apparatus has the one whose usual size is nearer to the amount found. Also which
+    laws gave way: these data cannot tell them from those that are named.
     """
     found, told = list(found), list[StandIn]()
     for k in range(len(found)):
         best: StandIn | None = None
-        for term in _standing_for(found[k].term, search.terms):
+        others = _usual_instead(search, found[k].term)
+        for term in [*_standing_for(found[k].term, search.terms), *others]:
             if term.mechanism in {t.mechanism for t in found}:
                 continue
             trial = _in_place(search, found, k, term, revised)
             if trial is None or trial.fit is None:
+                continue
+            row = rows_of(found, search.first)[k].start
+            if term in others and _as_usual(trial.fit, row) <= _as_usual(revised, row):
                 continue
             ahead = (revised.chi2 - trial.fit.chi2) / search.spread(trial.fit)
             if ahead > -current().verdict.same and (best is None or ahead > best.ahead):
@@ -74,6 +80,27 @@ def _standing_for(term: Term, terms: Sequence[Term]) -> list[Term]:
         if owners(mine) == bodies and len(mine.free) == len(term.free):
             result.append(mine)
     return result
+
+
+def _usual_instead(search: SetSearch, term: Term) -> list[Term]:
+    """Other errors that any apparatus has, of one number that shows each, in place of one of one number."""
+    if len(term.free) > 1 or not term.free[0].error:
+        return []
+    every = [t for t in search.terms if all(f.error for f in t.free) and t.mechanism != term.mechanism]
+    shown = (s.term for s in make_bank(search.fitter, search.base, every).signatures)
+    return [t for t in shown if len(t.free) == 1]
+
+
+def _as_usual(fit: Fit, k: int) -> float:
+    """Logarithm of how probable data are if number k is an error of its usual size, to compare errors by.
+
+    Of a likelihood with its maximum at v and the error s, and a Gaussian prior of width u, up to a constant:
+    -chi2/2 + ln(s/sqrt(u^2 + s^2)) - v^2/2(u^2 + s^2). Source: MacKay 2003, Information Theory, ch. 28.
+    """
+    free, variance = fit.hypothesis.free[k], float(fit.covariance[k, k])
+    both = max(free.error**2 + variance, 1e-300)
+    off = float(fit.values[k]) - free.neutral
+    return -fit.chi2 / 2 + math.log(max(variance, 1e-300) / both) / 2 - off**2 / (2 * both)
 
 
 def _in_place(search: SetSearch, found: Sequence[Trial], k: int, term: Term, revised: Fit) -> Trial | None:

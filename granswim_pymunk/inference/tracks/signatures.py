@@ -25,12 +25,15 @@ class Signature:
     surviving : share (0..1) of the signature's length that recalibration cannot imitate (starts, which
         every hypothesis refits, are projected out of both)
     gain : how much chi2 falls, to first order
+    usual : (n, m) what its numbers do at the size that any laboratory is off by (``Free.error``), projected as
+        ``directions`` are; none where one of them is no such error
     """
 
     term: Term
     directions: np.ndarray
     surviving: float
     gain: float
+    usual: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -275,5 +278,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
             # what hardly shows to first order (a limit that is just reached) has a scale beyond its bounds
             room = current().signatures.room * (term.free[number].high - term.free[number].low)
             sizes[number] = min(float(scales[k]), room)
-        signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain))
+        usual = np.array([term.free[k].error for k in linear])
+        after_all = (columns - nuisance @ (nuisance.T @ columns)) * usual if usual.all() else None
+        signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain, after_all))
     return Bank(fit, r, nuisance, tuple(signatures))

@@ -14,7 +14,7 @@ from ..data import Case, left_out, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from ..noise import Noise, left_alone
 from ..result import Progress
-from ..significance import Null, price
+from ..significance import Null, at_alarm, price
 from .believed import believed_terms
 from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
@@ -29,6 +29,7 @@ from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
 from .signatures import Bank, make_bank
 from .steps import shifts, time_steps
+from .usual import beyond_usual, is_usual, usual_errors
 from .whom import whom
 
 
@@ -330,15 +331,28 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
     study.progress("nulls", 0.64)
     sets, late = current().sets, study.late(current().budget.exchanges)
     replicates = sets.replicates_late if late else sets.replicates
-    least = tried.inner["recalibrated"] + study.inner.slack
-    chosen = choose(tried.alive, tried.spread, least, len(tried.terms))
     signatures = tried.bank.signatures
     if not signatures:
         return None, None
     open_ = np.array([s.surviving > current().signatures.surviving for s in signatures])
     gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
     noise = noise_of(tried.best, study.fitter.cases, tried.spread)
-    null = search_nulls(tried.bank, noise, open_, gain if chosen is None else chosen.gain, replicates, study.rng)
+    null = search_nulls(tried.bank, noise, open_, gain, replicates, study.rng)
+    least = tried.inner["recalibrated"] + study.inner.slack
+    # a law is named for what it explains beyond what any apparatus is off by
+    beyond = beyond_usual(tried.bank, tried.alive, tried.spread) > at_alarm(null.gains)
+    named = [t for t, more in zip(tried.alive, beyond, strict=True) if more or is_usual(t)]
+    chosen = choose(named, tried.spread, least, len(tried.terms))
+    if chosen is not None:
+        null = replace(null, case=chosen.gain)
+    elif (ahead := choose(tried.alive, tried.spread, least, len(tried.terms))) is not None:
+        errors = usual_errors(tried.bank)
+        study.notes.append(
+            f"{ahead.label} would explain no more than what any apparatus is off by, each in a way of its own: "
+            + ", ".join(s.term.mechanism for s in errors)
+        )
+        moved = np.hstack([s.usual for s in errors if s.usual is not None])
+        null = search_nulls(tried.bank, noise, open_, ahead.gain, replicates, study.rng, moved)
     return null, chosen if null.p <= current().verdict.alarm else None
 
 
