@@ -89,6 +89,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
     least = lightest() if weighed(cases) else -math.inf
+    heavy = any(any(c.recording.scene.gravity) for c in cases)
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -108,7 +109,9 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 low = max(low, least) if p.within == "weight" else low
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
-                    ordinary, usual = (0.0, 0.0) if inner else (p.ordinary, p.usual)
+                    ordinary = 0.0 if inner else p.ordinary
+                    # gravity acts on mass and inertia alike: how heavy a body is does not show there
+                    usual = 0.0 if inner or (p.within == "weight" and heavy) else p.usual
                     free.append(
                         Free(name, p.unit, low, high, typical, scale, where, typical, inner=inner, ordinary=ordinary,
                              usual=usual)
