@@ -41,7 +41,7 @@ FULL = {
     "small-curve": range(1002, 1018),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(2075, 2215), "real-life-bed": range(1002, 1014)}
+FULL_REAL = {"real-life": range(2088, 2228), "real-life-bed": range(1002, 1014)}
 
 
 @dataclass(frozen=True)
