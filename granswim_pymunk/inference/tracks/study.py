@@ -346,13 +346,15 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
     if chosen is not None:
         null = replace(null, case=chosen.gain)
     elif (ahead := choose(tried.alive, tried.spread, least, len(tried.terms))) is not None:
-        errors = usual_errors(tried.bank)
-        study.notes.append(
-            f"{ahead.label} would explain no more than what any apparatus is off by, each in a way of its own: "
-            + ", ".join(s.term.mechanism for s in errors)
-        )
-        moved = np.hstack([s.usual for s in errors if s.usual is not None])
-        null = search_nulls(tried.bank, noise, open_, ahead.gain, replicates, study.rng, moved)
+        null = replace(null, case=ahead.gain)
+        if null.p <= current().verdict.alarm:  # noise alone does not explain it, these errors do
+            errors = usual_errors(tried.bank)
+            study.notes.append(
+                f"{ahead.label} would explain no more than what any apparatus is off by, each in a way of its own: "
+                + ", ".join(s.term.mechanism for s in errors)
+            )
+            moved = np.hstack([s.usual for s in errors if s.usual is not None])
+            null = search_nulls(tried.bank, noise, open_, ahead.gain, replicates, study.rng, moved)
     return null, chosen if null.p <= current().verdict.alarm else None
 
 
