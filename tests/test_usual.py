@@ -48,7 +48,7 @@ def test_a_tilt_of_usual_size_is_no_reason_to_name_a_law():
     assert beyond_usual(bank, [drag], 1.0)[0] < 0.05 * drag.gain
     assert is_usual(push) and not is_usual(drag)
     # such an error is no reason for a false alarm either
-    errors = np.hstack([s.usual for s in usual_errors(bank)])
+    errors = np.hstack(list(usual_errors(bank).values()))
     every = np.ones(len(bank.signatures), dtype=bool)
     rng = np.random.default_rng(0)
     assert search_nulls(bank, 1.0, every, drag.gain, 99, rng).p == pytest.approx(0.01)

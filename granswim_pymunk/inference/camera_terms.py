@@ -9,7 +9,7 @@ import numpy as np
 
 from ..laws import Law
 from .criteria import current
-from .data import Case
+from .data import Case, with_gravity
 from .hypothesis import Free, Term
 
 
@@ -26,7 +26,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     rate = cases[0].recording.sampling or 1.0 / float(np.median(np.diff(cases[0].t)))
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
     terms, ends = [], current().apparatus
-    level = ends.off_level if any(any(c.recording.scene.gravity) for c in cases) else 0.0
+    level = ends.off_level if with_gravity(cases) else 0.0
     tilt = Free("camera.tilt", "rad", -ends.tilt, ends.tilt, 0.0, ends.scale, unseen=level)
     offset = Free("camera.time_offset", "s", -ends.offset, ends.offset, 0.0, ends.frame / rate)
     if positions:

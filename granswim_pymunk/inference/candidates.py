@@ -21,7 +21,7 @@ from ..scene import Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import Case
+from .data import Case, with_gravity
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term
 from .mechanisms import RESTITUTION
@@ -89,7 +89,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
     least = lightest() if weighed(cases) else -math.inf
-    heavy = any(any(c.recording.scene.gravity) for c in cases)
+    heavy = with_gravity(cases)
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
         free: list[Free] = []
@@ -350,7 +350,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             continue
         if not applies(law, cases) or out_of_place(law, cases):
             continue
-        terms += [_unlevel(t, law, scenes) for t in law_terms(law, cases, each=False)]
+        terms += [_unlevel(t, law, cases) for t in law_terms(law, cases, each=False)]
         if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
             terms += law_terms(law, cases, each=True)
         elif several and each and _is_push(law):
@@ -358,9 +358,9 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     return terms
 
 
-def _unlevel(term: Term, law: Law, scenes: Sequence[Scene]) -> Term:
+def _unlevel(term: Term, law: Law, cases: Sequence[Case]) -> Term:
     """The term, if it is what a table does that is not level, with the size up to which nobody notices that."""
-    if law.role != "push" or any(any(s.gravity) for s in scenes):
+    if law.role != "push" or with_gravity(cases):
         return term
     slope = current().apparatus.off_level * STANDARD_GRAVITY
     return replace(term, free=tuple(replace(f, unseen=slope) for f in term.free))

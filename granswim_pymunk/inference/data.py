@@ -106,6 +106,11 @@ class Case:
         return "rad rms" if all(channel.kind == "angle" for channel in self.channels) else "m rms"
 
 
+def with_gravity(cases: Sequence[Case]) -> bool:
+    """Whether gravity acts in the scene of any of the recordings."""
+    return any(any(case.recording.scene.gravity) for case in cases)
+
+
 def left_out(count: int, why: str) -> str:
     """What a note says of single sightings that are no positions."""
     return f"{count} single sighting{'' if count == 1 else 's'}, {why}, {'is' if count == 1 else 'are'} left out"

@@ -351,9 +351,9 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
             errors = usual_errors(tried.bank)
             study.notes.append(
                 f"{ahead.label} would explain no more than what any apparatus is off by, each in a way of its own: "
-                + ", ".join(s.term.mechanism for s in errors)
+                + ", ".join(errors)
             )
-            moved = np.hstack([s.usual for s in errors if s.usual is not None])
+            moved = np.hstack(list(errors.values()))
             null = search_nulls(tried.bank, noise, open_, ahead.gain, replicates, study.rng, moved)
     return null, chosen if null.p <= current().verdict.alarm else None
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..criteria import current
 from ..linear import basis
 from .name import Trial, is_part
-from .signatures import Bank, Signature
+from .signatures import Bank
 
 
 def is_usual(trial: Trial) -> bool:
@@ -26,17 +26,16 @@ def is_usual(trial: Trial) -> bool:
     return all(abs(value - free.neutral) <= most * free.error for free, value in numbers)
 
 
-def usual_errors(bank: Bank) -> list[Signature]:
-    """Signatures of what any apparatus is off by: of each kind the one with most numbers, for all bodies."""
+def usual_errors(bank: Bank) -> dict[str, np.ndarray]:
+    """What any apparatus is off by, and what it does (n, m): of a kind the one with most numbers, for all bodies."""
     every = [s.term for s in bank.signatures]
-    found: dict[str, Signature] = {}
+    found: dict[str, np.ndarray] = {}
     for s in bank.signatures:
         if s.usual is None or not s.usual.any() or is_part(s.term, every):
             continue
-        other = found.get(s.term.mechanism)
-        if other is None or len(other.term.free) < len(s.term.free):
-            found[s.term.mechanism] = s
-    return list(found.values())
+        if s.term.mechanism not in found or found[s.term.mechanism].shape[1] < s.usual.shape[1]:
+            found[s.term.mechanism] = s.usual
+    return found
 
 
 def beyond_usual(bank: Bank, trials: Sequence[Trial], spread: float) -> np.ndarray:
@@ -47,7 +46,7 @@ def beyond_usual(bank: Bank, trials: Sequence[Trial], spread: float) -> np.ndarr
     errors, left = usual_errors(bank), bank.left
     found = []
     for trial in trials:
-        others = [s.usual for s in errors if s.term.mechanism != trial.mechanism and s.usual is not None]
+        others = [moved for mechanism, moved in errors.items() if mechanism != trial.mechanism]
         moves = _moves(bank, trial)
         if not others or not moves.shape[1]:
             found.append(trial.gain)
