@@ -266,8 +266,22 @@ def test_pushes_from_body_to_body_are_no_pair():
     named = {t.label: t for t in terms}
     wind, push, drag = named["ambient_flow"], named["uniform_force"], named["quadratic_drag p=0"]
     assert any_field(wind, push, terms) and any_field(push, wind, terms)
-    assert any_field(drag, named["uniform_force on 1"], terms) and any_field(named["uniform_force on 1"], drag, terms)
+    on_one, far = named["uniform_force on 1"], named["distance_force"]
+    assert any_field(far, on_one, terms) and any_field(on_one, wind, terms)
+    # what goes with the speed is no force in space
+    assert not any_field(drag, on_one, terms) and not any_field(on_one, drag, terms)
     assert not any_field(wind, drag, terms) and not any_field(drag, push, terms)
+
+
+def test_a_drag_beside_a_push_on_one_disk():
+    """A fan blows on one of two disks, and both are slowed: the push is not told as what the drag makes of it."""
+    truth = table(use("uniform_force", a=(-0.12, -0.08), bodies=("1",)), use("linear_drag", c=0.002))
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(34), noise=2e-5)])
+    entries = {e["name"]: e for e in found.verdict["mechanisms"]}
+    assert set(entries) == {"uniform_force", "linear_drag"}
+    assert entries["uniform_force"]["bodies"] == ["1"]
+    numbers = entries["linear_drag"]["parameters"]["c"]
+    assert numbers["low"] < 0.002 < numbers["high"]
 
 
 def test_nulls_of_noise_of_unknown_size_keep_what_the_fit_took_away():

@@ -13,10 +13,10 @@ from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.forms import forms_as_good, left_standing
-from granswim_pymunk.inference.tracks.intervals import held_at_bounds, mixed_quantile, with_company, with_slopes
+from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company, with_slopes
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.settle import known_together
-from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.signatures import held_at_bounds, make_bank
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
@@ -128,6 +128,8 @@ def test_what_an_adjustable_at_its_bound_cannot_take_up_is_company():
     terms = {t.mechanism: t for t in named_terms([case])}
     fit = fitter.fit(Hypothesis((*adjustable_terms([case]), terms["uniform_force"])), None, evaluations=40)
     assert fit.values[0] == pytest.approx(0.01)
+    (drag,) = make_bank(fitter, fit, [terms["linear_drag"]]).signatures
+    assert drag.gain > 1000.0
     # only a drag explains what is left, and without it the push is off
     wide = with_company(fitter, fit, 1, 1.0, [terms["linear_drag"]])
     assert not fit.interval(2)[1] <= a <= fit.interval(2)[2]

@@ -79,5 +79,5 @@ def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Te
 def _promised(fitter: Fitter, fit: Fit) -> float:
     """The fall of chi2 that its own numbers promise to first order where a fit ended: none, but where it was caught."""
     whole = stacked(fitter, fit)
-    own = np.hstack([whole.starts, basis(whole.beside(whole.numbers))])
+    own = np.hstack([whole.starts, basis(whole.open_numbers)])
     return float(np.sum((own.T @ whole.left) ** 2))

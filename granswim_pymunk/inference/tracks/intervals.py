@@ -196,9 +196,8 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
         return fit
     whole = stacked(fitter, fit)
     sized = [columns_of(fitter, fit, t)[0] * [f.unseen for f in t.free] for t in faults]
-    both = whole.beside(np.column_stack([whole.numbers, *sized]))
+    both = np.column_stack([whole.open_numbers, whole.beside(np.column_stack(sized))])
     left = whole.beside(whole.left)
-    both[:, held_at_bounds(fit, both[:, :p].T @ left)] = 0.0
     size = np.linalg.norm(both, axis=0)
     size[size == 0] = 1.0
     prior = np.concatenate([np.zeros(p), np.ones(both.shape[1] - p)])
@@ -212,17 +211,6 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
         half = half_interval(float(covariance[k, k]))
         limits[k] = min(low, value + float(moved[k]) - half), max(high, value + float(moved[k]) + half)
     return replace(fit, limits=limits)
-
-
-def held_at_bounds(fit: Fit, downhill: np.ndarray) -> list[int]:
-    """Numbers that lie where their search ends, and would go on if it did not: ``downhill`` (p,), where chi2 falls."""
-    held = []
-    for k, free in enumerate(fit.hypothesis.free):
-        near = current().verdict.at_bound * (free.high - free.low)
-        value = float(fit.values[k])
-        if math.isfinite(near) and downhill[k] * ((value > free.high - near) - (value < free.low + near)) > 0:
-            held.append(k)
-    return held
 
 
 def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:
@@ -240,9 +228,7 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
     if p <= first:
         return fit
     whole = stacked(fitter, fit)
-    left, numbers = whole.beside(whole.left), whole.beside(whole.numbers)
-    # what an adjustable number at its bound cannot take up, a law of the same form may
-    numbers[:, held_at_bounds(fit, numbers.T @ left)] = 0.0
+    left, numbers = whole.beside(whole.left), whole.open_numbers
     own = np.linalg.pinv(numbers)
     company = []
     for term in terms:

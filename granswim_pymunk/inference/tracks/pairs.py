@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from ...laws import all_laws, has_role
-from ..candidates import fastest_of
+from ..candidates import fastest_of, in_contact_alone
 from ..criteria import current
 from ..hypothesis import Term
 from ..mechanisms import APPARATUS
@@ -371,9 +371,22 @@ def _beside_each(
 
 
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
-    """Whether both push, or one of them on some of the bodies only: together they imitate any force in space."""
+    """Whether both push, or one of them on some of the bodies only: together they imitate any force in space.
+
+    What goes with the speed of bodies, or acts where they touch, is no force in space, and has its place beside a push
+    on one of them.
+    """
     pushes = [t for t in (a, b) if has_role(t.mechanism, *PUSHES)]
+    others = [t for t in (a, b) if not has_role(t.mechanism, *PUSHES)]
+    if len(pushes) == 1 and all(_damps(t) or in_contact_alone(t) for t in others):
+        return False
     return len(pushes) == 2 or any(is_part(t, terms) for t in pushes)
+
+
+def _damps(term: Term) -> bool:
+    """Whether a force goes with the speed of a body, or of one towards another."""
+    law = all_laws().get(term.law)
+    return law is not None and (law.damping or bool({"vn", "vt"} & set(law.arguments)))
 
 
 def _is_damping(term: Term) -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -62,24 +63,49 @@ class Stacked:
 
     left : (n,) what the fit leaves;  numbers : (n, p) derivatives by its values
     starts : (n, q) orthonormal, what the starts can take over
+    held : numbers that lie where their search ends, and would go on if it did not
     """
 
     left: np.ndarray
     numbers: np.ndarray
     starts: np.ndarray
+    held: tuple[int, ...] = ()
 
     def beside(self, vectors: np.ndarray) -> np.ndarray:
         """What the starts cannot take over of vectors (n,) or (n, k)."""
         return np.asarray(vectors - self.starts @ (self.starts.T @ vectors))
 
+    @property
+    def open_numbers(self) -> np.ndarray:
+        """(n, p) derivatives by the values, starts projected out, none by those that are ``held``.
+
+        What an adjustable number at its bound cannot take up, a law of the same form may.
+        """
+        found = self.beside(self.numbers)
+        found[:, list(self.held)] = 0.0
+        return found
+
 
 def stacked(fitter: Fitter, fit: Fit) -> Stacked:
     """What a fit leaves of all recordings of a fitter, and its derivatives."""
-    return Stacked(
+    whole = Stacked(
         np.concatenate([fit.used(c.name) for c in fitter.cases]),
         np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases]),
         block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases)),
     )
+    downhill = whole.beside(whole.numbers).T @ whole.beside(whole.left)
+    return replace(whole, held=tuple(held_at_bounds(fit, downhill)))
+
+
+def held_at_bounds(fit: Fit, downhill: np.ndarray) -> list[int]:
+    """Numbers that lie where their search ends, and would go on if it did not: ``downhill`` (p,), where chi2 falls."""
+    held = []
+    for k, free in enumerate(fit.hypothesis.free):
+        near = current().verdict.at_bound * (free.high - free.low)
+        value = float(fit.values[k])
+        if math.isfinite(near) and downhill[k] * ((value > free.high - near) - (value < free.low + near)) > 0:
+            held.append(k)
+    return held
 
 
 def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +265,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     """
     whole = stacked(fitter, fit)
     r, starts = whole.left, whole.starts
-    nuisance = np.hstack([starts, basis(whole.beside(whole.numbers))])
+    nuisance = np.hstack([starts, basis(whole.open_numbers)])
     left = r - nuisance @ (nuisance.T @ r)
     misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []
