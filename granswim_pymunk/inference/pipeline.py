@@ -70,6 +70,10 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         return judged, held if last is judged else model.hold_out(judged)
     other, found, notes = better[-1]
     if found.unlike:  # as all of them are
+        # what bends the picture predicts a little better whatever is missing
+        better = [entry for entry in better if bends(judged) or not bends(entry[0])]
+        if not better:
+            return judged, model.hold_out(judged)
         other, found, notes = max(better, key=lambda entry: entry[1].gain or 0.0)
     how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
     model.notes += notes
@@ -78,6 +82,11 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         " data that were learnt from cannot"
     )
     return other, found if last is other else model.hold_out(other)
+
+
+def bends(judged: Judgement) -> bool:
+    """Whether a special fault of the apparatus is claimed, as a lens that bends the picture."""
+    return any(law.term.special for law in judged.claim.laws)
 
 
 def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:

@@ -289,6 +289,8 @@ class VerdictCriteria:
     further : by how many times the d' of another experiment must be larger before it is proposed in place of an
         earlier, simpler one. Choice
     same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
+    instead : laws, the best in the training part, that are asked of held-out data where these turn down a special fault
+        of the apparatus. Choice
     alike : chi2, by which a law has to be ahead of a form without a name for its own form to be told. Theory: where
         the form acts, d' from the law, the law is ahead by -d'^2 +- 2 d', and by as much as this once in twenty films
         at the most, whatever d' is: sf(1.645) = 0.05
@@ -320,6 +322,7 @@ class VerdictCriteria:
     further: float = 1.1
     same: float = 4.0
     alike: float = 2.7
+    instead: int = 3
     simpler: float = 1e-3
     absent: float = 0.05
     noticed: float = 8.0

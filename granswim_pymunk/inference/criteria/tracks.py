@@ -70,7 +70,8 @@ class SegmentCriteria:
         told with its error. Theory: one more than a line has numbers
     at_once : frames, within which minima of a gap are those of one meeting, but for ``risen`` standard deviations
         between them. Choice
-    frames : the least of a segment;  start_frames : the least of one that no impact ends. Choice
+    frames : the least of a segment, and of the flight of a body that is struck again;  start_frames : the least of one
+        that no impact ends. Choice
     narrow : spread of a step where nothing met, of what the first nine frames tell of the start. Choice: a fiftieth
         is, beside what a segment as a whole tells, no freedom
     impulse : of the change of velocity in an impact, what a rigid collision may be off by. Choice: a per cent, as

@@ -39,8 +39,28 @@ def score_inner(inner: InnerSplit, trials: list[Trial], ahead: float = 0.0) -> l
 
 
 def worth(trial: Trial, spread: float) -> float:
-    """Gain in chi2 over the inflation, less what as many free numbers gain by chance (AIC)."""
-    return trial.gain / spread - 2 * trial.used
+    """Gain in chi2 over the inflation, less what as many free numbers gain by chance (AIC), and what a search gains."""
+    return trial.gain / spread - 2 * trial.used - searched(trial, spread)
+
+
+def searched(trial: Trial, spread: float) -> float:
+    """What a special fault gains by being looked for: the middle of a lens in a range, a direction all round.
+
+    Of k such numbers found with covariance S in ranges w the evidence keeps (2 pi)^(k/2) |S|^(1/2) / prod w, twice its
+    logarithm in chi2 (MacKay 2003, ch. 28), of which AIC counts 2 k. A lens about a place far off bends any few tracks
+    as they need it; strengths are a prior's width of every law alike, and are left to AIC.
+    """
+    if trial.fit is None or not trial.term.special:
+        return 0.0
+    rows = range(*trial.fit.hypothesis.rows(trial.label).indices(len(trial.fit.values)))
+    mine = [(k, f.high - f.low) for k, f in zip(rows, trial.term.free, strict=True) if f.inner]
+    wide = [(k, width) for k, width in mine if math.isfinite(width)]
+    if not wide:
+        return 0.0
+    at, widths = [k for k, _ in wide], np.array([width for _, width in wide])
+    shares = trial.fit.covariance[np.ix_(at, at)] * max(spread, 1.0) / np.outer(widths, widths)
+    told = np.linalg.slogdet(2 * math.pi * shares + 1e-300 * np.eye(len(at)))[1]
+    return max(-float(told) - 2 * len(at), 0.0)
 
 
 def absurd(trial: Trial) -> str:

@@ -76,7 +76,7 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
         before = cuts[-1][0] if cuts else 0
         if len(rows) - after < criteria.frames:
             continue  # what comes after it is too short for a start
-        if cuts and after - before < criteria.frames:
+        if cuts and (after - before < criteria.frames or _struck_again(impact, cuts[-1], rows, criteria)):
             cuts[-1][1].append(impact)  # too near the last one: both lie in one segment
             cuts[-1] = (max(after, before), cuts[-1][1])
         elif after >= criteria.frames:
@@ -90,6 +90,15 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
         until = float(case.t[rows[end]]) if end < len(rows) else None
         segments.append(Segment(mask, starts, until, *_tie(starts, cuts[k - 1][1] if k else None, criteria)))
     return tuple(segments)
+
+
+def _struck_again(
+    impact: Impact, cut: tuple[int, list[Impact]], rows: np.ndarray, criteria: SegmentCriteria
+) -> bool:
+    """Whether a body that was struck at a cut is struck again before its flight is long enough to tell a start."""
+    begin, before = cut
+    struck = {body for other in before for body in other.bodies}
+    return bool(struck & set(impact.bodies)) and int(np.searchsorted(rows, impact.row)) - begin < criteria.frames
 
 
 def shortened(case: Case) -> Case:

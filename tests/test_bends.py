@@ -1,0 +1,100 @@
+"""A special fault of the apparatus bends the picture as any few tracks need it, and is named for more than that."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.inference import pipeline
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
+from granswim_pymunk.inference.judge import Judgement
+from granswim_pymunk.inference.model import Claim, HeldOut
+from granswim_pymunk.inference.pipeline import another_of_the_class
+from granswim_pymunk.inference.tracks import model
+from granswim_pymunk.inference.tracks.choose import searched, worth
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.segments import Impact, _struck_again
+from granswim_pymunk.inference.tracks.signatures import Signature
+
+
+def term(label: str, inner: int = 0, special: bool = False) -> Term:
+    strength = Free(f"{label}.k", "1", -10.0, 10.0, 0.0, 1.0)
+    sought = [Free(f"{label}.{n}", "m", -1.0, 1.0, 0.0, 0.1, inner=True) for n in range(inner)]
+    return Term(label, label, (strength, *sought), lambda *a: None, special=special)
+
+
+def trial(of: Term, gain: float, spread: float = 0.01) -> Trial:
+    n = len(of.free)
+    fit = SimpleNamespace(
+        hypothesis=Hypothesis((of,)), values=np.full(n, 0.5), covariance=spread**2 * np.eye(n), chi2=100.0 - gain
+    )
+    return Trial(Signature(of, np.zeros((4, 1)), 1.0, gain), fit, gain, 1.0)  # type: ignore[arg-type]
+
+
+def test_what_is_sought_over_a_range_pays_for_the_search():
+    """Evidence of a number found to s in a range w: sqrt(2 pi) s/w, 2 of which in chi2 AIC has paid already."""
+    lens = trial(term("lens", 2, special=True), 60.0)
+    price = -2 * 2 * math.log(math.sqrt(2 * math.pi) * 0.01 / 2.0) - 4
+    assert searched(lens, 1.0) == pytest.approx(price)
+    assert worth(lens, 1.0) == pytest.approx(60.0 - 2 * 3 - price)
+    # one whose place is hardly known gained nothing by it, and what is no special fault is paid as it was
+    assert searched(trial(term("lens", 2, special=True), 60.0, spread=5.0), 1.0) == 0.0
+    assert searched(trial(term("repulsion", 2), 60.0), 1.0) == 0.0
+    assert searched(trial(term("lens", special=True), 60.0), 1.0) == 0.0
+
+
+def test_laws_stand_by_where_held_out_data_turn_down_a_bent_picture(monkeypatch):
+    terms = term("lens", 0, True), term("drag"), term("push")
+    lens, drag, push = (trial(t, gain) for t, gain in zip(terms, (90.0, 60.0, 40.0), strict=True))
+    monkeypatch.setattr(model, "choose", lambda same, *a: max(same, key=lambda t: t.gain))
+    tracks = SimpleNamespace(
+        spread=1.0, tried=SimpleNamespace(alive=[lens, drag, push], inner={"recalibrated": 9.0}, terms=()),
+        study=SimpleNamespace(inner=SimpleNamespace(slack=0.0)),
+    )  # fmt: skip
+
+    def others(law: Trial) -> list[str]:
+        judged = SimpleNamespace(claim=Claim((law,), law.fit))
+        return [c.laws[0].mechanism for c in model.Tracks.alike(tracks, judged)]  # type: ignore[arg-type]
+
+    assert others(lens) == ["drag", "push"]
+    tracks.tried.alive.remove(lens)
+    assert others(drag) == []  # what was told apart stays so
+
+
+def test_a_bent_picture_takes_no_law_s_place_where_none_is_right(monkeypatch):
+    drag, lens = trial(term("drag"), 60.0), trial(term("lens", 0, True), 60.0)
+    held = {law.mechanism: HeldOut({}, {}, "holds", g, Claim((law,), law.fit), None, unlike=True)
+            for law, g in ((drag, 5.0), (lens, 9.0))}  # fmt: skip
+
+    def judged_of(law: Trial) -> Judgement:
+        return Judgement("missing_physics", Claim((law,), law.fit), None)
+
+    monkeypatch.setattr(pipeline, "judge", lambda claim, *a: judged_of(claim.laws[0]))
+
+    def end(first: Trial, other: Trial) -> str:
+        stub = SimpleNamespace(
+            notes=[], alike=lambda judged: [Claim((other,), other.fit)], weigh=lambda c: None, mismatch=lambda c: None,
+            plain=None, settle=lambda j: judged_of(other), hold_out=lambda j: held[j.claim.laws[0].mechanism],
+            predicts_better=lambda a, b: True,
+        )  # fmt: skip
+        found, _ = another_of_the_class(stub, judged_of(first), held[first.mechanism])  # type: ignore[arg-type]
+        return found.claim.laws[0].mechanism
+
+    assert end(drag, lens) == "drag"
+    assert end(lens, drag) == "drag"
+
+
+def test_a_flight_too_short_for_a_start_ends_no_segment():
+    """Two meet, one of them strikes a third, and the two meet again two frames later: all in one segment."""
+
+    def met(row: int, *bodies: str) -> Impact:
+        return Impact(row, row + 1, bodies, {}, {}, {})
+
+    rows, criteria = np.arange(10, 60), SimpleNamespace(frames=4)
+    cut = (11, [met(20, "b", "c")])  # frame 21 is the eleventh
+    assert _struck_again(met(23, "a", "b"), cut, rows, criteria)
+    assert not _struck_again(met(26, "a", "b"), cut, rows, criteria)
+    assert not _struck_again(met(23, "a", "d"), cut, rows, criteria)
