@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,17 +75,24 @@ def test_a_bent_picture_takes_no_law_s_place_where_none_is_right(monkeypatch):
 
     monkeypatch.setattr(pipeline, "judge", lambda claim, *a: judged_of(claim.laws[0]))
 
-    def end(first: Trial, other: Trial) -> str:
+    def end(first: Trial, other: Trial, ahead: bool = True) -> str:
         stub = SimpleNamespace(
             notes=[], alike=lambda judged: [Claim((other,), other.fit)], weigh=lambda c: None, mismatch=lambda c: None,
             plain=None, settle=lambda j: judged_of(other), hold_out=lambda j: held[j.claim.laws[0].mechanism],
-            predicts_better=lambda a, b: True,
+            predicts_better=lambda a, b: ahead,
         )  # fmt: skip
         found, _ = another_of_the_class(stub, judged_of(first), held[first.mechanism])  # type: ignore[arg-type]
         return found.claim.laws[0].mechanism
 
     assert end(drag, lens) == "drag"
     assert end(lens, drag) == "drag"
+    # errors as of the right law are reason enough for a law, and none for a fault that predicts no better
+    held |= {name: replace(found, unlike=False) for name, found in held.items()}
+    drag_, lens_ = (replace(held[name], unlike=True) for name in ("drag", "lens"))
+    held["drag"] = drag_
+    assert end(drag, lens, ahead=False) == "drag" and end(drag, lens) == "lens"
+    held |= {"drag": replace(drag_, unlike=False), "lens": lens_}
+    assert end(lens, drag, ahead=False) == "drag"
 
 
 def test_a_flight_too_short_for_a_start_ends_no_segment():

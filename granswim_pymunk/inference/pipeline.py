@@ -60,7 +60,8 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         if found is None:
             continue
         last = other
-        if found.outcome != "holds" or (not fails and found.unlike and not model.predicts_better(held, found)):
+        better_told = not found.unlike and (bends(judged) or not bends(other))
+        if found.outcome != "holds" or not (fails or better_told or model.predicts_better(held, found)):
             continue
         better.append((other, found, notes))
         if not found.unlike:
