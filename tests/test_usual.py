@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
-from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor, Term
+from granswim_pymunk.inference.significance import Null
+from granswim_pymunk.inference.tracks import study
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.nulls import search_nulls
 from granswim_pymunk.inference.tracks.settle import _as_usual
-from granswim_pymunk.inference.tracks.signatures import Bank, make_bank
+from granswim_pymunk.inference.tracks.signatures import Bank, Signature, make_bank
 from granswim_pymunk.inference.tracks.usual import beyond_usual, is_usual, usual_errors
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
@@ -77,3 +80,28 @@ def test_of_two_errors_that_do_the_same_the_one_nearer_to_its_usual_size_is_like
 
     near, large, small = likelihood(0.005), likelihood(0.5), likelihood(5e-5)
     assert near > large and near > small
+
+
+@pytest.mark.parametrize("gain", [9.0, 40.0])
+def test_a_recording_without_usual_errors_is_told_by_noise_alone(monkeypatch, gain):
+    """No picture, no table, masses that cancel: a law that noise may gain as much as is not named, and no note blames
+    errors that are not there."""
+    rate = Free("linear_drag.c", "kg/s", 0.0, np.inf, 0.0, 1.0)
+    drag = Signature(Term("linear_drag", "linear_drag", (rate,), lambda *a: None), np.ones((4, 1)) / 2, 1.0, gain)
+    trial = SimpleNamespace(
+        term=drag.term, values=np.ones(1), gain=gain, fit=None, signature=drag, mechanism="linear_drag"
+    )  # fmt: skip
+    bank = Bank(None, np.zeros(4), np.zeros((4, 0)), (drag,))  # type: ignore[arg-type]
+    nulls = np.full(299, 10.0)
+    monkeypatch.setattr(study, "noise_of", lambda *a: 1.0)
+    monkeypatch.setattr(study, "choose", lambda trials, *a: trials[0] if trials else None)
+    monkeypatch.setattr(study, "search_nulls", lambda *a: Null(nulls, gain))
+    the = SimpleNamespace(
+        progress=lambda *a: None, late=lambda share: False, fitter=SimpleNamespace(cases=[]), rng=None, notes=[],
+        inner=SimpleNamespace(slack=0.0),
+    )  # fmt: skip
+    tried = SimpleNamespace(
+        bank=bank, best=None, spread=1.0, inner={"recalibrated": 1.0}, alive=[trial], terms=[drag.term]
+    )  # fmt: skip
+    _, chosen = study.beyond_nulls(the, tried)  # type: ignore[arg-type]
+    assert (chosen is trial) == (gain > 10.0) and not the.notes
