@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import no_simulation
 from scipy.stats import chi2, norm
 from unseen_world import STIFFNESS, World, curve_of, filmed, world_candidates
 
@@ -543,9 +544,12 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     assert all(r["gain_heldout"] is not None for r in verdict["rivals"])
 
 
-def test_a_curve_tells_a_class_and_the_film_that_would_decide(world):
+def test_a_curve_tells_a_class_and_the_film_that_would_decide(world, tmp_path):
     """Six speeds say one thing: laws that explain them are one class, and a film of the swimmer tells them apart."""
     found = diagnose_unseen([curve_of({"coulomb_substrate": [world["coulomb_substrate"].design[0, 0]]}, 2)])
+    with no_simulation():
+        write_diagnosis(found, tmp_path)
+    assert "speed" in (tmp_path / "report.html").read_text(encoding="utf-8")
     verdict = found.verdict
     assert verdict["verdict"] in ("missing_physics", "measurement")
     alike = {r["name"] for r in verdict["rivals"] if r["indistinguishable"]}
@@ -914,7 +918,8 @@ def test_dry_friction_is_named_and_the_files_are_there(few_candidates, tmp_path)
     assert mu["low"] < 0.3 < mu["high"] and mu["high"] - mu["low"] < 0.3
     assert verdict["fit"]["heldout"]["revised"] < 0.8 * verdict["fit"]["heldout"]["naive"]
     assert verdict["null"]["p_false_alarm"] <= 0.01 and verdict["mismatch"]
-    write_diagnosis(found, tmp_path)
+    with no_simulation():
+        write_diagnosis(found, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "dry friction with the substrate" in page and page.count("<img") == len(pictures(found)) > 3
     # one cycle of the mean motion plays in it, seen and predicted
