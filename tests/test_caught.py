@@ -92,7 +92,7 @@ def test_a_caught_scene_does_not_hide_that_a_law_of_contacts_follows_closer_join
     monkeypatch.setattr(closer, "in_contact_alone", lambda term: term.mechanism == "restitution")
     base, loose = SimpleNamespace(chi2=349.0), SimpleNamespace(chi2=180.0, allowed_rise=16.0)
     along, across = np.eye(3)[:, :1], np.eye(3)[:, 1:2]
-    left = SimpleNamespace(left=np.array([11.0, 0.0, 13.0]), starts=along, numbers=across, beside=lambda v: v)
+    left = SimpleNamespace(left=np.array([11.0, 0.0, 13.0]), starts=along, open_numbers=across)
     monkeypatch.setattr(closer, "stacked", lambda *a: left)
     assert closer._explained_by_one(None, base, loose, [other, restitution])
     assert fell == ["restitution"]

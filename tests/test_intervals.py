@@ -115,7 +115,7 @@ def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
 
     def trial(name, gain, numbers, value=0.1):
         free = tuple(Free(f"{name}.{k}", "1", 0.0, 1.0, 0.1, 0.01) for k in range(numbers))
-        term = SimpleNamespace(free=free, label=name, mechanism=name)
+        term = SimpleNamespace(free=free, label=name, mechanism=name, special=False)
         own = {"hypothesis": Hypothesis((term,)), "values": np.full(numbers, value)}
         fit = SimpleNamespace(name=name, excess=0.0, **own)
         return Trial(SimpleNamespace(term=term), fit, gain, math.inf)
