@@ -19,6 +19,7 @@ from granswim_pymunk.inference.significance import Null, price, rank
 class Law:
     mechanism: str
     label: str = ""
+    special: bool = False
 
 
 DRAG, SCALE, FORM = Law("linear_drag", "linear_drag p=0"), Law("camera_scale", "camera"), Law("unknown", "in speed")

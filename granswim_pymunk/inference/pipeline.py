@@ -87,7 +87,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
 
 def bends(judged: Judgement) -> bool:
     """Whether a special fault of the apparatus is claimed, as a lens that bends the picture."""
-    return any(law.term.special for law in judged.claim.laws)
+    return any(law.special for law in judged.claim.laws)
 
 
 def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:

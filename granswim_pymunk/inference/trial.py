@@ -34,6 +34,11 @@ class Tried:
         return self.term.label
 
     @property
+    def special(self) -> bool:
+        """Whether it is a fault of the apparatus that hardly any has, as a lens that bends the picture."""
+        return self.term.special
+
+    @property
     def numbers(self) -> int:
         """How many free numbers it has."""
         return len(self.term.free)
