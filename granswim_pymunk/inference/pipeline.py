@@ -60,8 +60,11 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         if found is None:
             continue
         last = other
-        better_told = not found.unlike and (bends(judged) or not bends(other))
-        if found.outcome != "holds" or not (fails or better_told or model.predicts_better(held, found)):
+        # what bends the picture predicts a little better whatever is missing
+        fault = bends(other) and not bends(judged)
+        if found.outcome != "holds" or (fault and found.unlike):
+            continue
+        if not fails and (fault or found.unlike) and not model.predicts_better(held, found):
             continue
         better.append((other, found, notes))
         if not found.unlike:
@@ -71,10 +74,6 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         return judged, held if last is judged else model.hold_out(judged)
     other, found, notes = better[-1]
     if found.unlike:  # as all of them are
-        # what bends the picture predicts a little better whatever is missing
-        better = [entry for entry in better if bends(judged) or not bends(entry[0])]
-        if not better:
-            return judged, model.hold_out(judged)
         other, found, notes = max(better, key=lambda entry: entry[1].gain or 0.0)
     how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
     model.notes += notes

@@ -50,14 +50,14 @@ def searched(trial: Trial, spread: float) -> float:
     logarithm in chi2 (MacKay 2003, ch. 28), of which AIC counts 2 k. A lens about a place far off bends any few tracks
     as they need it; strengths are a prior's width of every law alike, and are left to AIC.
     """
-    if trial.fit is None or not trial.term.special:
+    if trial.fit is None or not trial.special:
         return 0.0
-    rows = range(*trial.fit.hypothesis.rows(trial.label).indices(len(trial.fit.values)))
-    mine = [(k, f.high - f.low) for k, f in zip(rows, trial.term.free, strict=True) if f.inner]
-    wide = [(k, width) for k, width in mine if math.isfinite(width)]
-    if not wide:
+    first = trial.fit.hypothesis.rows(trial.label).start
+    ranges = {k: f.high - f.low for k, f in enumerate(trial.term.free, first) if f.inner}
+    sought = {k: width for k, width in ranges.items() if math.isfinite(width)}
+    if not sought:
         return 0.0
-    at, widths = [k for k, _ in wide], np.array([width for _, width in wide])
+    at, widths = list(sought), np.array(list(sought.values()))
     shares = trial.fit.covariance[np.ix_(at, at)] * max(spread, 1.0) / np.outer(widths, widths)
     told = np.linalg.slogdet(2 * math.pi * shares + 1e-300 * np.eye(len(at)))[1]
     return max(-float(told) - 2 * len(at), 0.0)
@@ -79,7 +79,7 @@ def ordinary(trial: Trial) -> bool:
     """
     if trial.fit is None:
         return False
-    apparatus = trial.apparatus and not trial.term.special
+    apparatus = trial.apparatus and not trial.special
     for free, value in zip(trial.term.free, trial.values, strict=True):
         away = float(value) - free.neutral
         room = current().verdict.ordinary * abs((free.high if away > 0 else free.low) - free.neutral)
@@ -145,13 +145,13 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
     most = sets.left * (best.fit.excess if best.fit is not None else 0.0)
     same += [t for t in trials if t.used < best.used and t.fit is not None and t.fit.excess < most]
     # a special fault hardly any laboratory has: no law gives way to it that explains more than chance would
-    most = max((paid[id(t)] for t in same if not t.term.special), default=-np.inf)
-    same = [t for t in same if not t.term.special or paid[id(t)] > most - verdict.same]
+    most = max((paid[id(t)] for t in same if not t.special), default=-np.inf)
+    same = [t for t in same if not t.special or paid[id(t)] > most - verdict.same]
     forms = [t.term for t in same]
     # a picture's scale is off more often than the inertia of a body
     chosen = min(
         same,
-        key=lambda t: (t.used + part[id(t)], not ordinary(t), t.term.special, ordinary(t) and not t.apparatus,
+        key=lambda t: (t.used + part[id(t)], not ordinary(t), t.special, ordinary(t) and not t.apparatus,
                        extraordinary(t), is_part(t.term, forms), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)

@@ -335,8 +335,8 @@ class Tracks(ObservationModel):
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
         same = [t for t in self.tried.alive if ahead(winner) - ahead(t) < current().verdict.same]
-        if winner.term.special:  # what bends the picture takes a part of whatever is smooth: later data tell
-            laws = sorted((t for t in self.tried.alive if not t.term.special), key=ahead, reverse=True)
+        if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
+            laws = sorted((t for t in self.tried.alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         found: list[Trial] = []

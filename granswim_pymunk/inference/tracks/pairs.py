@@ -101,7 +101,7 @@ def two_for_one(
     further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2).
     """
     used = sum(t.used for t in found)
-    bends = any(t.numbers > current().sets.numbers or t.term.special for t in found)
+    bends = any(t.numbers > current().sets.numbers or t.special for t in found)
     if not found or len(found) > 2 or not bends or used <= current().sets.numbers or math.isinf(found[0].inner):
         return found, revised
     score = search.scores.get(label_of(*found), found[0].inner)
@@ -377,13 +377,13 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     on one of them.
     """
     pushes = [t for t in (a, b) if has_role(t.mechanism, *PUSHES)]
-    others = [t for t in (a, b) if not has_role(t.mechanism, *PUSHES)]
-    if len(pushes) == 1 and all(_damps(t) or in_contact_alone(t) for t in others):
-        return False
-    return len(pushes) == 2 or any(is_part(t, terms) for t in pushes)
+    if len(pushes) != 1:
+        return len(pushes) == 2
+    other = b if pushes[0] is a else a
+    return is_part(pushes[0], terms) and not (_goes_with_speed(other) or in_contact_alone(other))
 
 
-def _damps(term: Term) -> bool:
+def _goes_with_speed(term: Term) -> bool:
     """Whether a force goes with the speed of a body, or of one towards another."""
     law = all_laws().get(term.law)
     return law is not None and (law.damping or bool({"vn", "vt"} & set(law.arguments)))

@@ -92,9 +92,7 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
     return tuple(segments)
 
 
-def _struck_again(
-    impact: Impact, cut: tuple[int, list[Impact]], rows: np.ndarray, criteria: SegmentCriteria
-) -> bool:
+def _struck_again(impact: Impact, cut: tuple[int, list[Impact]], rows: np.ndarray, criteria: SegmentCriteria) -> bool:
     """Whether a body that was struck at a cut is struck again before its flight is long enough to tell a start."""
     begin, before = cut
     struck = {body for other in before for body in other.bodies}

@@ -63,38 +63,29 @@ class Stacked:
 
     left : (n,) what the fit leaves;  numbers : (n, p) derivatives by its values
     starts : (n, q) orthonormal, what the starts can take over
-    held : numbers that lie where their search ends, and would go on if it did not
+    open_numbers : (n, p) what the starts cannot take over of these, none by numbers held at their bounds: what an
+        adjustable number there cannot take up, a law of the same form may
     """
 
     left: np.ndarray
     numbers: np.ndarray
     starts: np.ndarray
-    held: tuple[int, ...] = ()
+    open_numbers: np.ndarray
 
     def beside(self, vectors: np.ndarray) -> np.ndarray:
         """What the starts cannot take over of vectors (n,) or (n, k)."""
         return np.asarray(vectors - self.starts @ (self.starts.T @ vectors))
 
-    @property
-    def open_numbers(self) -> np.ndarray:
-        """(n, p) derivatives by the values, starts projected out, none by those that are ``held``.
-
-        What an adjustable number at its bound cannot take up, a law of the same form may.
-        """
-        found = self.beside(self.numbers)
-        found[:, list(self.held)] = 0.0
-        return found
-
 
 def stacked(fitter: Fitter, fit: Fit) -> Stacked:
     """What a fit leaves of all recordings of a fitter, and its derivatives."""
-    whole = Stacked(
-        np.concatenate([fit.used(c.name) for c in fitter.cases]),
-        np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases]),
-        block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases)),
-    )
-    downhill = whole.beside(whole.numbers).T @ whole.beside(whole.left)
-    return replace(whole, held=tuple(held_at_bounds(fit, downhill)))
+    left = np.concatenate([fit.used(c.name) for c in fitter.cases])
+    numbers = np.concatenate([fit.jacobian[c.name][0] for c in fitter.cases])
+    starts = block_diag(*(basis(fit.jacobian[c.name][1]) for c in fitter.cases))
+    whole = Stacked(left, numbers, starts, numbers)
+    open_numbers = whole.beside(numbers)
+    open_numbers[:, held_at_bounds(fit, open_numbers.T @ whole.beside(left))] = 0.0
+    return replace(whole, open_numbers=open_numbers)
 
 
 def held_at_bounds(fit: Fit, downhill: np.ndarray) -> list[int]:
