@@ -38,6 +38,7 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
         return SimpleNamespace(recalibrated=fit)
 
     monkeypatch.setattr(tracks, "tried_alone", tried)
+    monkeypatch.setattr(tracks, "without_outliers", lambda study, tried: (study, tried))
     monkeypatch.setattr(tracks, "with_memory", lambda study, tried: (study, tried))
     monkeypatch.setattr(tracks, "beyond_nulls", lambda study, tried: ("another null", None))
     found = iter([claim, Claim((), plain)])

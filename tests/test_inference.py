@@ -25,6 +25,7 @@ from granswim_pymunk.inference.noise import (
     fit_noise,
     left_alone,
     outliers,
+    single_ones,
     slopes,
     slow_part,
     timing,
@@ -203,6 +204,22 @@ def test_a_sighting_stands_out_from_what_a_fit_leaves_where_neither_kink_nor_dri
     assert np.argwhere(left_alone(left, who)).tolist() == [[20, 0], [20, 1], [33, 2], [33, 3]]
     none = sum(left_alone(rng.normal(size=(200, 2)), ("a", "a")).any() for _ in range(100))
     assert none == 0
+
+
+def test_where_a_law_follows_a_smaller_fault_stands_out():
+    """Stamps that jitter make noise where a body is fast: about a turning point a fault hides in what is beside it."""
+    rng, who = np.random.default_rng(8), ("a", "b", "b")
+    left = rng.normal(size=(80, 3))
+    left[25, 0] += 6.5  # too little to be seen from the eight frames about it
+    assert not left_alone(left, who).any()
+    assert np.argwhere(single_ones(left, who)).tolist() == [[25, 0]]
+    left[50, 1:] += [5.0, -4.5]  # neither alone
+    assert np.argwhere(single_ones(left, who)).tolist() == [[25, 0], [50, 1], [50, 2]]
+    left[40:48, 0] += 9.0  # something that lasts is no fault of a sighting
+    assert np.argwhere(single_ones(left, who)).tolist() == [[25, 0], [50, 1], [50, 2]]
+    none = sum(single_ones(rng.normal(size=(200, 2)), ("a", "a")).any() for _ in range(400))
+    assert none <= 3  # of 400 films, each with a chance of 1e-3
+    assert not single_ones(5 * rng.normal(size=(200, 2)), ("a", "a")).any()  # noise that is larger than was said
 
 
 def test_what_a_stamp_moved_is_no_fault_of_a_sighting():

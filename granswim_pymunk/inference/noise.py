@@ -510,6 +510,30 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
     return found
 
 
+def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCriteria | None = None) -> np.ndarray:
+    """(T, c) True where noise leaves no sighting of a body so far from a law that follows it, nor from those beside it.
+
+    residuals (T, c) over the noise, NaN where not used; bodies (c,): whose each column is. Of all bodies and
+    frames together noise has one so far off with the chance ``single``; both neighbours in time pass for noise
+    (``beside_single``), as they do not where a law is missing, or about an impact. Where a body's noise is larger than
+    was believed, half of its residuals are beyond its quartile.
+    """
+    criteria = criteria or current().noise
+    found, columns = np.zeros(residuals.shape, dtype=bool), np.array(bodies)
+    every = max(int(sum(np.isfinite(residuals[:, columns == b]).any(axis=1).sum() for b in set(bodies))), 1)
+    for body in dict.fromkeys(bodies):
+        mine = np.flatnonzero(columns == body)
+        rows = np.flatnonzero(np.isfinite(residuals[:, mine]).all(axis=1))
+        if len(rows) < 3:
+            continue
+        own = residuals[np.ix_(rows, mine)]
+        level = np.maximum(np.median(np.abs(own), axis=0) / float(stats.norm.isf(0.25)), 1.0)
+        chance = np.asarray(stats.chi2.sf(np.sum((own / level) ** 2, axis=1), len(mine)))
+        quiet = np.concatenate([[True], chance > criteria.beside_single, [True]])
+        found[np.ix_(rows[(chance < criteria.single / every) & quiet[:-2] & quiet[2:]], mine)] = True
+    return found
+
+
 def _off_middle(t: np.ndarray, values: np.ndarray, half: int, sigma: float, degree: int) -> np.ndarray:
     """(T,) |value - polynomial through so many frames on either side| over its standard deviation; NaN at the ends."""
     window = np.lib.stride_tricks.sliding_window_view

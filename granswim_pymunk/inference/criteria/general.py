@@ -25,6 +25,9 @@ class NoiseCriteria:
     outlier : standard deviations, from both sides, from which a single sighting is no position. Theory: of 1e5
         sightings of Gaussian noise 2e-4 are farther off than 6
     outlier_frames : frames on each side that an outlier is held against
+    single : chance with which noise has any sighting of a film so far off a law that follows it, below which it is
+        none;  beside_single : above which the sightings beside it pass for noise. Choices: one film in a thousand, and
+        three standard deviations
     hides : times what the other frames leave of a line, from which a frame among them is no position itself. Choice:
         as ``outlier``
     share_most : of a channel's sightings that may be taken out; beyond it they are no single ones. Choice
@@ -61,6 +64,8 @@ class NoiseCriteria:
     refutes: float = 4.7
     outlier: float = 6.0
     outlier_frames: int = 4
+    single: float = 1e-3
+    beside_single: float = 0.0027
     hides: float = 6.0
     share_most: float = 0.05
     bands: tuple[int, ...] = (4, 12, 40)

@@ -81,6 +81,7 @@ from .study import (
     tried_alone,
     with_close_joints,
     with_memory,
+    without_outliers,
     without_single_ones,
 )
 from .verdict import Told, as_the_picture, revised_scene, used
@@ -165,7 +166,7 @@ class Tracks(ObservationModel):
         self.study, self.naive_fit, self.recalibrated_fit = fits
         self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
-        self.study, self.tried = with_memory(self.study, tried)
+        self.study, self.tried = with_memory(*without_outliers(self.study, tried))
 
     def nulls(self) -> Null | None:
         self.null, self.chosen = beyond_nulls(self.study, self.tried)
@@ -176,7 +177,8 @@ class Tracks(ObservationModel):
         follows = self._without_laws(claim)
         if follows is not None:
             # all that was compared was compared with a scene that lost its way: again, with one that follows
-            self.study, self.tried = with_memory(self.study, tried_alone(self.study, self.tried.naive, follows))
+            tried = tried_alone(self.study, self.tried.naive, follows)
+            self.study, self.tried = with_memory(*without_outliers(self.study, tried))
             self.nulls()
             claim = self._search()
         return claim

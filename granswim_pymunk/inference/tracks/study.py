@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..candidates import flexible_terms, named_terms, scaled_like
 from ..criteria import current
 from ..data import Case, left_out, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
-from ..noise import Noise, left_alone
+from ..noise import Noise, left_alone, single_ones
 from ..result import Progress
 from ..significance import Null, at_alarm, price
 from .believed import believed_terms
@@ -134,13 +134,15 @@ def with_cases(study: Study, cases: list[Case]) -> Study:
     return replace(study, cases=cases, training=training, fitter=fitter, inner=inner)
 
 
-def standing_out(case: Case, left: np.ndarray) -> np.ndarray:
+def standing_out(case: Case, left: np.ndarray, follows: bool = False) -> np.ndarray:
     """(T, c) True where a sighting stands out from what a fit leaves, (T, c) over the noise, of the frames about it.
 
-    An error of a stamp moves all that moves, and is no fault of a sighting.
+    An error of a stamp moves all that moves, and is no fault of a sighting.  follows : with a law that follows, so that
+    noise alone is left
     """
     of_noise = 1.0 if case.late is None else np.sqrt(1 + case.late**2)
-    return left_alone(left / of_noise, [channel.body for channel in case.channels])
+    alone = single_ones if follows else left_alone
+    return alone(left / of_noise, [channel.body for channel in case.channels])
 
 
 def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[Study, Fit, Fit]:
@@ -148,27 +150,33 @@ def without_single_ones(study: Study, naive: Fit, recalibrated: Fit) -> tuple[St
 
     About an impact neighbouring frames alone do not tell them, and a fit follows through it.
     """
-    cases, lost = [], dict[str, int]()
-    for case in study.cases:
-        seen = recalibrated.innovations.get(case.name)
-        if case.held_out or seen is None:
-            cases.append(case)
-            continue
-        found = standing_out(case, seen)
-        if found.any():
-            case = replace(case, values=np.where(found, np.nan, case.values))
-            lost[case.name] = int(found.any(axis=1).sum())
-        cases.append(case)
-    if not lost:
+    training = [c for c in study.training if c.name in recalibrated.innovations]
+    found = {c.name: standing_out(c, recalibrated.innovations[c.name]) for c in training}
+    before, study = study, without_sightings(study, found)
+    if study is before:
         return study, naive, recalibrated
-    before, study = study, with_cases(study, cases)
-    segments, those = study.fitter.segments, before.fitter.segments
-    if any(len(segments[c.name]) != len(those[c.name]) for c in study.training):
-        return before, naive, recalibrated  # without them another impact is seen: that is for what looks for impacts
-    for name, many in lost.items():
-        study.notes.append(f"{name}: {left_out(many, 'far off what a fit leaves')}")
     fits = [study.fitter.refitted(fit) for fit in (naive, recalibrated)]
     return study, fits[0], fits[1] if recalibrated is not naive else fits[0]
+
+
+def without_sightings(study: Study, found: Mapping[str, np.ndarray]) -> Study:
+    """The study without the sightings (T, c) of each recording that were found to be none; the same without such.
+
+    Nor any where another impact is seen without them: that is for what looks for impacts.
+    """
+    cases = [
+        replace(c, values=np.where(found[c.name], np.nan, c.values)) if c.name in found else c for c in study.cases
+    ]
+    lost = {name: int(those.any(axis=1).sum()) for name, those in found.items() if those.any()}
+    if not lost:
+        return study
+    after = with_cases(study, cases)
+    segments, those = after.fitter.segments, study.fitter.segments
+    if any(len(segments[c.name]) != len(those[c.name]) for c in study.training):
+        return study
+    for name, many in lost.items():
+        study.notes.append(f"{name}: {left_out(many, 'far off what a fit leaves')}")
+    return after
 
 
 def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
@@ -267,10 +275,27 @@ def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
         return study, tried
     study.progress("the memory of the noise", 0.58)
     study = with_cases(study, [replace(c, noise=noise) for c in study.cases])
-    fitter, inner, training = study.fitter, study.inner, study.training
     study.notes.append(
         f"the noise has a slow part: {noise.size:.2g} times its white part, correlated over {noise.memory:.0f} frames"
     )
+    return study, _all_again(study, tried)
+
+
+def without_outliers(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
+    """The study without single sightings that no noise explains where a law follows, and all fits that matter again.
+
+    Before a law was found they did not stand out of what the scene leaves, or of frames about them that are noisier: a
+    stamp that is off shows where a body is fast.
+    """
+    left = tried.best.innovations
+    found = {c.name: standing_out(c, left[c.name], follows=True) for c in study.training if c.name in left}
+    before, study = study, without_sightings(study, found)
+    return study, tried if study is before else _all_again(study, tried)
+
+
+def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
+    """All fits that matter from where they were, to the recordings as they are now."""
+    fitter, inner, training = study.fitter, study.inner, study.training
 
     def again(fit: Fit) -> Fit:
         return fitter.refitted(fit, evaluations=current().evaluations.memory)
@@ -299,7 +324,7 @@ def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
     forms = _scored_forms(study, [t for t in alive if t.term.label in flexible], named, spread)
     inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in named + forms}
     untried = [t for t in untried if t.term.label not in flexible]
-    return study, FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
+    return FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
 
 
 def _slow_noise(study: Study, tried: FittedAlone) -> Noise:
