@@ -1,10 +1,13 @@
 """Physics that acts in the held-out part alone: what was named of the rest is not called complete."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import granswim_pymunk as gs
 from granswim_pymunk.inference.judge import as_large_by_chance
+from granswim_pymunk.inference.tracks.model import Tracks
 
 
 def test_an_error_is_held_against_repeats_of_the_right_law():
@@ -42,3 +45,15 @@ def test_complete_is_not_said_where_only_held_out_data_show_more(late):
         left = verdict["remains"]
         assert left["times_floor"] > 5 and left["when"]["t"][0] >= 1.5
         assert left["looks_like"] == "physics that the training part does not show"
+
+
+def test_complete_is_what_the_page_says_beside_it():
+    """Farther off than every repeat with the right law: not complete, whatever their spread."""
+
+    def beyond(rms: float | None, repeats: int) -> bool:
+        errors = np.linspace(1.0, 2.0, repeats) if repeats else np.zeros(0)
+        tracks = SimpleNamespace(held={"revised": SimpleNamespace(rms=rms)}, right=errors)
+        return bool(Tracks._beyond_the_right_law(tracks))  # type: ignore[arg-type]
+
+    assert beyond(2.1, 10) and not beyond(1.9, 10)
+    assert not beyond(9.0, 3) and not beyond(9.0, 0) and not beyond(None, 10)

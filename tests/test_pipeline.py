@@ -9,7 +9,7 @@ from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free
 from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
 from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel
-from granswim_pymunk.inference.pipeline import diagnose_by
+from granswim_pymunk.inference.pipeline import diagnose_by, first_that_explains
 from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import MODELS, check_verdict, mechanism_entry
 from granswim_pymunk.inference.significance import Null, price, rank
@@ -257,3 +257,29 @@ def test_held_out_data_tell_which_of_a_class_it_is_not():
     found = diagnose_by(model).verdict
     assert found["verdict"] == "unmodelled" and found["rivals"][0]["name"] == "linear_drag"
     assert model.notes.count("looked at linear_drag p=0") == 2 and "looked at quadratic_drag" not in model.notes
+
+
+@pytest.mark.parametrize("good", ["quadratic_drag", "cubic_drag", ""])
+def test_of_a_class_the_first_that_explains_unseen_blocks_is_named(good):
+    """Fits cannot tell three laws apart, and only one of them explains blocks that it was not fitted to."""
+
+    class Alike(Toy):
+        def alike(self, judged):
+            return tuple(Claim((Law(name, name),), "") for name in ("quadratic_drag", "cubic_drag", "linear_drag"))
+
+        def weigh(self, claim):
+            self.last = claim.laws[0].label
+            return Weighed(share(0.9 if self.last == good else 0.3), (form(0.2),))
+
+    model = Alike()
+    found = first_that_explains(model, NAMED)
+    if good:
+        assert [t.mechanism for t in found.claim.laws] == [good] and found.verdict == "missing_physics"
+        assert model.notes == [
+            "linear_drag p=0 is not named: it explains 30 % of the mismatch; "
+            f"{good}, which fits cannot tell from it, does"
+        ]
+    else:
+        # as without them, and the last look was at the first
+        assert found.verdict == "unmodelled" and found.closest == ((DRAG, 0.3),) and model.last == "linear_drag p=0"
+        assert model.notes == ["linear_drag p=0 is not named: it explains 30 % of the mismatch"]

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from .judge import Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
+from .judge import Claim, Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
 from .mechanisms import nameless
 from .model import Course, HeldOut, ObservationModel, Rival
 from .result import MODELS, Diagnosis, empty_verdict, rival_entries
@@ -23,8 +23,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     null = model.nulls()  # what the same search finds where nothing is missing
     claim = model.search(null)  # one to three laws that are needed together
     null = model.null_after(null)
-    weighed = model.weigh(claim)  # what they explain of data that they were not fitted to
-    judged = model.settle(judge(claim, weighed, model.mismatch(claim), model.plain, model.notes))
+    judged = first_that_explains(model, claim)  # enough of data that they were not fitted to
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
     judged = after_held_out(model, judged, held)
@@ -37,6 +36,36 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     model.done()
     model.progress("done", 1.0)
     return found
+
+
+def judged_by_training(model: ObservationModel, claim: Claim) -> Judgement:
+    """What is concluded of a claim, and its numbers, from the training part alone."""
+    return model.settle(judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes))
+
+
+def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
+    """The judgement of a claim, or of the first law that fits cannot tell from it and that explains enough.
+
+    Of a class the search names the simplest. Where that explains too little of blocks that it was not fitted to, it is
+    not that one, and the others of the class are asked by the same rules before nothing is named.
+    """
+    told = len(model.notes)
+    judged = judged_by_training(model, claim)
+    if judged.verdict != "unmodelled" or not claim.laws or claim.nameless or judged.claim.laws == claim.laws:
+        return judged
+    looked, why = False, model.notes[told:]
+    for other in model.alike(replace(judged, claim=claim)):
+        looked = True
+        del model.notes[told:]
+        found = judged_by_training(model, other)
+        if found.claim.laws == other.laws:
+            model.notes[told:told] = [f"{why[-1]}; {other.label}, which fits cannot tell from it, does"] if why else []
+            return found
+    if not looked:
+        return judged
+    # what the model keeps of its last look belongs to the first claim again
+    del model.notes[told:]
+    return judged_by_training(model, claim)
 
 
 def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
@@ -53,8 +82,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     better, last = [], judged
     for claim in model.alike(judged):
         told = len(model.notes)
-        other = judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
-        other = model.settle(other)
+        other = judged_by_training(model, claim)
         found = model.hold_out(other) if other.claim.laws and not other.claim.nameless else None
         notes, model.notes[told:] = model.notes[told:], []  # of what was only tried
         if found is None:

@@ -473,7 +473,7 @@ class Tracks(ObservationModel):
             told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
             self.notes.append(f"the scene as believed leaves more than noise: masses and radii are off, {told}")
         complete = complete and not off and not self._more_to_see(judged.claim.fit)
-        if complete and judged.claim.laws and self._more_held_out():
+        if complete and judged.claim.laws and self._beyond_the_right_law():
             return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
@@ -486,6 +486,11 @@ class Tracks(ObservationModel):
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
         rms = self.held["revised"].rms
         return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
+
+    def _beyond_the_right_law(self) -> bool:
+        """Whether held-out data are farther off than in every repeat with the right law: what is told beside them."""
+        rms, enough = self.held["revised"].rms, len(self.right) >= current().left.repeats
+        return rms is not None and enough and rms > self.right.max()
 
     def _forms_as_good(self, claim: Claim) -> tuple[tuple[str, str, bool], ...]:
         """Forms without a name that do as well as a law, or better, see ``Remains``; none where time is up."""
