@@ -39,8 +39,8 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
 
 
 def judged_by_training(model: ObservationModel, claim: Claim) -> Judgement:
-    """What is concluded of a claim, and its numbers, from the training part alone."""
-    return model.settle(judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes))
+    """What is concluded of a claim from the training part alone."""
+    return judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
 
 
 def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
@@ -50,22 +50,23 @@ def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
     not that one, and the others of the class are asked by the same rules before nothing is named.
     """
     told = len(model.notes)
-    judged = judged_by_training(model, claim)
-    if judged.verdict != "unmodelled" or not claim.laws or claim.nameless or judged.claim.laws == claim.laws:
+    judged = model.settle(judged_by_training(model, claim))
+    if judged.verdict != "unmodelled" or not claim.laws or claim.nameless:
         return judged
     looked, why = False, model.notes[told:]
     for other in model.alike(replace(judged, claim=claim)):
         looked = True
         del model.notes[told:]
         found = judged_by_training(model, other)
-        if found.claim.laws == other.laws:
+        found = found if found.verdict == "unmodelled" else model.settle(found)
+        if found.claim.laws and found.verdict != "unmodelled":
             model.notes[told:told] = [f"{why[-1]}; {other.label}, which fits cannot tell from it, does"] if why else []
             return found
     if not looked:
         return judged
     # what the model keeps of its last look belongs to the first claim again
     del model.notes[told:]
-    return judged_by_training(model, claim)
+    return model.settle(judged_by_training(model, claim))
 
 
 def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
@@ -82,7 +83,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     better, last = [], judged
     for claim in model.alike(judged):
         told = len(model.notes)
-        other = judged_by_training(model, claim)
+        other = model.settle(judged_by_training(model, claim))
         found = model.hold_out(other) if other.claim.laws and not other.claim.nameless else None
         notes, model.notes[told:] = model.notes[told:], []  # of what was only tried
         if found is None:
