@@ -501,8 +501,7 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
         off = np.zeros(len(rows))
         for c in mine:
             own = _off_middle(rows.astype(float), residuals[rows, c], half, 1.0, 2)
-            # where noise is larger than was believed, half of all frames are farther off than its quartile
-            off += (own / max(1.0, float(np.nanmedian(own)) / float(stats.norm.isf(0.25)))) ** 2
+            off += (own / _larger_by(own)) ** 2
         least = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), len(mine)))
         # of neighbours that accuse one another the worst is the one that is off
         near = np.lib.stride_tricks.sliding_window_view(np.pad(np.nan_to_num(off), half), 2 * half + 1).max(axis=1)
@@ -515,8 +514,7 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
 
     residuals (T, c) over the noise, NaN where not used; bodies (c,): whose each column is. Of all bodies and
     frames together noise has one so far off with the chance ``single``; both neighbours in time pass for noise
-    (``beside_single``), as they do not where a law is missing, or about an impact. Where a body's noise is larger than
-    was believed, half of its residuals are beyond its quartile.
+    (``beside_single``), as they do not where a law is missing, or about an impact.
     """
     criteria = criteria or current().noise
     found, columns = np.zeros(residuals.shape, dtype=bool), np.array(bodies)
@@ -527,11 +525,15 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
         if len(rows) < 3:
             continue
         own = residuals[np.ix_(rows, mine)]
-        level = np.maximum(np.median(np.abs(own), axis=0) / float(stats.norm.isf(0.25)), 1.0)
-        chance = np.asarray(stats.chi2.sf(np.sum((own / level) ** 2, axis=1), len(mine)))
+        chance = np.asarray(stats.chi2.sf(np.sum((own / _larger_by(own)) ** 2, axis=1), len(mine)))
         quiet = np.concatenate([[True], chance > criteria.beside_single, [True]])
         found[np.ix_(rows[(chance < criteria.single / every) & quiet[:-2] & quiet[2:]], mine)] = True
     return found
+
+
+def _larger_by(off: np.ndarray) -> np.ndarray:
+    """By how much noise is larger than was believed, of residuals (T, ...) over it: half are beyond its quartile."""
+    return np.asarray(np.maximum(np.nanmedian(np.abs(off), axis=0) / float(stats.norm.isf(0.25)), 1.0))
 
 
 def _off_middle(t: np.ndarray, values: np.ndarray, half: int, sigma: float, degree: int) -> np.ndarray:

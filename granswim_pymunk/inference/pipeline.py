@@ -53,17 +53,16 @@ def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
     judged = model.settle(judged_by_training(model, claim))
     if judged.verdict != "unmodelled" or not claim.laws or claim.nameless:
         return judged
-    looked, why = False, model.notes[told:]
-    for other in model.alike(replace(judged, claim=claim)):
-        looked = True
+    others, why = model.alike(replace(judged, claim=claim)), model.notes[told:]
+    if not others:
+        return judged
+    for other in others:
         del model.notes[told:]
         found = judged_by_training(model, other)
         found = found if found.verdict == "unmodelled" else model.settle(found)
         if found.claim.laws and found.verdict != "unmodelled":
             model.notes[told:told] = [f"{why[-1]}; {other.label}, which fits cannot tell from it, does"] if why else []
             return found
-    if not looked:
-        return judged
     # what the model keeps of its last look belongs to the first claim again
     del model.notes[told:]
     return model.settle(judged_by_training(model, claim))

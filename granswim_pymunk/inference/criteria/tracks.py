@@ -449,8 +449,9 @@ class LeftCriteria:
     within : of its expected square, what one number may show. Theory: by chance in one of twenty
     asked : times the noise floor, from which a held-out error is asked where it comes from
     told : times the noise floor, from which a held-out error is said to remain. Choice
-    chance : probability, where the law is right, of a held-out error as large, below which what is named is not all.
-        Choice: as the alarm of the noise;  repeats : of the right law, from which that is told. Choice
+    chance : probability, where the law is right, of a held-out error as large, below which others of its class are
+        asked. Choice: as the alarm of the noise;  repeats : of the right law, from which that is told, and beyond all
+        of which what is named is not all. Choice
     beside : leading laws of which what is left may be the like, of at most ``numbers`` numbers;  looks : chi2 that the
         one it looks like has to gain. Choice: one time in six hundred
     forms : of the gain of the best form without a name, below which others are not weighed. Choice
