@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 
 
@@ -13,7 +14,7 @@ class Sizes:
     adjustable : of each adjustable;  screen : of every candidate;  more : beside those, of the candidates in question
     leader : at a leader's fitted amount;  final : of the revised scene with its own contacts
     leaders : laws that are refitted;  duel : of the best two, where they are near each other
-    spread : of the naive scene in all training films together, where ``soft`` are fewer
+    spread : of the naive scene in all training films together, where ``soft`` are fewer, or the budget pays for more
 
     Theory: a prediction from n_t true, n_s soft and n_l of a leader has 1/n_t + 1/n_s + 1/n_l of a packing's variance,
     beside that of the film's own packing, which no run makes smaller.
@@ -46,6 +47,7 @@ class RunCriteria:
     """How a scene is run in other packings.
 
     softer : times, by which contacts are softer at most in runs that only give differences; restitution stays. Choice
+    cheaper : times, at least, that such a run has to be, or contacts stay as they are: softness bends numbers. Choice
     stroke : contacts that a cycle of the drive is long, at least, where they are softer. Choice
     per_contact : steps that a soft contact lasts;  own : of the advised step, where contacts are the scene's: 10 steps
         a contact;  coarser : the step of all other laws where contacts are soft: 25 a period of the union. Choices: the
@@ -55,6 +57,7 @@ class RunCriteria:
     """
 
     softer: float = 25.0
+    cheaper: float = 3.0
     stroke: float = 450.0
     per_contact: float = 10.0
     own: float = 1.5
@@ -160,7 +163,11 @@ class PackingCriteria:
     films : that the budget of a diagnosis is meant for; fewer take their part of it
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
     pairs : cost of a candidate's run in those of the naive scene. Measured: 1.3 over all candidates
-    spread : packings of the naive scene that tell the spread of some forty numbers, at the least
+    spread : packings of the naive scene that tell the spread of some forty numbers, at the least;  spreads : the most
+        that are run where they cost no more than ``share`` of the budget. Theory: of n - 1 degrees of freedom of the
+        spread of p numbers F keeps (n - p)/n;  screens : times the usual packings of every candidate, where they cost
+        no more than that. Theory: signatures known from n packings may be smaller by sqrt(n), and bend less
+    tails : degrees of freedom of t that are told apart. Choice
     rounds : of a fit, ``pair_rounds`` where a law is tried beside another;  steps : of its change, that are tried
     factors : times the usual sizes, that are held against a budget. Choices
     picture [m] : of a picture, over which a ruler or a plumb line is read;  read : the least error of it [1, rad]
@@ -205,6 +212,10 @@ class PackingCriteria:
     probed: float = 1.5
     pairs: float = 1.3
     spread: int = 60
+    spreads: tuple[int, ...] = (120, 240)
+    screens: tuple[int, ...] = (2, 4)
+    share: float = 0.25
+    tails: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 30.0, 50.0, 100.0, math.inf)
     rounds: int = 12
     pair_rounds: int = 6
     steps: tuple[float, ...] = (1.0, 0.5, 0.2)

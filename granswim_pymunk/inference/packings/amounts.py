@@ -20,10 +20,12 @@ from .summaries import Condition
 class Amount:
     """The search for an amount of a candidate that shows, in units of its first one.
 
+    sharp : by how much signatures are known better than from one packing: shifts may be smaller
     tried : shift at each amount, infinite where the run did not survive it;  factor : what is tried next
     other : what is tried after the first, where that did not show or overturned everything
     """
 
+    sharp: float = 1.0
     factor: float = 1.0
     other: float | None = None
     tried: dict[float, float] = field(default_factory=dict)
@@ -31,8 +33,8 @@ class Amount:
 
     def add(self, size: float, at_bound: bool) -> None:
         """Take in the shift at ``factor``. Once one was too small and another too large, the next lies between."""
+        shown, size = current().packings.amounts, size * self.sharp
         self.tried[self.factor] = size
-        shown = current().packings.amounts
         small = max((f for f, r in self.tried.items() if r < shown.least), default=None)
         large = min((f for f, r in self.tried.items() if r > shown.most), default=None)
         self.settled = shown.least <= size <= shown.most or (size < shown.least and at_bound)
@@ -96,7 +98,7 @@ def scaled_candidates(s: Search) -> list[Candidate]:
     physical = [x for x in every if not x.apparatus]
     probe = s.training[0]
     stretch = max(spreads_off(s, probe) / current().packings.amounts.wanted, 1.0)
-    amounts = {x.label: Amount(other=x.other) for x in physical}
+    amounts = {x.label: Amount(math.sqrt(s.sizes.screen), other=x.other) for x in physical}
     for attempt in range(current().packings.probes):
         trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
         if not trying:

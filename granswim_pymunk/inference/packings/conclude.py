@@ -255,7 +255,7 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
         return 0.0
 
     def own(t: Trial) -> float:
-        """Variance of what its own runs put into chi2, in units of 4: chi2 times that of the mean."""
+        """Variance of what its own runs put into the objective, in units of 4: chi2 times that of the mean."""
         assert t.fit is not None
         shares = []
         for c in s.training:
@@ -264,7 +264,7 @@ def _noise(s: Search, a: Trial, b: Trial) -> float:
             # what both share, the naive runs and those of the recalibrated scene, drops out of the difference
             apart = [p for p in points if p[0] not in (NAIVE, base_point(s))]
             shares.append(sum(points[p] ** 2 / found[p][1] for p in apart))
-        return t.fit.chi2 * float(np.mean(shares))
+        return t.fit.weighed(2) * float(np.mean(shares))
 
     return 2.0 * math.sqrt(max(own(a) + own(b), 0.0))
 
@@ -428,15 +428,19 @@ def explained(s: Search, revised: Fit) -> tuple[Explained, Explained | None]:
     criteria = current().packings
     assert s.nulls is not None
     n = s.base.count
-    floor = float(s.nulls.left.mean()) / max(n - len(s.base.u), 1)
+    freedom = max(n - len(s.base.u), 1)
+    floor = float(s.nulls.left.mean()) / freedom
     wide = float(s.nulls.left.std()) / n
     before = float((_unseen(s, s.base) ** 2).mean())
     rng = np.random.default_rng(s.runner.seed)
 
+    # what the recording's own packing adds is in the misfit before and after alike
+    own = rng.choice(s.nulls.left, criteria.resamples) / freedom - floor
+
     def drawn(mean: float) -> np.ndarray:
-        """Mean squares above the floor that other packings would give: of a chi2 that is not central."""
-        size = math.sqrt(2 + 4 * max(mean - floor, 0.0))
-        return mean - floor + rng.normal(size=criteria.resamples) * size / math.sqrt(n)
+        """Mean squares above the floor: less that of the own packing, and its product with what is missing."""
+        beyond = max(mean - floor, 0.0)
+        return mean - floor - own + rng.normal(size=criteria.resamples) * 2 * math.sqrt(beyond / n)
 
     def share(after: np.ndarray | float, before: np.ndarray | float) -> np.ndarray:
         return np.minimum(1 - np.asarray(after) / np.maximum(before, 1e-9), 1.0)

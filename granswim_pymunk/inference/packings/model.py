@@ -344,7 +344,14 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
 
     budget = 60 * minutes * current().work.cores * min(len(conditions) / known.films, 1.0)
     sizes = [usual.times(factor) for factor in known.factors]
-    return next((z for z in sizes if seconds(z) <= budget), sizes[-1])
+    chosen = next((z for z in sizes if seconds(z) <= budget), sizes[-1])
+    # what is left over tells the spread, and every signature, from more packings
+    richer = [("spread", n) for n in known.spreads] + [("screen", n * usual.screen) for n in known.screens]
+    for name, n in richer:
+        more = replace(chosen, **{name: n})
+        if n > getattr(chosen, name) and seconds(more) <= min(seconds(chosen) + known.share * budget, budget):
+            chosen = more
+    return chosen
 
 
 def diagnose_unseen(

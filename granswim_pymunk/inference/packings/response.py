@@ -7,6 +7,7 @@ spread between packings is sum k_i^2/n_i. All runs of all scenes together give t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -36,7 +37,7 @@ class Means:
 
     ``test``: of the held-out part of the time instead of the training part. ``inflation``: mean square of other
     packings over that of the runs that the covariance was made of. ``folds``: parts of the residuals, each with the
-    covariance by those that are not in it.
+    covariance by those that are not in it. ``tail``: degrees of freedom of the t distribution of a packing's numbers.
     """
 
     runner: Runner
@@ -49,6 +50,8 @@ class Means:
     dof: dict[str, int] = field(default_factory=dict)
     inflation: dict[str, float] = field(default_factory=dict)
     folds: dict[str, list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)
+    tail: dict[str, float] = field(default_factory=dict)
+    _part: dict[str, np.ndarray] = field(default_factory=dict)  # of each residual: which of the folds it is in
     _seen: dict[tuple[str, str, bool, int], np.ndarray] = field(default_factory=dict)
 
     def view(self, condition: Condition):
@@ -80,8 +83,8 @@ class Means:
             several = [y for (label, _), y in values.items() if label == "naive" and len(y) > 1]
             least = current().rounding.nothing
             usual = np.mean([y.var(axis=0, ddof=1) for y in several], axis=0) if several else None
-            left, dof = [], 0
-            for point, y in values.items():
+            left, parts, dof, folds = [], [], 0, current().packings.folds
+            for place, (point, y) in enumerate(values.items()):
                 self.mean[condition.name][point] = (y.mean(axis=0), len(y))
                 if len(y) < 2:
                     continue
@@ -89,10 +92,14 @@ class Means:
                 # a law that makes the motion wilder says nothing about the spread of the scene without it
                 if usual is None or float(np.mean(apart**2 / np.maximum(usual, least))) < current().packings.wild:
                     left.append(apart)
+                    # two runs, less their mean, are one number with both signs: they stay together
+                    parts.append(np.full(2, place % folds) if len(y) == 2 else np.arange(len(y)) % folds)
                     dof += len(y) - 1
             if not left:
                 continue
             self.residuals[condition.name] = np.concatenate(left)
+            part = np.concatenate(parts)
+            self._part[condition.name] = part if np.ptp(part) else np.arange(len(part)) % folds
             self.dof[condition.name] = dof
         self._spread()
 
@@ -114,15 +121,22 @@ class Means:
             inside = _mean_square(rows, found)
             folds, parts = current().packings.folds, []
             fewer = {name: max(round(self.dof[name] * (1 - 1 / folds)), 1) for name in names}
-            outside = 0.0
-            for part in (np.s_[fold::folds] for fold in range(folds)):
-                left = {name: r[part] for name, r in rows.items()}
-                others = covariances({n: np.delete(r, part, axis=0) for n, r in rows.items()}, fewer, bends[numbers])
-                outside += _mean_square(left, others) / folds
+            squares, size = 0.0, 0
+            for fold in range(folds):
+                inner = {name: self._part[name] == fold for name in names}
+                left = {name: r[inner[name]] for name, r in rows.items()}
+                others = covariances({n: r[~inner[n]] for n, r in rows.items()}, fewer, bends[numbers])
+                count = sum(r.size for r in left.values())
+                squares, size = squares + count * _mean_square(left, others), size + count
                 parts.append((left, others))
+            outside = squares / size
+            apart = [np.sum(r.T * np.linalg.solve(others[n] * outside, r.T), axis=0)
+                     for left, others in parts for n, r in left.items()]  # fmt: skip
+            tail = tail_of(np.concatenate(apart), len(numbers))
             for name in names:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside
+                self.tail[name] = tail
                 self.folds[name] = [(left[name], others[name] * outside) for left, others in parts]
 
     def apart(self, condition: Condition, points: Collection[Point]) -> tuple[np.ndarray, int]:
@@ -181,6 +195,40 @@ def covariances(
     return {name: back @ (r * np.outer(d, d)) @ back.T for name, d in deviations.items()}
 
 
+def tail_of(squares: np.ndarray, p: int) -> float:
+    """Degrees of freedom of a t distribution of p numbers, by squares (k,) of draws in units of their covariance.
+
+    Of a list, the most likely: few packings do not tell it closely.
+    """
+
+    def likelihood(nu: float) -> float:
+        if math.isinf(nu):
+            factor = 0.5 * p * math.log(2.0)
+        else:
+            factor = math.lgamma(0.5 * nu) - math.lgamma(0.5 * (nu + p)) + 0.5 * p * math.log(nu - 2)
+        return -0.5 * float(np.sum(heavy(squares, p, nu))) - len(squares) * factor
+
+    return max(current().packings.tails, key=likelihood)
+
+
+def heavy(square: np.ndarray | float, p: int, nu: float) -> np.ndarray | float:
+    """What a sum of squares of p numbers in units of their covariance counts for: -2 log of the density of t.
+
+    (nu + p) log(1 + square/(nu - 2)); the square itself where nu is infinite. One packing in fifty is as far off as no
+    normal distribution has it, in all its numbers: a gain of 30 is little of 220, and much of 60.
+    """
+    if math.isinf(nu):
+        return square
+    return (nu + p) * np.log1p(square / (nu - 2))
+
+
+def heavy_weight(square: np.ndarray | float, p: int, nu: float) -> np.ndarray | float:
+    """The derivative of ``heavy`` by the square: by it each recording counts in least squares."""
+    if math.isinf(nu):
+        return np.ones_like(square)
+    return (nu + p) / (nu - 2 + square)
+
+
 def _mean_square(rows: Mapping[str, np.ndarray], covariance: Mapping[str, np.ndarray]) -> float:
     """Of residuals in units of their spread."""
     total = sum(float(np.sum(r.T * np.linalg.solve(covariance[name], r.T))) for name, r in rows.items())
@@ -221,7 +269,8 @@ class Model:
 class Fit:
     """The best numbers of a model.
 
-    objective : chi2 + log det of the covariance, summed over conditions;  chi2 : the first part
+    objective : -2 log likelihood, summed over conditions, see ``heavy``;  chi2 : squares in units of the covariance
+    weights : of each condition, see ``heavy_weight``
     covariance : (k, k) of the numbers;  left : for each condition the innovation (p,) and its covariance (p, p)
     scatter : (k,) variance by the runs near the fit, in units of ``covariance``, where such were done
     """
@@ -234,12 +283,19 @@ class Fit:
     left: dict[str, tuple[np.ndarray, np.ndarray]]
     count: int
     dof: int  # of the spread's estimate
+    weights: dict[str, float] = field(default_factory=dict)
     scatter: np.ndarray | None = None
+
+    def weighed(self, power: int = 1) -> float:
+        """chi2 of the conditions, each times its weight to a power."""
+        return sum(
+            self.weights[name] ** power * float(r @ np.linalg.solve(v, r)) for name, (r, v) in self.left.items()
+        )
 
     @property
     def told(self) -> np.ndarray:
         """(k, k) covariance that intervals are told by: wider where the fit is poor, or runs near it scatter more."""
-        wide = np.full(len(self.u), max(self.chi2 / max(self.count - len(self.u), 1), 1.0))
+        wide = np.full(len(self.u), max(self.weighed() / max(self.count - len(self.u), 1), 1.0))
         wide = np.sqrt(wide if self.scatter is None else np.maximum(wide, self.scatter))
         return self.covariance * np.outer(wide, wide)
 
@@ -276,23 +332,29 @@ def fit(
             spreads[c.name] = spread_of(means, c, h, c.error)
         return left, spreads
 
-    def value(left, spreads) -> tuple[float, float]:
-        chi2, logs = 0.0, 0.0
+    # a speed that is a mean over packings has no tail
+    tails = {c.name: math.inf if c.averaged else means.tail.get(c.name, math.inf) for c in conditions}
+
+    def value(left, spreads) -> tuple[float, dict[str, float]]:
+        squares, total = {}, 0.0
         for name, r in left.items():
             factor = np.linalg.cholesky(spreads[name])
             z = np.linalg.solve(factor, r)
-            chi2 += float(z @ z)
-            logs += 2 * float(np.log(np.diag(factor)).sum())
-        return chi2 + logs, chi2
+            squares[name] = float(z @ z)
+            total += float(heavy(squares[name], len(r), tails[name])) + 2 * float(np.log(np.diag(factor)).sum())
+        return total, squares
+
+    def weights(squares: Mapping[str, float]) -> dict[str, float]:
+        return {name: float(heavy_weight(q, len(left[name]), tails[name])) for name, q in squares.items()}
 
     falls = current().packings.falls
     left, spreads = evaluate(u)
     best = value(left, spreads)
     covariance = np.zeros((len(u), len(u)))
     for _ in range((current().packings.rounds if rounds is None else rounds) if len(u) else 0):
-        whitened, columns = [], []
+        whitened, columns, counted = [], [], weights(best[1])
         for c in conditions:
-            factor = np.linalg.cholesky(spreads[c.name])
+            factor = np.linalg.cholesky(spreads[c.name]) / math.sqrt(counted[c.name])
             base, _ = model.predict(means, c, u)
             jacobian = []
             for k in range(len(u)):
@@ -322,7 +384,10 @@ def fit(
     dof = min((means.dof[c.name] for c in conditions), default=0)
     # weights from few runs are not the best ones: the numbers scatter more than the formula says
     covariance = covariance * (1 + count / max(len(conditions), 1) / max(dof, 1))
-    return Fit(model, u, covariance, best[0], best[1], {k: (left[k], spreads[k]) for k in left}, count, dof)
+    return Fit(
+        model, u, covariance, best[0], sum(best[1].values()), {k: (left[k], spreads[k]) for k in left}, count, dof,
+        weights(best[1]),
+    )  # fmt: skip
 
 
 def stride(value: float, scale: float, high: float) -> float:

@@ -72,6 +72,7 @@ class Runner:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _packed: dict[tuple[str, int], Scene] = field(default_factory=dict)
     _dt: dict[tuple[str, bool], float] = field(default_factory=dict)
+    _softness: dict[str, float] = field(default_factory=dict)
 
     def cost(self, condition: Condition, soft: bool, part: bool = False) -> float:
         """Seconds of a run on one core, about: told from its size, so that plans repeat; ``part``: see ``Job``."""
@@ -127,7 +128,7 @@ class Runner:
         try:
             scene = job.change(self.packed(job.condition, job.number))
             if job.soft:
-                scene = _soft(scene)
+                scene = _soft(scene, self.softness(job.condition))
             scene = replace(scene, time=replace(scene.time, dt=self.time_step(job.condition, job.soft)))
             file = self._file(scene, frames, job.condition.rows)
             xy = load_array(file, (len(frames), len(job.condition.rows), 2))
@@ -189,6 +190,16 @@ class Runner:
                 self._dt[key] = found
         return found
 
+    def softness(self, condition: Condition) -> float:
+        """Times by which contacts are softer in all runs of a condition that only give differences."""
+        with self._lock:
+            found = self._softness.get(condition.name)
+        if found is None:
+            found = softness(self.packed(condition, 0))
+            with self._lock:
+                self._softness[condition.name] = found
+        return found
+
     @staticmethod
     def _file(scene: Scene, frames: np.ndarray, rows: Sequence[int]) -> Path:
         key = [CODE, scene.hash, hashlib.sha256(np.ascontiguousarray(frames).tobytes()).hexdigest(), list(rows)]
@@ -215,21 +226,25 @@ def softness(scene: Scene) -> float:
     if duration is None:
         return 1.0
     frequency = float(scene.laws_as("stroke")[0].values["frequency"])
-    return float(min(max((1 / (criteria.stroke * frequency) / duration) ** 2, 1.0), criteria.softer))
+    factor = float(min(max((1 / (criteria.stroke * frequency) / duration) ** 2, 1.0), criteria.softer))
+    worth = factor > 1 and _coarse(softened(scene, factor)) > criteria.cheaper * _coarse(scene)
+    return factor if worth else 1.0
 
 
-def _soft(scene: Scene) -> Scene:
-    """The scene with softer contacts, where it has any."""
-    factor = softness(scene)
+def _soft(scene: Scene, factor: float) -> Scene:
     return softened(scene, factor) if factor > 1 else scene
 
 
 def time_step(scene: Scene, soft: bool) -> float:
     """Step [s] of a run whose numbers are compared with a spread between packings of some per cent."""
-    criteria = current().packings.runs
     if not soft:
-        return criteria.own * advise_dt(scene)
-    contact = contact_duration(_soft(scene))
+        return current().packings.runs.own * advise_dt(scene)
+    return _coarse(_soft(scene, softness(scene)))
+
+
+def _coarse(scene: Scene) -> float:
+    """Step [s] that contacts of a run that gives differences allow, and all other laws."""
+    criteria, contact = current().packings.runs, contact_duration(scene)
     others = replace(scene, laws=tuple(u for u in scene.laws if u.law.role != "contact" or u.law.kind != "pair"))
     return min(criteria.coarser * advise_dt(others), contact / criteria.per_contact if contact is not None else 1e-3)
 

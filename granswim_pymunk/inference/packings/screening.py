@@ -12,7 +12,7 @@ from ..criteria import current
 from ..significance import rank
 from .amounts import amount_label
 from .candidates import Candidate
-from .response import Model, add, fit, stride
+from .response import Model, add, fit, heavy, heavy_weight, stride
 from .state import NAIVE, Nulls, Search, Trial, bears_on
 from .summaries import Condition
 
@@ -63,6 +63,7 @@ class Bank:
     """Whitened signatures around the recalibrated fit."""
 
     factors: dict[str, np.ndarray]
+    tails: tuple[tuple[slice, float], ...]  # rows of each recording, and the tail of its packing, see ``heavy``
     left: np.ndarray
     adjust: np.ndarray  # orthonormal basis of the adjustables
     columns: dict[str, np.ndarray]  # of each candidate, adjustables projected out
@@ -74,9 +75,11 @@ class Bank:
 
 def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None) -> Bank:
     """``fold``: with the spread by all runs but those of that part, see ``Means.folds``."""
-    factors, left = {}, []
+    factors, left, tails, at = {}, [], [], 0
     for c in s.training:
         r, v = s.base.left[c.name]
+        tails.append((slice(at, at + len(r)), math.inf if c.averaged else s.means.tail.get(c.name, math.inf)))
+        at += len(r)
         if fold is not None:
             v = c.error + _own_packing(s, c) * s.means.folds[c.name][fold][1]
         factors[c.name] = np.linalg.cholesky(v)
@@ -85,7 +88,7 @@ def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None)
     adjust = np.zeros((len(r), 0))
     if s.base.model.free:
         adjust = _basis(columns_of(s, s.base.model, s.base.u, factors))
-    bank = Bank(factors, r, adjust, {}, {}, {}, {}, {})
+    bank = Bank(factors, tuple(tails), r, adjust, {}, {}, {}, {}, {})
     n = len(s.base.u)
     for x in candidates:
         model = model_of(s, [x])
@@ -114,18 +117,34 @@ def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None)
 
 
 def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
-    """(k,) fall in chi2 for innovations r (n, k), adjustables refitted; of a single number within its bounds."""
+    """(k,) what innovations r (n, k) gain, adjustables refitted; of a single number within its bounds.
+
+    By one step of reweighted least squares, which lowers what ``heavy`` counts: each recording by its weight before.
+    """
     left = r - bank.adjust @ (bank.adjust.T @ r)
     directions = bank.directions[candidate.label]
     if not directions.shape[1]:
         return np.zeros(r.shape[1])
-    found: np.ndarray = np.sum((directions.T @ left) ** 2, axis=0)
+    weights = np.empty_like(left)
+    for rows, tail in bank.tails:
+        weights[rows] = heavy_weight(np.sum(left[rows] ** 2, axis=0), rows.stop - rows.start, tail)
     if candidate.numbers == 1:
         column = bank.columns[candidate.label][:, 0]
-        along, size = column @ left, float(column @ column)
-        amount = np.clip(along / size, *bank.room[candidate.label])
-        found = amount * (2.0 * along - amount * size)
-    return found
+        amount = (column @ (weights * left)) / np.maximum(column**2 @ weights, current().rounding.nothing)
+        after = left - np.outer(column, np.clip(amount, *bank.room[candidate.label]))
+    else:
+        inside = np.einsum("ni,nk,nj->kij", directions, weights, directions)
+        amounts = np.linalg.solve(inside, (directions.T @ (weights * left)).T[:, :, None])[:, :, 0]
+        after = left - directions @ amounts.T
+    return counted(bank, left) - counted(bank, after)
+
+
+def counted(bank: Bank, left: np.ndarray) -> np.ndarray:
+    """(k,) what residuals (n, k) count for, see ``heavy``."""
+    total: np.ndarray = np.zeros(left.shape[1])
+    for rows, tail in bank.tails:
+        total = total + heavy(np.sum(left[rows] ** 2, axis=0), rows.stop - rows.start, tail)
+    return total
 
 
 def _basis(a: np.ndarray) -> np.ndarray:
@@ -152,10 +171,10 @@ def columns_of(s: Search, model: Model, u: np.ndarray, factors: Mapping[str, np.
 def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
     """Runs seen as if they were the recording: what two packings do, mixed in a random proportion, and tracking noise.
 
-    Mixing a cos + b sin of two runs' deviations keeps their covariance, and makes more replicates than there are
-    runs. Where there are several recordings each gets its own. A recording took no part in the spread by which it is
-    weighed, and signatures stand out most where that is too small by chance: so each part of the runs is weighed, and
-    held against signatures, by the spread of the others.
+    Mixing a cos + b sin of two runs' deviations, as far off as one of them, keeps their covariance and their tails, and
+    makes more replicates than there are runs. Where there are several recordings each gets its own. A recording took no
+    part in the spread by which it is weighed, and signatures stand out most where that is too small by chance: so each
+    part of the runs is weighed, and held against signatures, by the spread of the others.
     """
     folds = current().packings.folds
     alive = [x for x in candidates if counts(bank, x)]
@@ -169,8 +188,9 @@ def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
         best.append(np.max(of_all, axis=0))
     drawn = np.hstack(parts)
     refitted = drawn - bank.adjust @ (bank.adjust.T @ drawn)
+    recalibration = counted(bank, drawn) - counted(bank, refitted)
     whole, left = np.sum(drawn**2, axis=0), np.sum(refitted**2, axis=0)
-    return Nulls(whole, whole - left, np.concatenate(best), left, drawn.T, refitted.T)
+    return Nulls(whole, recalibration, np.concatenate(best), left, drawn.T, refitted.T)
 
 
 def _own_packing(s: Search, c: Condition) -> float:
@@ -186,7 +206,11 @@ def _seen_as_recorded(s: Search, c: Condition, fold: int, count: int, bank: Bank
         residuals = s.means.residuals[c.name]
     first, second = s.rng.integers(len(residuals), size=(2, count))
     turn = s.rng.uniform(0.0, 2 * math.pi, (count, 1))
-    chosen = (residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)) * math.sqrt(_own_packing(s, c))
+    chosen = residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)
+    # as far off as the first of the two: a mixture of a wild packing and a usual one is neither
+    far = [np.sum(np.linalg.solve(bank.factors[c.name], x.T) ** 2, axis=0) for x in (residuals[first], chosen)]
+    size = np.sqrt(far[0] / np.maximum(far[1], current().rounding.nothing))
+    chosen = chosen * (size * math.sqrt(_own_packing(s, c)))[:, None]
     if np.any(np.diag(c.error) > 0):
         values, vectors = np.linalg.eigh(c.error)
         chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
@@ -220,8 +244,9 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
     s.nulls = draw_nulls(s, bank, candidates)
     s.looked = max(sum(counts(bank, x) for x in candidates), 2)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
-    along = bank.adjust.T @ apart
-    s.p_recalibration = rank(float(along @ along), s.nulls.recalibration) if s.adjust else 1.0
+    refitted = apart - bank.adjust @ (bank.adjust.T @ apart)
+    gained = counted(bank, apart[:, None]) - counted(bank, refitted[:, None])
+    s.p_recalibration = rank(float(gained[0]), s.nulls.recalibration) if s.adjust else 1.0
     top = max((t.gain - 2 * (t.numbers - 1) for t in s.trials if not t.reason), default=0.0)
     s.p_search = rank(top, s.nulls.best)
     s.trials.sort(key=lambda t: -t.worth)
