@@ -342,6 +342,11 @@ class TestScore:
         assert "| table | 2 | 1 | 1 | 0 | 0 | 5 |" in out
         assert "- real-life-2 (table): linear_drag + uniform_force of 30 beside scale: coulomb_substrate, comp" in out
         assert real_figures_command([str(tables[0])] * 2) == 2 and "twice" in capsys.readouterr().err
+        clean = Path(__file__).parents[1] / "docs" / "proof" / "series-37.csv"
+        assert real_figures_command([str(clean), "--kind", "bodies"]) == 0
+        assert "right names said to be complete: 96 % (26 of 27)" in capsys.readouterr().out
+        assert real_figures_command([str(clean), "--kind", "beds"]) == 2 and "small-unseen" in capsys.readouterr().err
+        assert real_figures_command([str(clean), str(tables[0])]) == 2 and "one kind" in capsys.readouterr().err
         tables[0].write_text("case,setup\nreal-life-1,table\n")
         assert real_figures_command([str(tables[0])]) == 2
 

@@ -379,6 +379,8 @@ def run_table(
     module: str, about: Sequence[str], say: Callable[[str], None],
 ) -> int:  # fmt: skip
     """Run the wanted rows; the page is written after every one of them, so that an interruption loses none."""
+    for folder in (Path(args.out), Path(args.page or args.out).parent):
+        folder.mkdir(parents=True, exist_ok=True)
     text, kept = "", kept_lines(args.page, about[0])
     for results in run_rows(args, rows, make, say):
         text = table(rows, results, title, module, about, kept)

@@ -1,7 +1,8 @@
-"""``python -m granswim_pymunk.validation.real_figures TABLE ...``: what real-life tables say together.
+"""``python -m granswim_pymunk.validation.real_figures TABLE ... [--kind KIND]``: what tables of the proof say together.
 
-TABLE: a ``real-life.csv`` or a ``slice-k-of-n.csv`` of ``granswim prove --real-life``. Printed are the figures, those
-of every apparatus, and what went wrong. A case that stands in two tables is an error: a seed is scored once.
+TABLE: a ``real-life.csv`` or a ``slice-k-of-n.csv`` of ``granswim prove --real-life``, or a ``score.csv`` or slice of
+``granswim prove``, but not both kinds at once. Printed are the figures, of real-life tables those of each apparatus and
+what went wrong, too. A case that stands in two tables is an error: a seed is scored once.
 """
 
 from __future__ import annotations
@@ -10,9 +11,34 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof.real_score import RealRow, read_real_rows, real_told
+from granswim_pymunk.proof.score import Row, read_rows, told
+
+Scored = TypeVar("Scored", Row, RealRow)
+
+
+def is_real_life(table: str) -> bool:
+    """Whether a table is that of real-life cases: they say which nuisances were drawn. Other files are not read."""
+    try:
+        with open(table, encoding="utf-8") as file:
+            return "nuisances" in file.readline().strip().split(",")
+    except (OSError, UnicodeDecodeError):
+        return False  # what is wrong is said where it is read
+
+
+def wanted(rows: Sequence[Scored], kind: str | None) -> list[Scored]:
+    """Rows of a kind. Raises InputError for a case that is there twice, and where none is there."""
+    twice = [case for case, count in Counter(r.case for r in rows).items() if count > 1]
+    if twice:
+        raise InputError(f"{twice[0]} stands in the tables twice; a seed is scored once", where="TABLE")
+    found = [r for r in rows if kind is None or r.case.rpartition("-")[0] == kind]
+    if not found:
+        kinds = sorted({r.case.rpartition("-")[0] for r in rows})
+        raise InputError(f"no case of kind {kind}, there are: {', '.join(kinds) or 'none'}", where="--kind")
+    return found
 
 
 def by_setup(rows: Sequence[RealRow]) -> list[str]:
@@ -47,12 +73,16 @@ def wrong(rows: Sequence[RealRow]) -> list[str]:
 def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", nargs="+", metavar="TABLE")
+    parser.add_argument("--kind", help="cases of this kind alone: bodies, small-unseen, ...")
     args = parser.parse_args(argv)
     try:
-        rows = [r for table in args.tables for r in read_real_rows(table)]
-        twice = [case for case, count in Counter(r.case for r in rows).items() if count > 1]
-        if twice:
-            raise InputError(f"{twice[0]} stands in the tables twice; a seed is scored once", where="TABLE")
+        real = {table: is_real_life(table) for table in args.tables}
+        if len(set(real.values())) > 1:
+            raise InputError("real-life tables and others have figures of their own: give one kind", where="TABLE")
+        if not any(real.values()):
+            say("\n".join(told(wanted([r for table in args.tables for r in read_rows(table)], args.kind))))
+            return 0
+        rows = wanted([r for table in args.tables for r in read_real_rows(table)], args.kind)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -162,7 +162,8 @@ class FitCriteria:
         they promise more than a fit ends for
     step : of a number's scale, by which derivatives step: a tenth of a standard deviation. Choice
     ends : of chi2, a fall at which least squares end where nothing else is said
-    steps : of the engine between two frames, at the least, and ``steps_met`` where bodies collide. Choices
+    steps : of the engine between two frames, at the least, and ``steps_met`` where bodies collide. Choices: in the end
+        numbers are held against half the step (``shift``)
     swings : of a believed amplitude, from which the start of a pendulum is looked for;  grid : of the way between its
         bounds, from which a declared number is, where tracks are followed in segments. Choices
     """
@@ -199,7 +200,7 @@ class FitCriteria:
     ends: float = 1e-5
     softer: float = 5.0
     harder: float = 10.0
-    steps: int = 10
+    steps: int = 5
     steps_met: int = 20
     swings: tuple[float, ...] = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
     grid: tuple[float, ...] = (0.15, 0.5, 0.85)
