@@ -19,6 +19,7 @@ from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial
+from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
 from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
     apparatus_beside,
@@ -116,6 +117,38 @@ def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected
         name = free.name.split(".")[1]
         if name in amounts:
             assert abs(value - amounts[name]) < 4 * math.sqrt(variance) and math.sqrt(variance) < 0.05 * value
+
+
+def test_a_pair_begins_anew_from_shapes_that_are_usual():
+    """A repulsion as d^-2 beside a drag, stuck at d^-6: strength and power lie along a valley."""
+    radius, mass, s, n, c = 0.02, 0.05, 0.05, 2.0, 0.02
+
+    def rate(_, y):
+        x, v = y[:4].reshape(2, 2), y[4:].reshape(2, 2)
+        apart = x[1] - x[0]
+        d = math.hypot(*apart)
+        force = s * (radius / d) ** n * apart / d
+        return np.concatenate([y[4:], ((np.array([-force, force]) - c * v) / mass).ravel()])
+
+    t = np.arange(0.0, 1.5, 0.01)
+    begin = [0.0, 0.0, 0.2, 0.03, 0.1, 0.0, -0.1, 0.0]
+    path = solve_ivp(rate, (t[0], t[-1]), begin, t_eval=t, rtol=1e-10, atol=1e-12).y[:4].T.reshape(-1, 2, 2)
+    seen = path + np.random.default_rng(0).normal(size=path.shape) * 1e-4
+    scene = Scene(tuple(Body(k, "free", radius, mass) for k in "ab"), ())
+    recording = Recording("pucks", scene, t, ("a", "b"), seen, position_noise=1e-4, sampling=100.0)
+    case = prepare(recording, held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    terms = named_terms([case])
+    two = [next(t for t in terms if t.label.startswith(name)) for name in ("distance_force", "linear_drag")]
+    stuck = fitter.fit(Hypothesis(tuple(two)), [40.0, 6.0, c], base.starts, stages=())
+    bank = {s.term.label: s for s in make_bank(fitter, base, two).signatures}
+    pair = [Trial(replace(bank[x.label], term=x), stuck, base.chi2 - stuck.chi2, 1.0) for x in two]
+    shaped = _of_typical_shape(search_of(base, fitter, terms, case), pair)
+    assert (fit := shaped[0].fit) is not None and fit is shaped[1].fit and fit.chi2 < 1.3 * fit.count
+    assert fit.values[1:] == pytest.approx([n, c], rel=0.1)
+    again = _of_typical_shape(search_of(base, fitter, terms, case), shaped)
+    assert again is shaped  # nothing follows better
 
 
 def test_starts_of_hinged_bodies_are_told_from_the_frames_of_the_case():
