@@ -214,7 +214,7 @@ class PackingCriteria:
     spread: int = 60
     spreads: tuple[int, ...] = (120, 240)
     screens: tuple[int, ...] = (2, 4)
-    share: float = 0.25
+    share: float = 0.1
     tails: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 30.0, 50.0, 100.0, math.inf)
     rounds: int = 12
     pair_rounds: int = 6
