@@ -307,7 +307,7 @@ def _level(s: Search) -> None:
 
 def best_pair(bank: Bank, candidates: Sequence[Candidate]) -> tuple[float, Candidate, Candidate] | None:
     """The pair that gains most to first order, of those of which no bound forbids a sign; None where there is none."""
-    left = bank.left - bank.adjust @ (bank.adjust.T @ bank.left)
+    left = bank.refitted(bank.left)
     shapes = [bank.directions[x.label] for x in candidates]
     for gain, i, j in pair_gains(left, [x.mechanism for x in candidates], shapes):
         a, b = candidates[i], candidates[j]

@@ -118,26 +118,26 @@ class Means:
         for numbers, names in groups.items():
             rows = {name: self.residuals[name] for name in names}
             found = covariances(rows, self.dof, bends[numbers])
-            inside = _mean_square(rows, found)
+            inside = float(_squares(rows, found).mean()) / len(numbers)
             folds, parts = current().packings.folds, []
             fewer = {name: max(round(self.dof[name] * (1 - 1 / folds)), 1) for name in names}
-            squares, size = 0.0, 0
             for fold in range(folds):
                 inner = {name: self._part[name] == fold for name in names}
                 left = {name: r[inner[name]] for name, r in rows.items()}
                 others = covariances({n: r[~inner[n]] for n, r in rows.items()}, fewer, bends[numbers])
-                count = sum(r.size for r in left.values())
-                squares, size = squares + count * _mean_square(left, others), size + count
                 parts.append((left, others))
-            outside = squares / size
-            apart = [np.sum(r.T * np.linalg.solve(others[n] * outside, r.T), axis=0)
-                     for left, others in parts for n, r in left.items()]  # fmt: skip
-            tail = tail_of(np.concatenate(apart), len(numbers))
+            squares = np.concatenate([_squares(*part) for part in parts])
+            outside = float(squares.mean()) / len(numbers)
+            tail = tail_of(squares / outside, len(numbers))
             for name in names:
                 self.covariance[name] = found[name] * outside
                 self.inflation[name] = outside / inside
                 self.tail[name] = tail
                 self.folds[name] = [(left[name], others[name] * outside) for left, others in parts]
+
+    def nu(self, condition: Condition) -> float:
+        """Degrees of freedom of t of what one recording's packing adds; a mean over packings has no tail."""
+        return math.inf if condition.averaged else self.tail[condition.name]
 
     def apart(self, condition: Condition, points: Collection[Point]) -> tuple[np.ndarray, int]:
         """(k, p) runs of some scenes less the mean of each, leverage taken out, and their degrees of freedom."""
@@ -214,8 +214,8 @@ def tail_of(squares: np.ndarray, p: int) -> float:
 def heavy(square: np.ndarray | float, p: int, nu: float) -> np.ndarray | float:
     """What a sum of squares of p numbers in units of their covariance counts for: -2 log of the density of t.
 
-    (nu + p) log(1 + square/(nu - 2)); the square itself where nu is infinite. One packing in fifty is as far off as no
-    normal distribution has it, in all its numbers: a gain of 30 is little of 220, and much of 60.
+    (nu + p) log(1 + square/(nu - 2)); the square itself where nu is infinite. Some packings are farther off
+    than a normal distribution has any, in all their numbers: a gain of 30 is little of 220, and much of 60.
     """
     if math.isinf(nu):
         return square
@@ -229,10 +229,9 @@ def heavy_weight(square: np.ndarray | float, p: int, nu: float) -> np.ndarray | 
     return (nu + p) / (nu - 2 + square)
 
 
-def _mean_square(rows: Mapping[str, np.ndarray], covariance: Mapping[str, np.ndarray]) -> float:
-    """Of residuals in units of their spread."""
-    total = sum(float(np.sum(r.T * np.linalg.solve(covariance[name], r.T))) for name, r in rows.items())
-    return total / max(sum(r.size for r in rows.values()), 1)
+def _squares(rows: Mapping[str, np.ndarray], covariance: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(k,) sums of squares of residuals (k, p), of all recordings, in units of their spread."""
+    return np.concatenate([np.sum(r.T * np.linalg.solve(covariance[name], r.T), axis=0) for name, r in rows.items()])
 
 
 @dataclass
@@ -283,7 +282,7 @@ class Fit:
     left: dict[str, tuple[np.ndarray, np.ndarray]]
     count: int
     dof: int  # of the spread's estimate
-    weights: dict[str, float] = field(default_factory=dict)
+    weights: dict[str, float]
     scatter: np.ndarray | None = None
 
     def weighed(self, power: int = 1) -> float:
@@ -332,8 +331,7 @@ def fit(
             spreads[c.name] = spread_of(means, c, h, c.error)
         return left, spreads
 
-    # a speed that is a mean over packings has no tail
-    tails = {c.name: math.inf if c.averaged else means.tail.get(c.name, math.inf) for c in conditions}
+    tails = {c.name: means.nu(c) for c in conditions}
 
     def value(left, spreads) -> tuple[float, dict[str, float]]:
         squares, total = {}, 0.0

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +28,8 @@ from .summaries import Condition
 CODE = "3"  # part of the cache's key
 
 Change = Callable[[Scene], Scene]
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -155,49 +158,41 @@ class Runner:
 
     def packed(self, condition: Condition, number: int) -> Scene:
         """The naive scene of a condition in one of its packings."""
-        key = (condition.name, number)
-        with self._lock:
-            found = self._packed.get(key)
-        if found is not None:
-            return found
+        return self._once(self._packed, (condition.name, number), lambda: self._pack(condition, number))
+
+    def _pack(self, condition: Condition, number: int) -> Scene:
         seed = current().packings.runs.first_seed + 1000 * self.seed + number
         scene = replace(condition.scene, seed=seed)
-        if any(b.role == "grain" for b in scene.bodies):
-            # the packing is known: what differs between runs is what chaos makes of the last digits
-            rng = np.random.default_rng(seed)
-            moved = {
-                b.id: (b.initial[0] + 1e-6 * b.radius * rng.normal(), b.initial[1] + 1e-6 * b.radius * rng.normal(),
-                       *b.initial[2:])
-                for b in scene.bodies if b.role == "grain" and b.initial is not None
-            }  # fmt: skip
-            scene = scene.with_initial(moved)
-        else:
-            scene = pack(scene)
-        with self._lock:
-            self._packed[key] = scene
-        return scene
+        if not any(b.role == "grain" for b in scene.bodies):
+            return pack(scene)
+        # the packing is known: what differs between runs is what chaos makes of the last digits
+        rng = np.random.default_rng(seed)
+        moved = {
+            b.id: (b.initial[0] + 1e-6 * b.radius * rng.normal(), b.initial[1] + 1e-6 * b.radius * rng.normal(),
+                   *b.initial[2:])
+            for b in scene.bodies if b.role == "grain" and b.initial is not None
+        }  # fmt: skip
+        return scene.with_initial(moved)
 
     def time_step(self, condition: Condition, soft: bool) -> float:
         """Step [s] of all runs of a condition."""
-        key = (condition.name, soft)
-        with self._lock:
-            found = self._dt.get(key)
-        if found is None:
-            found = condition.scene.time.dt if not soft else None
-            if found is None:
-                found = time_step(self.packed(condition, 0), soft)
-            with self._lock:
-                self._dt[key] = found
-        return found
+        given = None if soft else condition.scene.time.dt
+        return self._once(
+            self._dt, (condition.name, soft), lambda: given or time_step(self.packed(condition, 0), soft)
+        )  # fmt: skip
 
     def softness(self, condition: Condition) -> float:
         """Times by which contacts are softer in all runs of a condition that only give differences."""
+        return self._once(self._softness, condition.name, lambda: softness(self.packed(condition, 0)))
+
+    def _once(self, kept: dict[Key, Value], key: Key, make: Callable[[], Value]) -> Value:
+        """What is kept under a key, made where it is not there yet; threads may make it side by side, all alike."""
         with self._lock:
-            found = self._softness.get(condition.name)
+            found = kept.get(key)
         if found is None:
-            found = softness(self.packed(condition, 0))
+            found = make()
             with self._lock:
-                self._softness[condition.name] = found
+                kept[key] = found
         return found
 
     @staticmethod

@@ -72,13 +72,17 @@ class Bank:
     surviving: dict[str, float]
     visible: dict[str, float]
 
+    def refitted(self, r: np.ndarray) -> np.ndarray:
+        """(n, ...) what adjustables leave of innovations r."""
+        return np.asarray(r - self.adjust @ (self.adjust.T @ r))
+
 
 def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None) -> Bank:
     """``fold``: with the spread by all runs but those of that part, see ``Means.folds``."""
     factors, left, tails, at = {}, [], [], 0
     for c in s.training:
         r, v = s.base.left[c.name]
-        tails.append((slice(at, at + len(r)), math.inf if c.averaged else s.means.tail.get(c.name, math.inf)))
+        tails.append((slice(at, at + len(r)), s.means.nu(c)))
         at += len(r)
         if fold is not None:
             v = c.error + _own_packing(s, c) * s.means.folds[c.name][fold][1]
@@ -95,7 +99,7 @@ def bank_of(s: Search, candidates: Sequence[Candidate], fold: int | None = None)
         if model is None:
             continue
         a = columns_of(s, model, model.centre, factors)[:, n:]
-        after = a - adjust @ (adjust.T @ a)
+        after = bank.refitted(a)
         scale = np.array([f.scale for f in model.free[n:]])
         before, behind = float(np.linalg.norm(a * scale)), float(np.linalg.norm(after * scale))
         bank.columns[x.label] = after
@@ -121,7 +125,7 @@ def gains(bank: Bank, candidate: Candidate, r: np.ndarray) -> np.ndarray:
 
     By one step of reweighted least squares, which lowers what ``heavy`` counts: each recording by its weight before.
     """
-    left = r - bank.adjust @ (bank.adjust.T @ r)
+    left = bank.refitted(r)
     directions = bank.directions[candidate.label]
     if not directions.shape[1]:
         return np.zeros(r.shape[1])
@@ -187,7 +191,7 @@ def draw_nulls(s: Search, bank: Bank, candidates: Sequence[Candidate]) -> Nulls:
         parts.append(r)
         best.append(np.max(of_all, axis=0))
     drawn = np.hstack(parts)
-    refitted = drawn - bank.adjust @ (bank.adjust.T @ drawn)
+    refitted = bank.refitted(drawn)
     recalibration = counted(bank, drawn) - counted(bank, refitted)
     whole, left = np.sum(drawn**2, axis=0), np.sum(refitted**2, axis=0)
     return Nulls(whole, recalibration, np.concatenate(best), left, drawn.T, refitted.T)
@@ -206,15 +210,17 @@ def _seen_as_recorded(s: Search, c: Condition, fold: int, count: int, bank: Bank
         residuals = s.means.residuals[c.name]
     first, second = s.rng.integers(len(residuals), size=(2, count))
     turn = s.rng.uniform(0.0, 2 * math.pi, (count, 1))
-    chosen = residuals[first] * np.cos(turn) + residuals[second] * np.sin(turn)
+    factor = bank.factors[c.name]
+    white = np.linalg.solve(factor, residuals.T).T
+    mixed = white[first] * np.cos(turn) + white[second] * np.sin(turn)
     # as far off as the first of the two: a mixture of a wild packing and a usual one is neither
-    far = [np.sum(np.linalg.solve(bank.factors[c.name], x.T) ** 2, axis=0) for x in (residuals[first], chosen)]
-    size = np.sqrt(far[0] / np.maximum(far[1], current().rounding.nothing))
-    chosen = chosen * (size * math.sqrt(_own_packing(s, c)))[:, None]
+    far, now = (np.sum(x**2, axis=1, keepdims=True) for x in (white[first], mixed))
+    chosen = mixed * np.sqrt(_own_packing(s, c) * far / np.maximum(now, current().rounding.nothing))
     if np.any(np.diag(c.error) > 0):
         values, vectors = np.linalg.eigh(c.error)
-        chosen = chosen + (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return np.asarray(np.linalg.solve(bank.factors[c.name], chosen.T))
+        noise = (s.rng.normal(size=chosen.shape) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        chosen = chosen + np.linalg.solve(factor, noise.T).T
+    return chosen.T
 
 
 def counts(bank: Bank, x: Candidate) -> bool:
@@ -244,8 +250,7 @@ def screen(s: Search, candidates: Sequence[Candidate]) -> Bank:
     s.nulls = draw_nulls(s, bank, candidates)
     s.looked = max(sum(counts(bank, x) for x in candidates), 2)
     apart = np.concatenate([np.linalg.solve(bank.factors[c.name], s.naive.left[c.name][0]) for c in s.training])
-    refitted = apart - bank.adjust @ (bank.adjust.T @ apart)
-    gained = counted(bank, apart[:, None]) - counted(bank, refitted[:, None])
+    gained = counted(bank, apart[:, None]) - counted(bank, bank.refitted(apart)[:, None])
     s.p_recalibration = rank(float(gained[0]), s.nulls.recalibration) if s.adjust else 1.0
     top = max((t.gain - 2 * (t.numbers - 1) for t in s.trials if not t.reason), default=0.0)
     s.p_search = rank(top, s.nulls.best)

@@ -12,7 +12,7 @@ import numpy as np
 from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone
 from ..criteria import current
-from ..hypothesis import Term
+from ..hypothesis import Free, Term
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..simpler import special_cases
@@ -426,10 +426,10 @@ def _of_typical_shape(search: SetSearch, pair: list[Trial]) -> list[Trial]:
             begin = now.values.copy()
             begin[inner], begin[at] = shape, free.neutral
             column = _column(search, search.fitter.fit(hypothesis, begin, now.starts, stages=()), at)
-            power = float(column @ column)
-            if power == 0.0:
+            amount = _as_much(column, moved, free)
+            if amount is None:
                 continue
-            begin[at] = float(np.clip(free.neutral + column @ moved / power, free.low, free.high))
+            begin[at] = amount
             found = search.fitter.fit(hypothesis, begin, now.starts, stages=how.growing, evaluations=how.pair)
             found = search.fitter.refitted(found, evaluations=how.pair_valley)
             gain = search.base.chi2 - found.chi2
@@ -441,6 +441,15 @@ def _of_typical_shape(search: SetSearch, pair: list[Trial]) -> list[Trial]:
 def _column(search: SetSearch, fit: Fit, at: int) -> np.ndarray:
     """(n,) derivatives of all that a fit predicts by one of its numbers."""
     return np.concatenate([fit.jacobian[c.name][0][:, at] for c in search.fitter.cases])
+
+
+def _as_much(column: np.ndarray, moved: np.ndarray, free: Free) -> float | None:
+    """The strength that moves bodies as ``moved`` (n,) says, within its bounds; None where it moves none.
+
+    column (n,): derivatives by the strength, where it is absent.
+    """
+    power = float(column @ column)
+    return float(np.clip(free.neutral + column @ moved / power, free.low, free.high)) if power else None
 
 
 def _exchanged(search: SetSearch, pair: list[Trial]) -> list[Trial]:
@@ -464,10 +473,9 @@ def _exchanged(search: SetSearch, pair: list[Trial]) -> list[Trial]:
         for other in make_bank(search.fitter, fit, others).signatures:
             alone = search.fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
             column = _column(search, alone, -1)
-            power = float(column @ column)
-            if power == 0.0:
+            amount = _as_much(column, moved, other.term.free[0])
+            if amount is None:
                 continue
-            amount = float(np.clip(column @ moved / power, other.term.free[0].low, other.term.free[0].high))
             hypothesis = search.scene_with(keep.term, other.term)
             begin = [*fit.values[:offset], *fit.values[rows], amount]
             found = search.fitter.fit(hypothesis, begin, fit.starts, evaluations=current().evaluations.exchange)
