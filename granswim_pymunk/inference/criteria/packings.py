@@ -162,12 +162,12 @@ class PackingCriteria:
     behind : of the best gain, within which a law is run where it is fitted before it is left behind. Choice
     films : that the budget of a diagnosis is meant for; fewer take their part of it
     probed : runs of a candidate at amounts that show too little or too much, before one that shows. Measured: 1.5
-    pairs : cost of a candidate's run in those of the naive scene. Measured: 1.3 over all candidates
+    pairs : cost of a candidate's run in those of the naive scene, where it acts on contacts or bodies. Measured
     spread : packings of the naive scene that tell the spread of some forty numbers, at the least;  spreads : those
         that are run where they cost no more than ``share`` of the budget. Theory: of n - 1 degrees of freedom of the
         spread of p numbers F keeps (n - p)/n;  screens : times the usual packings of every candidate, where they cost
         no more than that. Theory: signatures known from n packings may be smaller by sqrt(n), and bend less
-    share : of the budget. Choice: little, as forces between distant grains take far longer than ``pairs`` says
+    share : of the budget. Choice
     tails : degrees of freedom of t that are told apart. Choice
     rounds : of a fit, ``pair_rounds`` where a law is tried beside another;  steps : of its change, that are tried
     factors : times the usual sizes, that are held against a budget. Choices

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..criteria import current
-from .candidates import Candidate, candidates_of
+from .candidates import Candidate, candidates_of, priced
 from .runs import Job
 from .state import NAIVE, Search, Trial, bears_on, change_of, label_of
 from .summaries import Condition
@@ -92,13 +92,13 @@ def scaled_candidates(s: Search) -> list[Candidate]:
 
     Signatures bend: where more is to be explained than a usual first amount changes, they are taken at that size.
     """
-    every = candidates_of(s.training)
+    every = priced(candidates_of(s.training), s.runner.packed(s.training[0], 0))
     adjustable = {t.label for t in s.adjust}
     every = [x for x in every if not any(f.name in adjustable for f in x.term.free)]
     physical = [x for x in every if not x.apparatus]
     probe = s.training[0]
     stretch = max(spreads_off(s, probe) / current().packings.amounts.wanted, 1.0)
-    amounts = {x.label: Amount(math.sqrt(s.sizes.screen), other=x.other) for x in physical}
+    amounts = {x.label: Amount(math.sqrt(x.packings(s.sizes.screen)), other=x.other) for x in physical}
     for attempt in range(current().packings.probes):
         trying = [(x, x.scaled(amounts[x.label].factor)) for x in physical if not amounts[x.label].settled]
         if not trying:
@@ -128,7 +128,7 @@ def try_all(s: Search) -> list[Candidate]:
     result = scaled_candidates(s)
     jobs = [
         j for x in result if not x.apparatus for row in x.design
-        for j in amount_jobs(x, row, s.training, range(s.sizes.screen))
+        for j in amount_jobs(x, row, s.training, range(x.packings(s.sizes.screen)))
     ]  # fmt: skip
     s.runner.do(jobs, lambda k, n: s.progress("signatures of the candidates", 0.34 + 0.26 * k / n))
     s.means.refresh()
@@ -137,7 +137,9 @@ def try_all(s: Search) -> list[Candidate]:
 
 def more_runs(s: Search, chosen: Sequence[Candidate], share: float) -> None:
     """Sharper signatures of those that are still in question."""
-    packings = range(s.sizes.screen, s.sizes.screen + s.sizes.more)
-    jobs = [j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, packings)]
+    usual = s.sizes.screen, s.sizes.screen + s.sizes.more
+    jobs = [
+        j for x in chosen for row in x.design for j in amount_jobs(x, row, s.training, range(*map(x.packings, usual)))
+    ]
     s.runner.do(jobs, lambda k, n: s.progress("sharper signatures of the best", share + 0.04 * k / n))
     s.means.refresh()

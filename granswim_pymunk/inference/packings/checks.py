@@ -16,6 +16,7 @@ from ..model import Proposal
 from ..places import Place, Span
 from ..significance import normal_score
 from .amounts import amount_jobs, amount_label
+from .candidates import packings_for
 from .conclude import Finding, extra_of
 from .local import near, scatter_of, wilder_there
 from .refitting import anchored
@@ -44,7 +45,8 @@ def confirm(f: Finding, rivals: Sequence[Trial]) -> None:
     jobs = _to_the_end(s, f.revised, f.found)
     for fitted, laws in _by_fit(rivals):
         values = rounded(fitted.u[: len(s.adjust)])
-        jobs += jobs_for(only_test, s.adjust, values, extra_of(s, laws, fitted), s.sizes.leader, True)
+        runs = packings_for((t.candidate for t in laws), s.sizes.leader)
+        jobs += jobs_for(only_test, s.adjust, values, extra_of(s, laws, fitted), runs, True)
         jobs += _to_the_end(s, fitted, laws)
     s.runner.do(jobs, lambda k, n: s.progress("rivals, held-out recordings", 0.92))
     s.means.refresh()

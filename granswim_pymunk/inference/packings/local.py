@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..criteria import current
-from .candidates import Candidate
+from .candidates import Candidate, packings_for
 from .response import Fit, Means, Model, Point, Sum, add
 from .runs import Job
 from .screening import columns_of
@@ -27,7 +27,7 @@ def near(s: Search, model: Model, candidates: Sequence[Candidate]) -> tuple[Mode
     Where a run fails the slope stays as it is.
     """
     sides = _sides(s, model, candidates)
-    count = max(s.sizes.leader // max(len(sides) - 1, 1), 2)
+    count = packings_for(candidates, max(s.sizes.leader // max(len(sides) - 1, 1), 2))
     jobs: list[Job] = []
     labels: dict[int, list[str]] = {}
     for k, ends in sides.items():

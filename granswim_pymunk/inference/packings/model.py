@@ -22,7 +22,7 @@ from ..result import Diagnosis, Progress, Table, Used, mechanism_entry
 from ..significance import Null
 from ..swimmer_terms import equation
 from .amounts import more_runs, try_all
-from .candidates import candidates_of
+from .candidates import candidates_of, priced
 from .checks import (
     confirm,
     errors_of,
@@ -325,17 +325,18 @@ def planned_sizes(conditions: Sequence[Condition], runner: Runner, minutes: floa
     known = current().packings
     usual = replace(known.sizes, spread=known.spread)
     training = [c for c in conditions if c.view is not None]
-    candidates = sum(len(x.design) for x in candidates_of(training))
+    candidates = priced(candidates_of(training), runner.packed(training[0], 0))
     adjustables = len({a.name for c in conditions for a in c.recording.scene.adjustable})
     soft = {c.name: runner.cost(c, True) for c in conditions}
     part = {c.name: runner.cost(c, True, part=True) for c in conditions}
     true = {c.name: runner.cost(c, False) for c in conditions}
 
     def seconds(z: Sizes) -> float:
-        screened = known.probed * candidates * part[training[0].name] * known.pairs
+        screened = known.probed * part[training[0].name] * sum(x.cost * len(x.design) for x in candidates)
         runs = z.soft + adjustables * z.adjustable + 2 * z.leaders * (z.leader // 2) + z.leaders * z.leader + 2 * z.duel
         runs += 2 * (1 + adjustables) * z.leader  # near what was found
-        parts = known.pairs * (candidates * z.screen + known.sharpened * z.more)
+        parts = sum(x.cost * len(x.design) * x.packings(z.screen) for x in candidates)
+        parts += known.pairs * known.sharpened * z.more
         parts += max(z.spread / len(training) - z.soft, 0.0)
         held = z.true // 2 + z.final, z.soft // 2 + 4 * z.leader
         inside = sum(soft[c.name] * runs + part[c.name] * parts + true[c.name] * (z.true + z.final) for c in training)

@@ -11,7 +11,7 @@ import numpy as np
 from ... import distributions as stats
 from ..criteria import current
 from ..significance import rank
-from .candidates import Candidate
+from .candidates import Candidate, packings_for
 from .response import Fit, Model, add, fit
 from .screening import model_of
 from .state import NAIVE, Search, extra_at, jobs_for, label_of, rounded
@@ -34,6 +34,7 @@ def refit(
     if not physical:
         return found, 1, ""
     n = len(s.base.u)
+    runs = packings_for(physical, count or s.sizes.leader)
     done = 0
     for _ in range(rounds):
         here = rounded(run_at(s, found, candidates))
@@ -41,7 +42,7 @@ def refit(
         theta = here[:n].copy()
         label = label_of(s.adjust, theta, extra)
         s.runner.do(
-            jobs_for(s.training, s.adjust, theta, extra, count or s.sizes.leader, True),
+            jobs_for(s.training, s.adjust, theta, extra, runs, True),
             lambda k, m: s.progress(f"refitting {candidates[-1].label}", share),
         )
         s.means.refresh()
