@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk import api
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.tracks.kicks import told, unexplained
+from granswim_pymunk.inference.tracks.line import strongest_line
 from granswim_pymunk.scene import Body, Scene, use
 
 GRAVITY = (0.0, -9.81)
@@ -121,3 +123,37 @@ def test_a_rod_that_was_taken_for_a_point_keeps_its_bearing_as_a_second_law():
     assert "added_mass" in names and names & {"joint_drag", "joint_friction"}, names
     assert verdict["heldout"] == "holds"
     assert verdict["fit"]["heldout"]["revised"] < 2 * verdict["fit"]["heldout"]["noise_floor"]
+
+
+def test_a_pivot_that_shakes_is_unmodelled_and_told_as_an_oscillation():
+    t, length, rate, size = np.arange(720) / 60, 0.25, 9.0, 4e-3
+
+    def change(time, s):
+        push = size * rate**2 * np.sin(rate * time) * np.cos(s[0])
+        return [s[1], (-9.81 * np.sin(s[0]) + push) / length - 0.05 * s[1]]
+
+    angle = solve_ivp(change, (0, t[-1]), [0.1, 0.0], t_eval=t, rtol=1e-9, atol=1e-11).y[0]
+    xy = np.stack([length * np.sin(angle) + size * np.sin(rate * t), -length * np.cos(angle)], axis=1)[:, None]
+    xy = xy + np.random.default_rng(4).normal(0, 4e-4, xy.shape)
+    scene = Scene(
+        bodies=(Body("bob", "free", radius=0.012, mass=0.05),), gravity=GRAVITY,
+        laws=(use("pin", bodies=("bob",), anchor=(0.0, 0.0), length=length), use("linear_drag", c=0.05 * 0.05)),
+    )  # fmt: skip
+    verdict = api.diagnose(t, xy, scene=scene, position_noise=4e-4).verdict
+    assert verdict["verdict"] == "unmodelled", verdict["mechanisms"]
+    # a mismatch is real where nothing is missing less often than that (contract)
+    assert verdict["null"]["p_false_alarm"] < 0.01
+    said = re.fullmatch(r"an oscillation at ([\d.]+) Hz", verdict["remains"]["looks_like"])
+    assert said and float(said[1]) == pytest.approx(rate / (2 * np.pi), rel=0.02), verdict["remains"]
+
+
+def test_noise_has_no_line_and_a_line_is_found():
+    t = np.arange(400) / 60
+    for size in (0.0, 0.6):
+        white = np.random.default_rng(1).normal(size=(400, 2))
+        white[:, 1] += size * np.sin(2 * np.pi * 3.3 * t)
+        case = prepare(recorded(t, 1e-3 * white[:, None]), held_out=False, split=False)
+        line = strongest_line(SimpleNamespace(white={case.name: white}), [case])
+        assert line is not None and (line.paid > 20) == (size > 0)
+        if size:
+            assert line.frequency == pytest.approx(3.3, rel=0.02)

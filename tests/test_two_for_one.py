@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from granswim_pymunk import diagnose
+from granswim_pymunk import diagnose, make_recording
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.tracks.choose import absurd
 from granswim_pymunk.inference.tracks.fitted import Fit
@@ -45,6 +45,18 @@ def test_a_drag_on_a_table_that_is_not_level_is_no_bent_picture():
     assert set(named) == {"linear_drag", "uniform_force"}, named
     assert named["linear_drag"]["c"]["value"] == pytest.approx(DRAG, rel=0.05)
     assert named["uniform_force"]["a"]["value"] == pytest.approx(SLOPE, abs=3e-4)
+
+
+def test_a_cart_with_a_fan_is_pushed_and_slowed_and_no_bent_picture():
+    """Before it goes at half its last speed a stream would be faster than any body, and a lens bends as much."""
+    t, push, rate = np.arange(200) / 50, 0.252, 0.3
+    x = push / rate * (t - (1 - np.exp(-rate * t)) / rate)
+    xy = np.stack([x, 0 * t], axis=1)[:, None] + np.random.default_rng(9).normal(0, 1e-3, (200, 1, 2))
+    verdict = diagnose([make_recording(t, xy, radius=0.05, mass=0.5)]).verdict
+    named = {m["name"]: m["parameters"] for m in verdict["mechanisms"]}
+    assert set(named) == {"linear_drag", "uniform_force"}, (named, verdict["notes"])
+    assert named["uniform_force"]["a"]["value"][0] == pytest.approx(push, rel=0.05)
+    assert named["linear_drag"]["c"]["value"] == pytest.approx(rate * 0.5, rel=0.2)
 
 
 @pytest.mark.parametrize("place", [0, 1])

@@ -455,6 +455,8 @@ class LeftCriteria:
         of which what is named is not all. Choice
     beside : leading laws of which what is left may be the like, of at most ``numbers`` numbers;  looks : chi2 that the
         one it looks like has to gain. Choice: one time in six hundred
+    line : of what is left, that an oscillation has to be to be told as one;  periodic : frames of a coordinate, the
+        fewest. Choices
     forms : of the gain of the best form without a name, below which others are not weighed. Choice
     failed : share of the runs that could not be finished, from which it is told. Choice
     places : probability of chance below which a body is a place of the mismatch, after looking at all;  windows : the
@@ -475,6 +477,8 @@ class LeftCriteria:
     beside: int = 6
     numbers: int = 6
     looks: float = 10.0
+    line: float = 0.5
+    periodic: int = 30
     forms: float = 0.3
     failed: float = 0.05
     places: float = 0.01

@@ -66,6 +66,7 @@ from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, varia
 from .intervals import with_company, with_doubt, with_limits, with_slopes
 from .kicks import told as told_of
 from .kicks import unexplained
+from .line import strongest_line
 from .name import Trial, spread_of
 from .pairs import Exchange
 from .score_test import chance_of_more
@@ -534,9 +535,12 @@ class Tracks(ObservationModel):
         ]
         signatures = make_bank(self._fitter_of(fit), fit, beside).signatures
         best = max(signatures, key=lambda s: s.gain - 2 * len(s.term.free), default=None)
-        looks = NOTHING
-        if best is not None and best.gain > few.looks:
-            looks = plainly(best.term.mechanism)
+        looks, gain = NOTHING, few.looks
+        if best is not None and best.gain > gain:
+            looks, gain = plainly(best.term.mechanism), best.gain - 2 * len(best.term.free)
+        line = strongest_line(fit, study.training)
+        if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
+            looks = f"an oscillation at {line.frequency:.3g} Hz"
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
@@ -562,6 +566,13 @@ class Tracks(ObservationModel):
         return propose(found[0].fit, loser.fit, names, study.cases, study.predictor, study.stop)
 
     # ---- what is handed over
+
+    def false_alarm(self, course: Course) -> float:
+        p = super().false_alarm(course)
+        if course.judged.verdict != "unmodelled" or self.null is None:
+            return p
+        # no candidate gains more than in noise, and yet what is left is none
+        return min(p, max(self.completeness(self.tried.recalibrated).chance, 1 / (len(self.null.gains) + 1)))
 
     @property
     def unit(self) -> str:

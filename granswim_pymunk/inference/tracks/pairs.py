@@ -98,7 +98,8 @@ def two_for_one(
 
     What a stream or a bent picture, its middle sought, can do is a little of many things. A law beside it then has
     little left to explain, though two simple ones explain more. With as many numbers they have to be ahead by what a
-    further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2).
+    further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2), and
+    with as many that of a special fault, which hardly any laboratory has (as ``choose``).
     """
     used = sum(t.used for t in found)
     bends = any(t.numbers > current().sets.numbers or t.special for t in found)
@@ -107,17 +108,20 @@ def two_for_one(
     score = search.scores.get(label_of(*found), found[0].inner)
     best, pair = revised, list[Trial]()
     earned, same = price(len(search.terms)), current().verdict.same
+    fault = len(found) == 1 and found[0].special
     # what two laws leave together is far from what first order says beside one that leaves much
-    below = math.inf if len(found) > 1 else revised.chi2 - earned
+    below = math.inf if fault or len(found) > 1 else revised.chi2 - earned
     for a, b, fit in _beside_each(search, alive, numbers=used, below=below):
-        fewer = used - len(a.term.free) - len(b.term.free) if len(found) > 1 else 0
+        if fault and (a.term.special or b.term.special):
+            continue
+        fewer = used - len(a.term.free) - len(b.term.free) if fault or len(found) > 1 else 0
         # over what the better fit leaves: the other's spread is that of what it does not follow
         level = search.spread(min(revised, fit, key=lambda f: f.chi2))
-        least = earned if fewer <= 0 else -same - 2 * fewer
+        least = -same - 2 * fewer if fault or fewer > 0 else earned
         if (revised.chi2 - fit.chi2) / level < least or (pair and fit.chi2 > best.chi2):
             continue
         now, _ = search.inner.score(fit)
-        if now < score + (search.inner.slack if fewer > 0 else 0.0):
+        if now < score + (search.inner.slack if fault or fewer > 0 else 0.0):
             best, score, pair = fit, now, search.scored(fit, [Trial.untried(a), Trial.untried(b)], now)
     if pair:
         pair = _partners(search, pair)
