@@ -157,3 +157,26 @@ def test_noise_has_no_line_and_a_line_is_found():
         assert line is not None and (line.paid > 20) == (size > 0)
         if size:
             assert line.frequency == pytest.approx(3.3, rel=0.02)
+
+
+def test_a_number_of_the_scene_that_would_do_is_told():
+    """A spring that is a tenth longer at rest moves its mass as a picture a tenth larger does."""
+    t, mass, stiffness, length = np.arange(240) / 60, 0.1, 12.0, 0.22
+
+    def change(_, s):
+        far = np.hypot(s[0], s[1])
+        pull = -stiffness * (far - length) / far / mass
+        return [s[2], s[3], pull * s[0], pull * s[1]]
+
+    xy = solve_ivp(change, (0, t[-1]), [0.3, 0.05, 0.1, 0.6], t_eval=t, rtol=1e-9, atol=1e-11).y[:2].T[:, None]
+    xy = xy + np.random.default_rng(18).normal(0, 6e-4, xy.shape)
+    scene = Scene(
+        bodies=(Body("bob", "free", radius=0.015, mass=mass),),
+        laws=(use("spring", anchor=(0.0, 0.0), stiffness=stiffness, length=0.2),),
+    )  # fmt: skip
+    verdict = api.diagnose(t, xy, scene=scene, position_noise=6e-4).verdict
+    (said,) = (note for note in verdict["notes"] if "declared adjustable" in note)
+    told = re.match(r"spring.length = ([\d.]+) m \(([\d.]+) to ([\d.]+)\), where 0.2 is believed, does as well", said)
+    assert told, verdict["notes"]
+    value, low, high = map(float, told.groups())
+    assert low < length < high and value == pytest.approx(length, rel=0.002)

@@ -54,6 +54,10 @@ class Free:
         return self.usual or self.unseen
 
 
+# scene, camera and values to the scene and the camera with them
+Change = Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
+
+
 @dataclass(frozen=True)
 class Term:
     """Something added to the scene or the camera: ``apply(scene, camera, values)`` gives both changed."""
@@ -61,7 +65,7 @@ class Term:
     mechanism: str
     label: str
     free: tuple[Free, ...]
-    apply: Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
+    apply: Change
     bodies: tuple[str, ...] | None = None
     expression: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
@@ -171,12 +175,14 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
                 step = current().candidates.adjustable
                 free = Free(name, parameter.unit, a.low, a.high, first, step * (a.high - a.low), where)
                 terms[name] = Term(
-                    "adjustable", name, (free,), _set_parameter(a.name, bodies), bodies=bodies, expression=name
+                    "adjustable", name, (free,), scene_number(a.name, bodies), bodies=bodies, expression=name
                 )
     return tuple(terms.values())
 
 
-def _set_parameter(name: str, bodies: tuple[str, ...] | None):
+def scene_number(name: str, bodies: tuple[str, ...] | None = None) -> Change:
+    """What puts a value in the place of a number of a scene's law, "law.parameter", of some bodies or all."""
+
     def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         present = None if bodies is None else [b for b in bodies if b in scene.ids]
         return scene.with_parameter(name, float(values[0]), bodies=present), camera

@@ -85,6 +85,7 @@ from .study import (
     without_outliers,
     without_single_ones,
 )
+from .undeclared import instead_of
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
@@ -603,6 +604,11 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         notes += as_the_picture(self.mechanisms(course), self.study.cases)
+        told = course.judged.verdict
+        if told in ("missing_physics", "measurement", "unmodelled") and not self.study.late(current().budget.remains):
+            fit = course.judged.claim.fit
+            instead = instead_of(laws, fit, self.tried.recalibrated, self._fitter_of(fit), self.spread)
+            notes += [str(number) for number in instead]
         if not course.left.complete:
             notes += [told_of(c, kicks) for c in self.study.cases if (kicks := unexplained(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]

@@ -1,0 +1,107 @@
+"""Numbers of the scene that nobody declared adjustable, and that would do instead of what was named.
+
+A rod that is longer than believed swings as one with a heavier bob in a picture of another scale. What may be adjusted
+is the experimenter's to say; that another number of the scene does as well is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...scene import Scene
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Failed, Free, Term, scene_number
+from .fit import Fitter
+from .fitted import Fit
+from .name import Trial
+
+
+@dataclass(frozen=True)
+class Instead:
+    """A number of the scene that does what ``replaced`` laws do, or where nothing was named most of what is missing.
+
+    name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
+    """
+
+    name: str
+    unit: str
+    believed: float
+    value: float
+    low: float
+    high: float
+    replaced: tuple[str, ...]
+    left: float
+
+    def __str__(self) -> str:
+        half = 0.5 * (self.high - self.low)
+        digits = 2 + max(math.ceil(math.log10(abs(self.value) / half)), 1) if half > 0 else 4
+        value, low, high = (f"{v:.{digits}g}" for v in (self.value, self.low, self.high))
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        does = f"does as well as {' and '.join(self.replaced)}"
+        if not self.replaced:
+            does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
+        return (
+            f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: it may be "
+            "declared adjustable"
+        )
+
+
+def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spread: float) -> list[Instead]:
+    """Numbers of the scene, each in place of all that laboratories are off by among the named laws, best first.
+
+    Of what is named, that is the apparatus and laws that declare what is usual (masses, a table's tilt). A number does
+    as well where chi2 and AIC do not prefer the laws; where nothing is named, where less than half is left. One number
+    moves at a time, between half and twice what is believed.
+    """
+    replaced = [t for t in laws if t.apparatus or any(f.ordinary for f in t.term.free)]
+    if laws and not replaced:
+        return []
+    kept = [t for t in laws if not any(t is r for r in replaced)]
+    begin = [*plain.values, *(v for t in kept for v in t.values)]
+    names = tuple(dict.fromkeys(t.mechanism for t in replaced))
+    found = []
+    for term in _numbers(fitter.cases):
+        hypothesis = plain.hypothesis.with_term(*(t.term for t in kept), term)
+        free = term.free[0]
+        try:
+            again = fitter.fit(hypothesis, [*begin, free.first], fit.starts)
+        except Failed:
+            continue
+        left = again.excess / plain.excess if plain.excess else 1.0
+        paid = (again.chi2 - fit.chi2) / spread + 2 * (1 - sum(t.numbers for t in replaced))
+        if paid > current().verdict.same if replaced else left > current().verdict.share:
+            continue
+        value, low, high = again.interval(len(begin), max(spread, 1.0))
+        if not low <= free.first <= high and free.low < value < free.high:
+            told = Instead(free.name, free.unit, free.first, value, low, high, names, left)
+            found.append((again.chi2, told))
+    return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def _numbers(cases: Sequence[Case]) -> list[Term]:
+    """A term for each number that stands in the laws of all scenes alike and is not adjustable."""
+    scenes = [c.recording.scene for c in cases]
+    declared = {a.name for s in scenes for a in s.adjustable}
+    terms = []
+    for item in scenes[0].laws:
+        for p in item.law.parameters:
+            name, value = f"{item.name}.{p.name}", item.values.get(p.name)
+            if name in declared or p.name == item.law.loses or p.choices or p.size != 1:
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not value or value == p.default:
+                continue
+            if len(scenes[0].laws_named(item.name)) > 1 or any(_value(s, item.name, p.name) != value for s in scenes):
+                continue
+            low, high = sorted((0.5 * value, 2 * value))
+            step = current().candidates.adjustable * abs(value)
+            free = Free(name, p.unit, max(low, p.low), min(high, p.high), float(value), step)
+            terms.append(Term("adjustable", name, (free,), scene_number(name), expression=name))
+    return terms
+
+
+def _value(scene: Scene, law: str, parameter: str) -> object:
+    items = scene.laws_named(law)
+    return items[0].values.get(parameter) if len(items) == 1 else None
