@@ -41,7 +41,7 @@ def strongest_line(fit: Fit, cases: Sequence[Case]) -> Line | None:
         return None
     longest = max(float(np.ptp(t)) for t, _ in series)
     top = 0.5 / min(float(np.median(np.diff(t))) for t, _ in series)
-    frequencies = np.arange(2 / longest, top, 0.25 / longest)
+    frequencies = np.arange(2 / longest, top, 1 / (4 * longest))
     if not len(frequencies):
         return None
     # a periodogram is half of what least squares gain
