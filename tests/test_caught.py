@@ -38,8 +38,8 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
         return SimpleNamespace(recalibrated=fit)
 
     monkeypatch.setattr(tracks, "tried_alone", tried)
-    monkeypatch.setattr(tracks, "without_outliers", lambda study, tried: (study, tried))
-    monkeypatch.setattr(tracks, "with_memory", lambda study, tried: (study, tried))
+    monkeypatch.setattr(tracks, "without_outliers", lambda study, tried, best=None: (study, tried))
+    monkeypatch.setattr(tracks, "with_memory", lambda study, tried, best=None: (study, tried))
     monkeypatch.setattr(tracks, "beyond_nulls", lambda study, tried: ("another null", None))
     found = iter([claim, Claim((), plain)])
     monkeypatch.setattr(model, "_search", lambda: next(found))

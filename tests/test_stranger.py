@@ -180,3 +180,25 @@ def test_a_number_of_the_scene_that_would_do_is_told():
     assert told, verdict["notes"]
     value, low, high = map(float, told.groups())
     assert low < length < high and value == pytest.approx(length, rel=0.002)
+
+
+def test_noise_is_slow_though_one_law_alone_leaves_more_than_noise():
+    """What two laws leave shows how the noise remembers; white noise of its size would call the numbers too certain."""
+    t, mass = np.arange(300) / 50, 0.3
+    x = moved(lambda x, v: -(6.0 * x + 40.0 * x**3) / mass - 0.06 * v, [0.25, 0.0], t)
+    rng = np.random.default_rng(37)
+    slow, memory = rng.normal(size=(300, 2)), np.exp(-1 / 8)
+    for k in range(1, 300):
+        slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * slow[k]
+    xy = np.stack([x, 0 * t], 1) + rng.normal(0, 6e-4, (300, 2)) + 4e-4 * slow
+    scene = Scene(
+        bodies=(Body("cart", "free", radius=0.03, mass=mass),),
+        laws=(use("spring", anchor=(0.0, 0.0), stiffness=6.0), use("rail", direction=(1.0, 0.0))),
+    )  # fmt: skip
+    verdict = api.diagnose(t, xy[:, None], scene=scene, position_noise=6e-4).verdict
+    named = {m["name"]: m["parameters"] for m in verdict["mechanisms"]}
+    assert set(named) == {"nonlinear_spring", "linear_drag"} and verdict["complete"], (named, verdict["notes"])
+    assert any("the noise has a slow part" in note for note in verdict["notes"])
+    for law, name, true in (("nonlinear_spring", "k_3", 40.0), ("linear_drag", "c", 0.06 * mass)):
+        number = named[law][name]
+        assert number["low"] < true < number["high"], number

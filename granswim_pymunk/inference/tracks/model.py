@@ -183,6 +183,12 @@ class Tracks(ObservationModel):
             self.study, self.tried = with_memory(*without_outliers(self.study, tried))
             self.nulls()
             claim = self._search()
+        # where one law leaves more than noise, only several together show how slow the noise is
+        slow = with_memory(self.study, self.tried, claim.fit) if len(claim.laws) > 1 else (self.study, self.tried)
+        if slow[0] is not self.study:
+            self.study, self.tried = slow
+            self.nulls()
+            claim = self._search()
         return claim
 
     def null_after(self, null: Null | None) -> Null | None:

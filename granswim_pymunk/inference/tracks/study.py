@@ -260,17 +260,20 @@ def _scored_forms(study: Study, forms: list[Trial], named: Sequence[Trial], spre
     return score_inner(study.inner, forms, ahead)
 
 
-def with_memory(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
+def with_memory(study: Study, tried: FittedAlone, best: Fit | None = None) -> tuple[Study, FittedAlone]:
     """The study with the slow part of the noise in its likelihood, and all fits that matter again from where they were.
 
-    Where what the best fit leaves has no memory, both as they were. A slow part is counted as far as it passes for
-    noise; what is slower or larger stays with the laws, and widens intervals as before.
+    best : what leaves least, with several laws where one leaves more than noise; the best of one where not given
+    Where what it leaves has no memory, or that is counted already, both as they were. A slow part is counted as far as
+    it passes for noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
+    best = best or tried.best
     # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
     most = 2 * (1 + current().noise.slow_most ** 2)
-    if study.late(current().budget.memory) or tried.best.chi2 > most * tried.best.count:
+    counted = any(c.noise.size for c in study.training)
+    if counted or study.late(current().budget.memory) or best.chi2 > most * best.count:
         return study, tried
-    noise = _slow_noise(study, tried)
+    noise = _slow_noise(study, tried, best)
     if not noise.size:
         return study, tried
     study.progress("the memory of the noise", 0.58)
@@ -327,9 +330,9 @@ def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
     return FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
 
 
-def _slow_noise(study: Study, tried: FittedAlone) -> Noise:
+def _slow_noise(study: Study, tried: FittedAlone, best: Fit) -> Noise:
     """The slow part of the noise; what one more law beside the best explains is slow too, and is not taken for it."""
-    best, fitter = tried.best, study.fitter
+    alone, fitter = best, study.fitter
     noise = memory_of(best, fitter.cases)
     if not noise.size:
         return noise
@@ -337,11 +340,11 @@ def _slow_noise(study: Study, tried: FittedAlone) -> Noise:
     rest = make_bank(fitter, best, [t for t in tried.terms if t.mechanism not in taken]).signatures
     for signature in rest:
         if is_limit(signature.term):  # to first order it changes nothing
-            found = refit(fitter, tried.best, signature, (1.0,))
+            found = refit(fitter, alone, signature, (1.0,))
             if best.chi2 - found.chi2 > price(len(rest), 1):
                 best = found
     more = max(rest, key=lambda s: s.gain - 2 * s.directions.shape[1], default=None)
-    if best is not tried.best or more is None or more.gain < price(len(rest), more.directions.shape[1]):
+    if best is not alone or more is None or more.gain < price(len(rest), more.directions.shape[1]):
         return memory_of(best, fitter.cases)
     return memory_of(best, fitter.cases, more.directions)
 
