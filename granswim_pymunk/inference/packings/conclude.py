@@ -134,14 +134,14 @@ def _refitted_leaders(s: Search, open_: Sequence[Trial]) -> list[Trial]:
         again(s, t, 0.64 + 0.08 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders = sorted((t for t in leaders if t.fit is not None), key=lambda t: -t.worth)
     for k, t in enumerate(leaders):
-        if not _in_reach(s, leaders[0], t) and not _is_there(s, t) and _may_yet_lead(leaders[0], t):
+        if not in_reach(s, leaders[0], t) and not _is_there(s, t) and _may_yet_lead(leaders[0], t):
             # its runs were not where its fit is: what it gains there is not known yet
             again(s, t, 0.72 + 0.02 * k / len(leaders), 1, max(s.sizes.leader // 2, 2))
     leaders.sort(key=lambda t: -t.worth)
     settled: set[str] = set()
     while leaders:
         # whoever comes near the best has to be known as well as the best
-        near = [t for t in leaders if _in_reach(s, leaders[0], t)]
+        near = [t for t in leaders if in_reach(s, leaders[0], t)]
         rest = [t for t in near[: s.sizes.leaders] if t.label not in settled]
         if not rest:
             break
@@ -170,7 +170,7 @@ def _within_signature(s: Search, t: Trial) -> bool:
     return 1 / current().packings.bent < away < current().packings.bent
 
 
-def _in_reach(s: Search, best: Trial, other: Trial) -> bool:
+def in_reach(s: Search, best: Trial, other: Trial) -> bool:
     """Whether the error of the runs may be what keeps a law below the best."""
     reach = current().packings.reach * _noise(s, best, other)
     return best.worth - other.worth < current().verdict.same + reach
@@ -404,7 +404,7 @@ def both_earned(f: Finding) -> bool:
 
 
 def by_themselves(f: Finding) -> list[Trial]:
-    """The laws of a pair, each with its own fit, that can be an explanation without the other."""
+    """The laws of a pair, each with its own fit, that can be an explanation without the other, best first."""
     s, found = f.search, []
     for law in f.found:
         alone = next(t for t in s.trials if t.label == law.label)
@@ -412,7 +412,7 @@ def by_themselves(f: Finding) -> list[Trial]:
             again(s, alone, 0.93, 2, s.sizes.leader)
         if alone.fit is not None and sensible(s, alone):
             found.append(alone)
-    return found
+    return sorted(found, key=lambda t: -t.worth)
 
 
 # ---- what is explained ------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ from .checks import (
     rest_of,
     shifted,
 )
-from .conclude import BY_CHANCE, Curve, Finding, both_earned, by_themselves, explained, named_laws
+from .conclude import BY_CHANCE, Curve, Finding, both_earned, by_themselves, explained, in_reach, named_laws
 from .recalibrate import begin, recalibrate
 from .refitting import goodness
 from .response import fit
@@ -147,14 +147,16 @@ class Packings(ObservationModel):
 
         The other is its rival. Without laws where neither can be an explanation.
         """
-        s = self.state
-        alone = [(t, self._claim(t).fit) for t in by_themselves(pair)]
-        for _, finding in alone:
-            confirm(finding, [])
+        s, alone = self.state, by_themselves(pair)
+        fits = {t.label: self._claim(t).fit for t in alone}
+        for t in alone:
+            # what the error of the runs cannot have put behind the best needs no dear runs
+            if in_reach(s, alone[0], t):
+                confirm(fits[t.label], [])
         # all runs tell the spread by which each is weighed
-        worth = {t.label: s.base.objective - fit(f.revised.model, s.means, s.training).objective - 2 * t.numbers
-                 for t, f in alone}  # fmt: skip
-        told = sorted((t for t, _ in alone), key=lambda t: -worth[t.label])
+        worth = {t.label: s.base.objective - fit(fits[t.label].revised.model, s.means, s.training).objective
+                 - 2 * t.numbers for t in alone}  # fmt: skip
+        told = sorted(alone, key=lambda t: -worth[t.label])
         if not told:
             return self.plain
         kept, *others = told
