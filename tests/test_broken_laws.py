@@ -98,6 +98,7 @@ CASES = [
     ("rolling_resistance", lambda: pressed(use("contact_friction", mu=0.4), use("rolling_resistance", mu_r=0.3))),
     ("cohesion", lambda: pressed(use("cohesion", force=0.1, range=1e-2))),
     ("distance_force", lambda: sliding(use("distance_force", s=1.0, n=2.0))),
+    ("pair_spring", lambda: carts(use("pair_spring", k=2.0, f_0=0.7))),
     ("pair_lubrication", lambda: pressed(use("pair_lubrication", c=3.0, range=2e-3))),
     ("pin", pendulum),
     ("joint_friction", lambda: pendulum(use("joint_friction", torque=0.1))),

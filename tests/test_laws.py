@@ -66,6 +66,7 @@ CASES = [
     ("ambient_flow", "bed", {"c": 1e-4, "u": (0.3, -0.1)}),
     ("distance_force", "bed", {"s": 2e-3, "n": 3.0}),
     ("distance_force", "bed", {"s": -2e-3, "n": 1.5, "range": 1e-3}),
+    ("pair_spring", "carts", {"k": 2.0, "f_0": 0.7}),
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),
     ("rolling_resistance", "rough bed", {"mu_r": 0.3, "w_0": 1e3}),
@@ -293,10 +294,10 @@ def test_where_laws_can_act():
     always = {"ambient_flow", "added_mass"}
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation"}
-    assert admitted["carts"] == always | pairs | {"nonlinear_spring"}
+    assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}
     assert admitted["pendulum"] == always | {"pin_friction", "joint_drag"}
     assert admitted["driven"] == always | pairs | actuators
-    assert admitted["bed"] == MECHANISMS - {"nonlinear_spring", "pin_friction", "joint_drag"}
+    assert admitted["bed"] == MECHANISMS - {"nonlinear_spring", "pair_spring", "pin_friction", "joint_drag"}
 
 
 def test_friction_of_a_pin_by_its_name_in_files(tmp_path):

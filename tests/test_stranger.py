@@ -202,3 +202,30 @@ def test_noise_is_slow_though_one_law_alone_leaves_more_than_noise():
     for law, name, true in (("nonlinear_spring", "k_3", 40.0), ("linear_drag", "c", 0.06 * mass)):
         number = named[law][name]
         assert number["low"] < true < number["high"], number
+
+
+def test_pendulums_that_a_spring_couples():
+    t, length, apart, mass = np.arange(300) / 50, 0.5, 0.3, 0.1
+
+    def places(a, b):
+        return length * np.array([np.sin(a), -np.cos(a)]), length * np.array([np.sin(b), -np.cos(b)]) + [apart, 0.0]
+
+    def change(_, s):
+        way = np.subtract(*places(s[1], s[0]))
+        far = np.hypot(*way)
+        pull = 0.6 * (far - apart) * way / far
+        along = [pull @ [np.cos(q), np.sin(q)] / (mass * length) for q in s[:2]]
+        rate = 9.81 / length
+        return [s[2], s[3], -rate * np.sin(s[0]) + along[0], -rate * np.sin(s[1]) - along[1]]
+
+    a, b = solve_ivp(change, (0, t[-1]), [0.25, 0.0, 0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-11).y[:2]
+    xy = np.stack([length * np.sin(a), -length * np.cos(a), apart + length * np.sin(b), -length * np.cos(b)], 1)
+    xy = xy.reshape(-1, 2, 2) + np.random.default_rng(3).normal(0, 5e-4, (300, 2, 2))
+    pins = (use("pin", bodies=(n,), anchor=(x, 0.0), length=length) for n, x in (("a", 0.0), ("b", apart)))
+    scene = Scene(bodies=tuple(Body(n, "free", radius=0.015, mass=mass) for n in "ab"), gravity=GRAVITY, laws=(*pins,))
+    verdict = api.diagnose(t, xy, scene=scene, position_noise=5e-4).verdict
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == "pair_spring" and verdict["complete"], verdict["notes"]
+    for name, true in (("k", 0.6), ("f_0", 0.6 * apart)):
+        number = entry["parameters"][name]
+        assert number["low"] < true < number["high"] and number["value"] == pytest.approx(true, rel=0.02)

@@ -12,14 +12,14 @@ import numpy as np
 
 FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring")
 JOINTS = ("pin_friction", "joint_drag")
-PAIRS = ("distance_force", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
+PAIRS = ("distance_force", "pair_spring", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
 ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation")
 CHAIN_LAWS = (
     "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
     "actuator_delay", "actuator_saturation",
 )  # fmt: skip
 INERTIA = ("added_mass",)
-REACH = {"distance_force": "range", "cohesion": "range", "pair_lubrication": "cutoff"}
+REACH = {"distance_force": "range", "pair_spring": "cutoff", "cohesion": "range", "pair_lubrication": "cutoff"}
 
 Values = dict[str, Any]
 
@@ -78,6 +78,8 @@ def pair(
     none = np.zeros_like(gap)
     if name == "distance_force":
         return np.where(gap > 0, values["s"] * (mean_radius / (gap + touch)) ** values["n"], 0.0), none
+    if name == "pair_spring":
+        return values["f_0"] - values["k"] * (gap + touch), none
     if name == "cohesion":
         return none - values["force"], none
     if name == "pair_lubrication":

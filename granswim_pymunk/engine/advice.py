@@ -114,6 +114,9 @@ def advise_dt(scene: Scene) -> float:
             slope = abs(values["s"] * values["n"]) / touch * (mean / touch) ** values["n"]
             if slope > 0:
                 steps.append(2 * math.pi * math.sqrt(lightest / 2 / slope) / 100)
+        elif item.name == "pair_spring" and values["k"] > 0:
+            # the fastest of two bodies, each of which moves
+            steps.append(2 * math.pi * math.sqrt(lightest / 2 / values["k"]) / 1000)
         elif item.name == "nonlinear_spring" and values["k_3"] > 0:
             ways = [math.dist(b.initial[:2], values["anchor"]) for b in scene.bodies if b.mobile and b.initial]
             stiffest = 3 * values["k_3"] * max((abs(way - values["length"]) for way in ways), default=0.0) ** 2

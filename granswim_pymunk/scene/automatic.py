@@ -76,6 +76,7 @@ AUTOMATIC_VALUES: dict[str, Callable[[Scene, LawUse], Any]] = {
     "union.length": _disk_distance,
     "bending.length": _disk_distance,
     "distance_force.range": _far_range,
+    "pair_spring.cutoff": _far_range,
     "pair_lubrication.cutoff": lambda scene, item: 5 * float(item.values["range"]),
     "wall_drag.bottom": _wall_line(-1),
     "wall_drag.top": _wall_line(+1),
