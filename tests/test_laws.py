@@ -320,3 +320,15 @@ def test_a_role_that_nobody_asks_for_is_refused():
             return 0.0, 0.0
 
     assert "mistaken" not in all_laws()
+
+
+def test_a_spring_between_bodies_acts_on_those_that_are_held():
+    scene, dt = carts()
+    with_spring = scene.with_laws(use("pair_spring", k=2.0, f_0=0.7))
+    assert [scene.bodies[k].id for k in with_spring.rows(with_spring.laws[-1])] == ["a", "b"]
+    moved = np.abs(ends(with_spring, dt, "verlet") - ends(scene, dt, "verlet")).max(axis=1)
+    assert moved[2] == 0.0 and (moved[:2] > 1e-4).all()
+    one, _ = pendulum()
+    law = all_laws()["pair_spring"]
+    free = Body("free", "free", 0.01, MASS, initial=(1.0, 0.0, 0.0, 0.0))
+    assert not replace(one, bodies=(*one.bodies, free)).admits(law) and scene.admits(law)

@@ -385,6 +385,8 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
             continue
         if law.kind == "pair" and len(scene.bodies) < (1 if scene.walls and not law.reach else 2):
             continue
+        if law.refines and not any(scene.laws_named(name) for name in law.refines):
+            continue
         values: dict[str, Any] = {}
         for p in law.parameters:
             if p.typical is not None or p.default is None:
@@ -392,8 +394,12 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
                 size = min(max(float(p.typical or 0.0), p.low), p.high)
                 values[p.name] = p.choices[0] if p.choices else (size if p.size == 1 else (size,) * p.size)
         try:
-            scene.resolved(use(law, **values))
+            item = use(law, **values)
+            scene.resolved(item)
         except InputError:
+            continue
+        # two bodies at least that what it refines acts on: a spring between a bob and one that is free is none
+        if law.kind == "pair" and law.reach and len(scene.rows(item)) < 2:
             continue
         return True
     return False

@@ -1,4 +1,4 @@
-"""A spring between two bodies that something else holds: coupled pendulums, carts on one rail."""
+"""A spring between bodies each of which something else holds: coupled pendulums, carts on one rail."""
 
 from .base import AUTOMATIC, Parameter, law
 

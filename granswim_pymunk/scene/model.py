@@ -223,7 +223,7 @@ class Scene:
         if item.law.kind == "joint" and wanted is None:
             wanted = {name for names in self.joints_of.values() for name in names}
         refined = self._refined(item)
-        if wanted is None and refined and item.law.kind in ("body", "constraint"):
+        if wanted is None and refined and item.law.kind in ("body", "constraint", "pair"):
             everywhere = any(other.bodies is None for other in refined)
             wanted = None if everywhere else {name for other in refined for name in other.bodies or ()}
         return np.array(
@@ -310,6 +310,8 @@ class Scene:
         if law.kind == "chain" and not self.joints and not drives:
             return False
         if law.kind == "pair" and len(self.bodies) < (1 if self.walls and not law.reach else 2):
+            return False
+        if law.kind == "pair" and law.reach and len(self.rows(LawUse(law, {}))) < 2:
             return False
         any_value = {p.name: 1.0 if p.size == 1 else (1.0,) * p.size for p in law.parameters}
         values = any_value | {p.name: AUTOMATIC for p in law.parameters if p.default is AUTOMATIC}
