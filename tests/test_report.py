@@ -20,6 +20,7 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import Diagnosis
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.result import empty_verdict
 from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.inference.tracks import diagnose_tracks
 from granswim_pymunk.inference.tracks.verdict import Told
@@ -248,6 +249,12 @@ def test_a_pendulum_of_which_the_angle_alone_was_seen_is_placed_by_its_pin():
 )
 def test_headline(cases, verdict, sentence):
     assert headline(cases[verdict]) == sentence
+
+
+def test_a_number_of_the_scene_that_would_do_is_told_on_the_first_screen():
+    found = Diagnosis("bodies", empty_verdict("unmodelled"), instead=("pin.length = 0.4242 m does as well",))
+    said = dict(answers(found))["What else may it be?"]
+    assert said == "A number of the scene may be another than believed: pin.length = 0.4242 m does as well."
 
 
 def test_headline_of_a_class_of_laws(cases):

@@ -232,6 +232,10 @@ class ObservationModel(ABC):
         """Probability that nothing is missing and the recording looks like that."""
         return 1.0 if course.null is None else course.null.p
 
+    def instead(self, course: Course) -> tuple[str, ...]:
+        """Numbers of the scene, in words, that nobody declared adjustable and that would do as well."""
+        return ()
+
     def closing_notes(self, course: Course) -> list[str]:
         """What is said when all is known."""
         return []

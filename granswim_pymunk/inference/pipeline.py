@@ -147,8 +147,10 @@ def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], 
 
 def result_of(model: ObservationModel, course: Course, seconds: float = 0.0, seed: int = 0) -> Diagnosis:
     """What is handed over of what was found."""
+    instead, verdict = model.instead(course), verdict_of(model, course)
+    verdict["notes"] += instead
     return Diagnosis(
-        kind=model.kind, verdict=verdict_of(model, course), revised=model.revised(course),
+        kind=model.kind, verdict=verdict, revised=model.revised(course), instead=instead,
         evidence=model.evidence(course), tables=model.tables(course), used=model.used(), believed=model.believed(),
         places_in=tuple(place.recording for place in course.places), right_law=model.right_law, widened=model.widened,
         seconds=seconds, runs=model.runs, seed=seed,

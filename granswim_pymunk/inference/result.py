@@ -78,6 +78,7 @@ class Diagnosis:
     places_in : for each entry of ``mismatch`` the recording it is in, empty where that is not said
     right_law : smallest and largest held-out error where the law is right and its numbers come from frames as noisy
     widened : by how many times intervals are wider, because what is left is larger than the noise or remembers
+    instead : numbers of the scene, in words, that nobody declared adjustable and that would do as well
     runs : simulations;  seconds : the time it took;  seed : of the nulls
     criteria : what decided
     """
@@ -92,6 +93,7 @@ class Diagnosis:
     places_in: tuple[str, ...] = ()
     right_law: tuple[float, float] | None = None
     widened: float = 1.0
+    instead: tuple[str, ...] = ()
     seconds: float = 0.0
     runs: int = 0
     seed: int = 0

@@ -253,7 +253,7 @@ def _result(parts: list[Part], leader: Part, notes: list[str], seconds: float, s
         used=tuple(u for p in parts for u in p.found.used),
         believed={k: v for p in parts for k, v in p.found.believed.items()},
         places_in=tuple(name for _, found in places for name in (found or ("",))),
-        right_law=leader.found.right_law, widened=leader.found.widened, seconds=seconds,
+        right_law=leader.found.right_law, widened=leader.found.widened, instead=leader.found.instead, seconds=seconds,
         runs=sum(p.found.runs for p in parts), seed=seed,
     )  # fmt: skip
 

@@ -291,6 +291,12 @@ def _where(d: Diagnosis) -> str:
 
 
 def _else(d: Diagnosis) -> str:
+    """What may stand in place of what was named: a number of the scene first, then the laws."""
+    numbers = [f"A number of the scene may be another than believed: {escaped(told)}." for told in d.instead]
+    return " ".join([*numbers, _other_laws(d)]).strip()
+
+
+def _other_laws(d: Diagnosis) -> str:
     alike = [spoken(r["name"]) for r in d.verdict["rivals"] if r["indistinguishable"]]
     if alike:
         return f"These data cannot tell it apart from {listed(alike)}."

@@ -599,6 +599,13 @@ class Tracks(ObservationModel):
         fit: Fit = course.judged.claim.fit
         return fit.interval(k, self.spread)
 
+    def instead(self, course: Course) -> tuple[str, ...]:
+        claim, told = course.judged.claim, course.judged.verdict
+        if told in ("no_mismatch", "recalibrate") or self.study.late(current().budget.remains):
+            return ()
+        fitter = self._fitter_of(claim.fit)
+        return tuple(map(str, instead_of(claim.laws, claim.fit, self.tried.recalibrated, fitter, self.spread)))
+
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
         failures = self.study.predictor.failures
@@ -610,11 +617,6 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         notes += as_the_picture(self.mechanisms(course), self.study.cases)
-        told = course.judged.verdict
-        if told in ("missing_physics", "measurement", "unmodelled") and not self.study.late(current().budget.remains):
-            fit = course.judged.claim.fit
-            instead = instead_of(laws, fit, self.tried.recalibrated, self._fitter_of(fit), self.spread)
-            notes += [str(number) for number in instead]
         if not course.left.complete:
             notes += [told_of(c, kicks) for c in self.study.cases if (kicks := unexplained(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
