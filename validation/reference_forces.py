@@ -183,7 +183,8 @@ class Forces:
         self.pairs = Pairs(scene)
         self.walls = StraightWalls(scene)
         self.uses = [(item, scene.resolved(item), scene.rows(item)) for item in scene.acting]
-        self.acts = {id(item): self._acts(rows) for item, _, rows in self.uses}
+        # whether a law acts on each body (n,)
+        self.acts = {id(item): np.isin(np.arange(len(scene.bodies)), rows) for item, _, rows in self.uses}
         self.has_pairs = any(item.name in (*CONTACTS, *mechanisms.PAIRS) for item in scene.laws)
         self.pairs.gap = max((mechanisms.reach(item.name, values) for item, values, _ in self.uses), default=0.0)
         # what friction at the contacts turns: angular velocities go in, torques come out
@@ -268,16 +269,10 @@ class Forces:
         out[1:, 0] -= period * turns
         return out
 
-    def _acts(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) whether a law acts on each body."""
-        return np.isin(np.arange(len(self.scene.bodies)), rows)
-
     def touching(self, item: LawUse, xy: np.ndarray, margin: float = 0.0) -> tuple[np.ndarray, ...]:
         """i, j, unit vectors from i to j, and gap [m] of the pairs with a gap below ``margin`` [m]."""
         i, j = self.pairs.i, self.pairs.j
-        acts = self.acts.get(id(item))
-        if acts is None:
-            acts = self._acts(self.scene.rows(item))
+        acts = self.acts[id(item)]
         if not acts.all():
             both = acts[i] & acts[j]
             i, j = i[both], j[both]

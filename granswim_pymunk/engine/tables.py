@@ -193,7 +193,7 @@ def _fill(
     first, count = (len(to.joint_of), len(acts)) if item.law.kind == "joint" else (len(to.rows), len(chosen))
     where, damped = kind
     code = 1 + KIND_ORDER[item.law.kind]
-    masked = int(item.bodies is not None or (item.law.kind == "pair" and len(chosen) < order.n))
+    masked = int(len(chosen) < order.n)  # laws of pairs ask it, others have rows
     to.table.append([code, len(to.parameters), first, first + count, masked, int(damped), *where])
     to.joint_of += acts
     to.rows += chosen.tolist()

@@ -383,9 +383,7 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
         scene = case.recording.scene
         if law.kind == "chain" and not scene.chains:
             continue
-        if law.kind == "pair" and len(scene.bodies) < (1 if scene.walls and not law.reach else 2):
-            continue
-        if law.refines and not any(scene.laws_named(name) for name in law.refines):
+        if not scene.has_bodies_for(law):
             continue
         values: dict[str, Any] = {}
         for p in law.parameters:
@@ -394,12 +392,8 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
                 size = min(max(float(p.typical or 0.0), p.low), p.high)
                 values[p.name] = p.choices[0] if p.choices else (size if p.size == 1 else (size,) * p.size)
         try:
-            item = use(law, **values)
-            scene.resolved(item)
+            scene.resolved(use(law, **values))
         except InputError:
-            continue
-        # two bodies at least that what it refines acts on: a spring between a bob and one that is free is none
-        if law.kind == "pair" and law.reach and len(scene.rows(item)) < 2:
             continue
         return True
     return False

@@ -55,7 +55,7 @@ class Free:
 
 
 # scene, camera and values to the scene and the camera with them
-Change = Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
+Apply = Callable[[Scene, Mapping[str, Any], Sequence[float] | np.ndarray], tuple[Scene, Mapping[str, Any]]]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Term:
     mechanism: str
     label: str
     free: tuple[Free, ...]
-    apply: Change
+    apply: Apply
     bodies: tuple[str, ...] | None = None
     expression: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
@@ -172,17 +172,21 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
                 if name in terms:
                     continue
                 first = float(np.clip(scene.resolved(scene.laws_named(a.law)[0])[a.parameter], a.low, a.high))
-                step = current().candidates.adjustable
-                free = Free(name, parameter.unit, a.low, a.high, first, step * (a.high - a.low), where)
-                terms[name] = Term(
-                    "adjustable", name, (free,), scene_number(a.name, bodies), bodies=bodies, expression=name
-                )
+                terms[name] = adjustable_term(name, parameter.unit, (a.low, a.high), first, a.name, bodies, where)
     return tuple(terms.values())
 
 
-def scene_number(name: str, bodies: tuple[str, ...] | None = None) -> Change:
-    """What puts a value in the place of a number of a scene's law, "law.parameter", of some bodies or all."""
+def adjustable_term(
+    name: str, unit: str, bounds: tuple[float, float], first: float, number: str, bodies: tuple[str, ...] | None = None,
+    where: frozenset[str] | None = None,
+) -> Term:  # fmt: skip
+    """The term of a number of a scene's law, "law.parameter", of some bodies or all, in some recordings or all."""
+    low, high = bounds
+    free = Free(name, unit, low, high, first, current().candidates.adjustable * (high - low), where)
+    return Term("adjustable", name, (free,), _set_parameter(number, bodies), bodies=bodies, expression=name)
 
+
+def _set_parameter(name: str, bodies: tuple[str, ...] | None) -> Apply:
     def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         present = None if bodies is None else [b for b in bodies if b in scene.ids]
         return scene.with_parameter(name, float(values[0]), bodies=present), camera

@@ -302,16 +302,22 @@ class Scene:
         """Number of joints of the longest swimmer, joint 0 the one against the head's axis."""
         return max((len(chain) - 1 for chain in self.chains), default=0)
 
+    def has_bodies_for(self, law: Law) -> bool:
+        """Whether a law that it refines is there, and of a law of pairs two bodies that it acts on, or one and a wall.
+
+        A spring between a bob and a body that nothing holds is none.
+        """
+        if law.refines and not any(self.laws_named(name) for name in law.refines):
+            return False
+        least = 1 if self.walls and not law.reach else 2
+        return law.kind != "pair" or len(self.rows(LawUse(law, {}))) >= least
+
     def admits(self, law: Law) -> bool:
         """Whether a law can act here: bodies, chain, walls and the laws that it refines are there."""
-        if law.refines and not any(self.laws_named(name) for name in law.refines):
+        if not self.has_bodies_for(law):
             return False
         drives = law.series is not None and self.laws_named("drive")
         if law.kind == "chain" and not self.joints and not drives:
-            return False
-        if law.kind == "pair" and len(self.bodies) < (1 if self.walls and not law.reach else 2):
-            return False
-        if law.kind == "pair" and law.reach and len(self.rows(LawUse(law, {}))) < 2:
             return False
         any_value = {p.name: 1.0 if p.size == 1 else (1.0,) * p.size for p in law.parameters}
         values = any_value | {p.name: AUTOMATIC for p in law.parameters if p.default is AUTOMATIC}

@@ -25,28 +25,30 @@ class Line:
 def strongest_line(fit: Fit, cases: Sequence[Case]) -> Line | None:
     """The frequency at which cosine and sine in each coordinate gain most, by least squares; None where none could be.
 
-    Of F frequencies looked at, chance gains 2 ln F and AIC of two numbers a coordinate. Fewer than two periods are no
-    oscillation. Free numbers stay where they are, so that the gain is the least that it may be. Source: Lomb 1976,
-    Astrophys. Space Sci. 39, 447.
+    Of n numbers with the Fourier sum F they gain 2 |F|^2/n: frames are laid on the grid of the shortest interval, where
+    n log n steps do, and frames that are missing or late cost little. Of m frequencies looked at, chance gains 2 ln m
+    and AIC of two numbers a coordinate. Fewer than two periods are no oscillation. Free numbers stay where they are, so
+    that the gain is the least that it may be. Source: Schuster 1898, Terrestrial Magnetism 3, 13.
     """
-    from scipy.signal import lombscargle  # half a second, and asked only where something is left
-
-    series = []  # times, innovations
+    series = []  # times from the first, innovations
     for case in cases:
         for channel in fit.white[case.name].T:
             seen = np.isfinite(channel)
             if seen.sum() >= current().left.periodic:
-                series.append((case.t[seen], channel[seen]))
+                series.append((case.t[seen] - case.t[seen][0], channel[seen]))
     if not series:
         return None
-    longest = max(float(np.ptp(t)) for t, _ in series)
-    top = 0.5 / min(float(np.median(np.diff(t))) for t, _ in series)
-    frequencies = np.arange(2 / longest, top, 1 / (4 * longest))
-    if not len(frequencies):
+    longest = max(float(t[-1]) for t, _ in series)
+    step = min(float(np.median(np.diff(t))) for t, _ in series)
+    size = 4 * (round(longest / step) + 1)  # four points a line's width
+    frequencies = np.fft.rfftfreq(size, step)
+    gains = np.zeros(len(frequencies))
+    for t, r in series:
+        laid = np.bincount(np.round(t / step).astype(int), weights=r, minlength=size)
+        gains += 2 * np.abs(np.fft.rfft(laid)) ** 2 / len(r)
+    several = frequencies >= 2 / longest
+    if not several.any():
         return None
-    # a periodogram is half of what least squares gain
-    turning = 2 * math.pi * frequencies
-    gains = np.sum([2 * lombscargle(t - t[0], r, turning) for t, r in series], axis=0)
-    best = int(np.argmax(gains))
-    paid = float(gains[best]) - 2 * math.log(len(frequencies)) - 4 * len(series)
+    best = int(np.argmax(np.where(several, gains, 0.0)))
+    paid = float(gains[best]) - 2 * math.log(several.sum()) - 4 * len(series)
     return Line(float(frequencies[best]), float(gains[best]), paid)

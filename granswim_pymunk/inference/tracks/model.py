@@ -73,6 +73,7 @@ from .score_test import chance_of_more
 from .settle import apparatus_beside, known_together, with_numbers_that_were_found, within_belief
 from .signatures import make_bank
 from .study import (
+    FittedAlone,
     Study,
     beyond_nulls,
     calibrated,
@@ -180,16 +181,19 @@ class Tracks(ObservationModel):
         if follows is not None:
             # all that was compared was compared with a scene that lost its way: again, with one that follows
             tried = tried_alone(self.study, self.tried.naive, follows)
-            self.study, self.tried = with_memory(*without_outliers(self.study, tried))
-            self.nulls()
-            claim = self._search()
-        # where one law leaves more than noise, only several together show how slow the noise is
-        slow = with_memory(self.study, self.tried, claim.fit) if len(claim.laws) > 1 else (self.study, self.tried)
-        if slow[0] is not self.study:
-            self.study, self.tried = slow
-            self.nulls()
-            claim = self._search()
+            claim = self._search_again(*with_memory(*without_outliers(self.study, tried)))
+        if len(claim.laws) > 1:
+            # where one law leaves more than noise, only several together show how slow the noise is
+            study, tried = with_memory(self.study, self.tried, claim.fit)
+            if study is not self.study:
+                claim = self._search_again(study, tried)
         return claim
+
+    def _search_again(self, study: Study, tried: FittedAlone) -> Claim:
+        """The claim once all that was compared has been fitted again."""
+        self.study, self.tried = study, tried
+        self.nulls()
+        return self._search()
 
     def null_after(self, null: Null | None) -> Null | None:
         return self.null
@@ -576,10 +580,10 @@ class Tracks(ObservationModel):
 
     def false_alarm(self, course: Course) -> float:
         p = super().false_alarm(course)
-        if course.judged.verdict != "unmodelled" or self.null is None:
+        if course.judged.verdict != "unmodelled" or course.null is None:
             return p
         # no candidate gains more than in noise, and yet what is left is none
-        return min(p, max(self.completeness(self.tried.recalibrated).chance, 1 / (len(self.null.gains) + 1)))
+        return min(p, max(self.completeness(self.tried.recalibrated).chance, 1 / (len(course.null.gains) + 1)))
 
     @property
     def unit(self) -> str:

@@ -10,10 +10,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...laws import Parameter
 from ...scene import Scene
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Failed, Free, Term, scene_number
+from ..hypothesis import Failed, Term, adjustable_term
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial
@@ -85,23 +86,26 @@ def _numbers(cases: Sequence[Case]) -> list[Term]:
     """A term for each number that stands in the laws of all scenes alike and is not adjustable."""
     scenes = [c.recording.scene for c in cases]
     declared = {a.name for s in scenes for a in s.adjustable}
+    first, *others = (_given(s) for s in scenes)
     terms = []
-    for item in scenes[0].laws:
-        for p in item.law.parameters:
-            name, value = f"{item.name}.{p.name}", item.values.get(p.name)
-            if name in declared or p.name == item.law.loses or p.choices or p.size != 1:
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not value or value == p.default:
-                continue
-            if len(scenes[0].laws_named(item.name)) > 1 or any(_value(s, item.name, p.name) != value for s in scenes):
-                continue
+    for name, (p, value) in first.items():
+        if name not in declared and all(other.get(name) == (p, value) for other in others):
             low, high = sorted((0.5 * value, 2 * value))
-            step = current().candidates.adjustable * abs(value)
-            free = Free(name, p.unit, max(low, p.low), min(high, p.high), float(value), step)
-            terms.append(Term("adjustable", name, (free,), scene_number(name), expression=name))
+            terms.append(adjustable_term(name, p.unit, (max(low, p.low), min(high, p.high)), value, name))
     return terms
 
 
-def _value(scene: Scene, law: str, parameter: str) -> object:
-    items = scene.laws_named(law)
-    return items[0].values.get(parameter) if len(items) == 1 else None
+def _given(scene: Scene) -> dict[str, tuple[Parameter, float]]:
+    """Numbers, but zeros and defaults, of the laws that a scene has once, by "law.parameter".
+
+    Not what contacts lose: that has a name of its own.
+    """
+    found = {}
+    for item in scene.laws:
+        for p in item.law.parameters if len(scene.laws_named(item.name)) == 1 else ():
+            value = item.values.get(p.name)
+            if p.size != 1 or p.choices or p.name == item.law.loses or value in (0, p.default):
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                found[f"{item.name}.{p.name}"] = p, float(value)
+    return found
