@@ -349,25 +349,31 @@ class Predictor:
         self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,
         spin: np.ndarray | None,
     ) -> Simulation:  # fmt: skip
-        """A simulation that stands at its start: the last one begun again where only the start, or a law's numbers,
+        """A simulation that stands at its start: one of the last begun again where only the start, or a law's numbers,
         are others.
 
-        Most runs of a fit differ in nothing else, and building a simulation takes longer than running it.
+        Most runs of a fit differ in nothing else, and building a simulation takes longer than running it. Derivatives
+        of fits that go on side by side come to a thread in turn, so that it keeps several.
         """
-        key, last = self._key(hypothesis, case, values), self._last
+        key, begun = self._key(hypothesis, case, values), self._last.begun
         begin = np.array([placed.get(b.id, b.initial) for b in scene.bodies], dtype=float)
-        known, last.key = last.key, None  # until it stands
-        if last.simulation is not None and known is not None:
-            if known == key or (
-                known[1] == key[1] and _but_for_laws(last.run, scene) and last.simulation.retune(scene.laws)
-            ):
-                last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
-                last.key, last.held, last.run = key, (case, hypothesis.terms), scene
-                return last.simulation
+        alike = key[:3] if key[:3] in begun else next(reversed(begun), None)
+        last = begun.pop(alike, None)  # until it stands
+        if last is not None and (
+            last.key == key
+            or (last.key[1] == key[1] and _but_for_laws(last.scene, scene) and last.simulation.retune(scene.laws))
+        ):
+            last.simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
+            begun[key[:3]] = _Begun(key, (case, hypothesis.terms), last.simulation, scene)
+            return last.simulation
+        if last is not None and alike != key[:3]:
+            begun[alike] = last
         whole = replace(scene.with_initial(placed), time=replace(scene.time, start=t0, dt=self.dt[case.name]))
         simulation = Simulation(whole, averaged=True, stretch=current().fits.stretch)
         if simulation.mode == "verlet":
-            last.key, last.held, last.run, last.simulation = key, (case, hypothesis.terms), scene, simulation
+            begun[key[:3]] = _Begun(key, (case, hypothesis.terms), simulation, scene)
+            if len(begun) > current().fits.begun:
+                del begun[next(iter(begun))]
             if spin is not None:
                 simulation.restart(begin[:, :2], begin[:, 2:], t0, spin)
         return simulation
@@ -412,14 +418,23 @@ class _Kept:
                 self._bytes -= self._runs.pop(next(iter(self._runs)))[1][0].nbytes
 
 
-class _Last(threading.local):
-    """The simulation and the scene that this thread used last, and what they were built for."""
+@dataclass(frozen=True)
+class _Begun:
+    """A simulation and what it was built for."""
 
-    key: tuple[Any, ...] | None = None
-    held: tuple[Any, ...] = ()  # what the key speaks of, so that nothing else gets its id
-    simulation: Simulation | None = None
-    run: Scene | None = None  # what it runs, but for the start
-    scene: tuple[Any, Any, tuple[Scene, Mapping[str, Any]]] | None = None  # its key, what that speaks of, and camera
+    key: tuple[Any, ...]
+    held: tuple[Any, ...]  # what the key speaks of, so that nothing else gets its id
+    simulation: Simulation
+    scene: Scene  # what it runs, but for the start
+
+
+class _Last(threading.local):
+    """The simulations and the scene that this thread used last."""
+
+    def __init__(self) -> None:
+        self.begun: dict[Any, _Begun] = {}  # the latest one at the end
+        # its key, what that speaks of, and camera
+        self.scene: tuple[Any, Any, tuple[Scene, Mapping[str, Any]]] | None = None
 
 
 def _offset(starts: tuple[StartBody, ...], body: str) -> int:

@@ -106,10 +106,12 @@ class Verlet(Native):
         uses = uses_of(scene, self.order)
         if uses.reach(scene) != self.uses.reach(self.scene):
             return False
+        past = self.scene, self.uses
         self.scene, self.uses = scene, uses
         known, tables = self.state.laws, self.tables(self.state.bodies)
         pairs = [(getattr(known, field.name), getattr(tables, field.name)) for field in fields(LawTable)]
         if any(old.shape != new.shape for old, new in pairs):
+            self.scene, self.uses = past
             return False
         for old, new in pairs:
             old[...] = new

@@ -28,14 +28,9 @@ def score_inner(inner: InnerSplit, trials: list[Trial], ahead: float = 0.0) -> l
     ahead : the gain of the best of others, which may be the best of all
     """
     best = max([ahead, *(t.gain for t in trials)])
-    result = []
-    for t in trials:
-        assert t.fit is not None
-        if t.gain >= current().refits.inner_scored * best and t.gain > 0:
-            score, _ = inner.score(t.fit)
-            t = replace(t, inner=score)
-        result.append(t)
-    return result
+    near = [t.gain >= current().refits.inner_scored * best and t.gain > 0 for t in trials]
+    scores = iter(inner.scores([t.fit for t, scored in zip(trials, near, strict=True) if scored and t.fit is not None]))
+    return [replace(t, inner=next(scores)[0]) if scored else t for t, scored in zip(trials, near, strict=True)]
 
 
 def worth(trial: Trial, spread: float) -> float:

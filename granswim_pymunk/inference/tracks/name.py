@@ -137,6 +137,14 @@ class InnerSplit:
         value = (total + _open(whole, first)) / count
         return (value if np.isfinite(value) else float("inf")), by_case
 
+    def scores(self, fits: Sequence[Fit]) -> list[tuple[float, dict[str, float]]]:
+        """``score`` of each, side by side."""
+
+        def of(own: Fitter, whole: Fit) -> tuple[float, dict[str, float]]:
+            return replace(self, fitter=own).score(whole)
+
+        return side_by_side(self.fitter, [partial(of, whole=whole) for whole in fits])
+
 
 def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
     """How many of the frames ``rows`` come before as large a share of the impacts as of the frames has passed.

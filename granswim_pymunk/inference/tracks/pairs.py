@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..significance import price
 from ..simpler import special_cases
 from ..trial import pair_gains, rows_of
 from .choose import absurd, choose, worth
-from .fit import Fitter
+from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .name import Trial, is_limit, is_part, label_of, refit
 from .nulls import noise_of, search_nulls
@@ -185,22 +185,18 @@ def _one_more(
     open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
     order = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)[: sets.seconds]
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
-    trials = []
-    for signature in order:
-        fit = refit(search.fitter, revised, signature, (1.0,))
-        trials.append(Trial(signature, fit, revised.chi2 - fit.chi2, float("inf")))
+    fits = _refitted(search, revised, order)
+    trials = [Trial(s, fit, revised.chi2 - fit.chi2, float("inf")) for s, fit in zip(order, fits, strict=True)]
     if not trials:
         return nothing
     best_fit = min((t.fit for t in trials if t.fit), key=lambda f: f.chi2)
     spread = search.spread(best_fit)
     base_inner, base_by = search.inner.score(revised)
     scored = []
-    for t in trials:
-        if worth(t, spread) > current().verdict.noticed:
-            assert t.fit is not None
-            score, by_case = search.inner.score(t.fit)
-            better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
-            scored.append((replace(t, inner=score), float(better)))
+    noticed = [t for t in trials if worth(t, spread) > current().verdict.noticed]
+    for t, (score, by_case) in zip(noticed, search.inner.scores([t.fit for t in noticed if t.fit]), strict=True):
+        better = np.mean([by_case[k] < base_by[k] for k in by_case if k in base_by] or [False])
+        scored.append((replace(t, inner=score), float(better)))
     good = (
         [t for t, better in scored if t.inner < sets.better * base_inner and better > sets.recordings]
         if spread > 1
@@ -228,6 +224,12 @@ def _one_more(
     return found, revised, best
 
 
+def _refitted(search: SetSearch, base: Fit, signatures: Sequence[Signature]) -> list[Fit]:
+    """A fit with each of these laws beside those of a fit."""
+    jobs = [partial(refit, base=base, signature=s, stages=(1.0,)) for s in signatures]
+    return side_by_side(search.fitter, jobs)
+
+
 def _shows(signature: Signature, spread: float, fit: Fit) -> bool:
     """Whether a law is worth a refit beside those of a fit, to first order.
 
@@ -245,14 +247,13 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
 
     ``alive``: laws fitted alone, beside which others are looked for.  ``best``: the inner score that they have to beat.
     """
-    sets, pairs = current().sets, list[_Pair]()
-    for a, b, fit in chain(_from_the_first_third(search), _beside_each(search, alive)):
-        gain = search.base.chi2 - fit.chi2
-        if gain / search.spread(fit) < sets.both + 2 * len(fit.hypothesis.free):
-            continue
-        score, _ = search.inner.score(fit)
-        if score < sets.clearly * best:
-            pairs.append(_Pair(a, b, fit, score))
+    sets = current().sets
+    found = [
+        (a, b, fit) for a, b, fit in _from_the_first_third(search) + _beside_each(search, alive)
+        if (search.base.chi2 - fit.chi2) / search.spread(fit) >= sets.both + 2 * len(fit.hypothesis.free)
+    ]  # fmt: skip
+    scores = search.inner.scores([fit for *_, fit in found])
+    pairs = [_Pair(*of, score) for of, (score, _) in zip(found, scores, strict=True) if score < sets.clearly * best]
     for pair in _in_order(search, pairs):
         fit = pair.fit
         whole = make_bank(search.fitter, search.base, [pair.a.term, pair.b.term])
@@ -308,7 +309,7 @@ def _in_order(search: SetSearch, pairs: Sequence[_Pair]) -> list[_Pair]:
     return sorted(pairs, key=lambda p: (0, *p.rank, p.score) if as_good(p) else (1, 0, 0, 0, p.score))
 
 
-def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signature, Fit]]:
+def _from_the_first_third(search: SetSearch) -> list[tuple[Signature, Signature, Fit]]:
     """Two laws that help only together (a repulsion at a distance and a drag), best first.
 
     Signatures of the first third of each track rank the pairs, where the prediction is still linear in them;
@@ -327,22 +328,28 @@ def _from_the_first_third(search: SetSearch) -> Iterator[tuple[Signature, Signat
     mechanisms = [s.term.mechanism for s in bank.signatures]
     ranked = pair_gains(bank.left, mechanisms, [s.directions for s in bank.signatures])
     beyond = [(both - max(bank.signatures[i].gain, bank.signatures[j].gain), i, j) for both, i, j in ranked]
+    chosen = []
     for extra, i, j in sorted(beyond, reverse=True):
         a, b = bank.signatures[i], bank.signatures[j]
         names = (a.term.mechanism, b.term.mechanism)
         if extra <= current().sets.together or len(tried) == current().sets.pairs:
-            return
+            break
         if names not in tried and not any_field(a.term, b.term, search.terms):  # the best of their variants comes first
             tried.add(names)
-            hypothesis = search.scene_with(a.term, b.term)
-            how = current().evaluations
-            fit = search.fitter.fit(hypothesis, None, start.starts, stages=how.growing, evaluations=how.pair)
-            yield a, b, fit
+            chosen.append((a, b))
+    how = current().evaluations
+
+    def fitted(own: Fitter, a: Signature, b: Signature) -> Fit:
+        hypothesis = search.scene_with(a.term, b.term)
+        return own.fit(hypothesis, None, start.starts, stages=how.growing, evaluations=how.pair)
+
+    fits = side_by_side(search.fitter, [partial(fitted, a=a, b=b) for a, b in chosen])
+    return [(a, b, fit) for (a, b), fit in zip(chosen, fits, strict=True)]
 
 
 def _beside_each(
     search: SetSearch, alive: Sequence[Trial], numbers: float = math.inf, below: float = math.inf
-) -> Iterator[tuple[Signature, Signature, Fit]]:
+) -> list[tuple[Signature, Signature, Fit]]:
     """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first.
 
     numbers : that both have together at most;  below : where chi2 is to first order
@@ -363,15 +370,17 @@ def _beside_each(
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
         beside = sorted((s for s in beside if first.fit.chi2 - s.gain < below), key=lambda s: -s.gain)
         ranked += [(place, first.fit.chi2 - s.gain, first, s) for place, s in enumerate(beside)]
-    tried: set[frozenset[str]] = set()
+    chosen: dict[frozenset[str], tuple[Trial, Signature]] = {}
     for _, _, first, second in sorted(ranked, key=lambda r: r[:2]):
-        names = frozenset((first.term.label, second.term.label))
-        if len(tried) == current().sets.pairs:
-            return
-        if names not in tried:
-            tried.add(names)
-            assert first.fit is not None
-            yield first.signature, second, refit(search.fitter, first.fit, second, (1.0,))
+        chosen.setdefault(frozenset((first.term.label, second.term.label)), (first, second))
+    pairs = list(chosen.values())[: sets.pairs]
+
+    def fitted(own: Fitter, first: Trial, second: Signature) -> Fit:
+        assert first.fit is not None
+        return refit(own, first.fit, second, (1.0,))
+
+    fits = side_by_side(search.fitter, [partial(fitted, first=first, second=second) for first, second in pairs])
+    return [(first.signature, second, fit) for (first, second), fit in zip(pairs, fits, strict=True)]
 
 
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
@@ -424,27 +433,38 @@ def _of_typical_shape(search: SetSearch, pair: list[Trial]) -> list[Trial]:
             continue
         (at,) = strengths
         free = hypothesis.free[at]
-        moved = _column(search, now, at) * (now.values[at] - free.neutral)
+        moved = _column(search.fitter, now, at) * (now.values[at] - free.neutral)
         alike = [t for t in search.terms if t.label == law.term.label and len(t.free) == own.stop - own.start]
-        for shape in sorted({tuple(t.free[k - own.start].first for k in inner) for t in alike}):
+        shapes = sorted({tuple(t.free[k - own.start].first for k in inner) for t in alike})
+
+        def begun(
+            fitter: Fitter, shape: tuple[float, ...], now: Fit = now, inner: list[int] = inner, at: int = at,
+            moved: np.ndarray = moved, free: Free = free,
+        ) -> Fit | None:  # fmt: skip
             begin = now.values.copy()
             begin[inner], begin[at] = shape, free.neutral
-            column = _column(search, search.fitter.fit(hypothesis, begin, now.starts, stages=()), at)
+            column = _column(fitter, fitter.fit(now.hypothesis, begin, now.starts, stages=()), at)
             amount = _as_much(column, moved, free)
             if amount is None:
-                continue
+                return None
             begin[at] = amount
-            found = search.fitter.fit(hypothesis, begin, now.starts, stages=how.growing, evaluations=how.pair)
-            found = search.fitter.refitted(found, evaluations=how.pair_valley)
-            gain = search.base.chi2 - found.chi2
-            if gain > best[0].gain + current().verdict.same * search.spread(found):
+            found = fitter.fit(now.hypothesis, begin, now.starts, stages=how.growing, evaluations=how.pair)
+            return fitter.refitted(found, evaluations=how.pair_valley)
+
+        for found in side_by_side(search.fitter, [partial(begun, shape=shape) for shape in shapes]):
+            if found is not None and _gains_more(search, found, best):
                 best, fit = search.as_in(found, best), found
     return best
 
 
-def _column(search: SetSearch, fit: Fit, at: int) -> np.ndarray:
+def _gains_more(search: SetSearch, found: Fit, best: Sequence[Trial]) -> bool:
+    """Whether a fit follows better than the best laws so far, by more than data that cannot tell two laws apart."""
+    return search.base.chi2 - found.chi2 > best[0].gain + current().verdict.same * search.spread(found)
+
+
+def _column(fitter: Fitter, fit: Fit, at: int) -> np.ndarray:
     """(n,) derivatives of all that a fit predicts by one of its numbers."""
-    return np.concatenate([fit.jacobian[c.name][0][:, at] for c in search.fitter.cases])
+    return np.concatenate([fit.jacobian[c.name][0][:, at] for c in fitter.cases])
 
 
 def _as_much(column: np.ndarray, moved: np.ndarray, free: Free) -> float | None:
@@ -471,21 +491,27 @@ def _exchanged(search: SetSearch, pair: list[Trial]) -> list[Trial]:
             continue
         own = rows_of(pair, offset)
         at, rows = own[which].start, own[1 - which]
-        moved = _column(search, fit, at) * fit.values[at]
+        moved = _column(search.fitter, fit, at) * fit.values[at]
         others = [t for t in search.terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
-        for other in make_bank(search.fitter, fit, others).signatures:
-            alone = search.fitter.fit(fit.hypothesis.with_term(other.term), [*fit.values, 0.0], fit.starts, stages=())
-            column = _column(search, alone, -1)
-            amount = _as_much(column, moved, other.term.free[0])
+
+        def exchanged(
+            fitter: Fitter, other: Term, keep: Term = keep.term, moved: np.ndarray = moved, rows: slice = rows
+        ) -> Fit | None:
+            alone = fitter.fit(fit.hypothesis.with_term(other), [*fit.values, 0.0], fit.starts, stages=())
+            amount = _as_much(_column(fitter, alone, -1), moved, other.free[0])
             if amount is None:
-                continue
-            hypothesis = search.scene_with(keep.term, other.term)
+                return None
             begin = [*fit.values[:offset], *fit.values[rows], amount]
-            found = search.fitter.fit(hypothesis, begin, fit.starts, evaluations=current().evaluations.exchange)
-            gain = search.base.chi2 - found.chi2
-            if gain > best[0].gain + current().verdict.same * search.spread(found):
-                best = search.scored(found, [keep, Trial.untried(other)])
+            return fitter.fit(
+                search.scene_with(keep, other), begin, fit.starts, evaluations=current().evaluations.exchange
+            )
+
+        signatures = make_bank(search.fitter, fit, others).signatures
+        fits = side_by_side(search.fitter, [partial(exchanged, other=s.term) for s in signatures])
+        for signature, found in zip(signatures, fits, strict=True):
+            if found is not None and _gains_more(search, found, best):
+                best = search.scored(found, [keep, Trial.untried(signature)])
     return best
 
 
@@ -530,8 +556,8 @@ def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Excha
         others = [t for t in search.terms if t.mechanism not in {f.mechanism for f in found}]
         ranked = sorted(make_bank(search.fitter, alone, others).signatures, key=lambda s: -s.gain)
         lost = alone.chi2 - revised.chi2
-        for signature in [s for s in ranked if s.gain > current().sets.near_partner * lost][: current().sets.partners]:
-            fit = refit(search.fitter, alone, signature, (1.0,))
+        near = [s for s in ranked if s.gain > current().sets.near_partner * lost][: current().sets.partners]
+        for signature, fit in zip(near, _refitted(search, alone, near), strict=True):
             trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
             best = result.get(trial.mechanism)
