@@ -32,16 +32,16 @@ REAL = ("pendulum", "falling_balls", "two_disk_spin")
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 QUICK_REAL = tuple(("real-life", seed) for seed in (1, 4, 6, 18, 24))
 FULL = {
-    "bodies": range(2622, 2822),
+    "bodies": range(2822, 3022),
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
-    "unseen": range(1000, 1008),
-    "small-unseen": range(1019, 1051),
+    "unseen": range(1000, 1012),
+    "small-unseen": range(1048, 1096),
     "curve": range(1000, 1004),
     "small-curve": range(1002, 1018),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(2228, 2398), "real-life-bed": range(1002, 1014)}
+FULL_REAL = {"real-life": range(2398, 2568), "real-life-bed": range(1010, 1022)}
 
 
 @dataclass(frozen=True)
