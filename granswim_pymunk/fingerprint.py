@@ -96,7 +96,7 @@ def _compound(value: Any, seen: set[int]) -> Iterator[bytes]:
     elif type(value).__repr__ is not object.__repr__:
         yield _text(type(value).__module__, type(value).__qualname__, repr(value))
     else:
-        try:
+        try:  # type: ignore[unreachable]
             yield pickle.dumps(value)
         except Exception:  # whatever it is: it is taken for nothing else, and by no other process
             yield _text(type(value).__qualname__, id(value))

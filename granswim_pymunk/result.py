@@ -223,10 +223,9 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     if left and left.get("alike"):
         lines.append(f"what is left passes for noise; but {forms_in_words(left['alike'])}: its form is not told")
     elif left:
-        lines.append(
-            f"the best approximation so far: {_times(left['times_floor'])} times the noise is left, most on "
-            f"{', '.join(left['bodies'][:MOST_BODIES])}; it looks like {left['looks_like']}"
-        )
+        ratio, bodies = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES])
+        much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
+        lines.append(f"the best approximation so far: {much} on {bodies}; it looks like {left['looks_like']}")
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")
     if verdict.get("heldout"):

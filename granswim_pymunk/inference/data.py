@@ -30,6 +30,20 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Kick:
+    """A change of velocity within a frame or two.
+
+    row : the frame after it;  t : when [s];  place : (2,) [m];  change : (2,) of the velocity [m/s]
+    """
+
+    body: str
+    row: int
+    t: float
+    place: np.ndarray
+    change: np.ndarray
+
+
+@dataclass(frozen=True)
 class Case:
     """One recording, ready to be compared.
 
@@ -37,6 +51,7 @@ class Case:
     sigma : (c,) one standard deviation of the white noise;  sigma_known : given by the experimenter, and not refuted
     notes : what was found of the noise;  noise : its slow part, as it was estimated from what the best fit leaves
     late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma
+    kicks : where bodies go on at velocities of their own, whatever struck them
     training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
         parameters are known; scored as held out
     """
@@ -54,6 +69,7 @@ class Case:
     notes: tuple[str, ...] = ()
     noise: Noise = field(default_factory=Noise)
     late: np.ndarray | None = None
+    kicks: tuple[Kick, ...] = ()
 
     @property
     def numbers(self) -> np.ndarray:

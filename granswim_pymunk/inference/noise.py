@@ -564,15 +564,6 @@ def _off_both_sides(t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.
         if smooth[-count:].all():
             result[-1 - k] = _off_curve(t[None, -count:], values[None, -count:], count - 1 - k, sigma, degree)[0]
     return result
-    window = np.lib.stride_tricks.sliding_window_view
-    s, v, middle = window(t, count), window(values, count), slice(half, len(t) - half)
-    result[middle] = _off_curve(s, v, half, sigma, degree)
-    for k in range(half):
-        if smooth[:count].all():
-            result[k] = _off_curve(s[:1], v[:1], k, sigma, degree)[0]
-        if smooth[-count:].all():
-            result[-1 - k] = _off_curve(s[-1:], v[-1:], count - 1 - k, sigma, degree)[0]
-    return result
 
 
 def _off_curve(t: np.ndarray, values: np.ndarray, at: int, sigma: float, degree: int) -> np.ndarray:

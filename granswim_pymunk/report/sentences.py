@@ -167,7 +167,7 @@ def _left(d: Diagnosis) -> str:
     ratio = f", {times(left['times_floor'])} times the floor" if left["times_floor"] is not None else ""
     whom = f", most of it on {listed(bodies(left['bodies']), 3)}" if left["bodies"] else ""
     t = left["when"]["t"]
-    when = f" from {number(t[0])} to {number(t[1])} s" if t else ""
+    when = "" if not t else f" at {number(t[0])} s" if t[0] == t[1] else f" from {number(t[0])} to {number(t[1])} s"
     like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
     return f"More than noise{size}{ratio}{whom}{when}{like}."
 

@@ -47,17 +47,25 @@ class KickCriteria:
 
     half : frames on either side in which it is looked for. Choice
     sure : of chi2, by which a parabola with one step of its velocity has to be ahead of a cubic. Theory: chance gives
-        as much to the two numbers of a step once in 7e10;  times : what the cubic leaves over what is left with a step
+        as much to the two numbers of a step once in 7e10;  times : what the cubic leaves beyond noise over what
+        a step leaves beyond it
+    turns : of chi2, by which it has to be ahead of a polynomial of fifth degree, too. Source: Kass & Raftery 1995,
+        beyond which evidence is very strong
     most : of chi2 over its degrees of freedom, that the parabola with a step may leave. Choice: laboratories state
         noise that is off by two;  gap : of the usual time of so many frames, that those with lost ones among them may
         take
+    rounds : of seven times, in which that of a step is sought: to a sixtieth of a frame. Choice
+    clear : radii of a body, beyond which what it may meet does not act on it as in a contact. Choice
     """
 
     half: int = 6
     sure: float = 50.0
     times: float = 4.0
+    turns: float = 10.0
     most: float = 4.0
     gap: float = 1.5
+    rounds: int = 4
+    clear: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,7 @@ class SegmentCriteria:
     bend : of the answer to a small error of the start, how much of it may be curved: beyond, linear steps do not find
         the start, which is where chaos begins to show. Choice
     ahead : frames over which a start is followed without asking, and looked ahead where there are more
+    open : times the change of a velocity that nothing explains, within which it may be anything. Choice
     robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
         a run that misses a glancing impact is no evidence of that size
     tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: each by a larger factor than
@@ -114,6 +123,7 @@ class SegmentCriteria:
     depth: float = 0.005
     bend: float = 0.25
     ahead: int = 1000
+    open: float = 10.0
     robust: float = 4.0
     tighter: tuple[float, ...] = (0.2, 0.008, 6.4e-5)
     closer: tuple[float, ...] = (0.2, 0.04, 0.008)

@@ -54,8 +54,13 @@ def make_blocks(cases: Sequence[Case], criteria: BlockCriteria | None = None) ->
         if through:
             blocks += through
             continue
-        for start, rest in cut(case.t, np.flatnonzero(case.training), pieces, share, criteria):
-            blocks.append(Block(case, start, rest, whole))
+        rows = np.flatnonzero(case.training)
+        # what nothing in the scene explains is asked of no law
+        stretches = np.split(rows, np.searchsorted(rows, sorted(kick.row for kick in case.kicks)))
+        for stretch in stretches[:1] if whole else stretches:
+            mine = math.ceil(pieces * len(stretch) / len(rows))
+            for start, rest in cut(case.t, stretch, mine, share, criteria) if mine else ():
+                blocks.append(Block(case, start, rest, whole))
     return blocks
 
 
@@ -86,6 +91,8 @@ def _through_impacts(case: Case, criteria: BlockCriteria) -> list[Block]:
     blocks = []
     for before, after in pairwise(segments):
         first = np.flatnonzero(before.frames)[0]
+        if any(first < kick.row <= np.flatnonzero(after.frames)[-1] for kick in case.kicks):
+            continue
         hit = hits[hits > first].min(initial=len(case.t))
         start = before.frames & (np.arange(len(case.t)) < hit)
         if start.sum() >= criteria.start_frames // 2:

@@ -24,7 +24,7 @@ from ..start import Pendulum
 from ..threads import ContextPool
 from .fitted import Fit, huber, information_of, weight_roots
 from .follow import POOL, Follower, Slow
-from .segments import Segment, find_impacts, limits_of
+from .segments import Segment, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
@@ -219,7 +219,7 @@ class Fitter(Follower):
         """
         cases, segments = [], {}
         for case in self.cases:
-            seen, impacts = case.values.copy(), find_impacts(case)
+            seen, impacts = case.values.copy(), find_cuts(case)
             for segment in self.segments[case.name]:
                 rows = np.flatnonzero(segment.frames)
                 for k, channel in enumerate(case.channels):
@@ -242,7 +242,7 @@ class Fitter(Follower):
         numbers, errors = flights.starts[case.name], errors_of(flights.jacobian[case.name][1])
         off = errors @ rng.normal(size=(len(numbers), criteria.drawn))
         drawn = numbers + np.vstack([np.zeros(len(numbers)), off.T])
-        segments, impacts = self.segments[case.name], find_impacts(case)
+        segments, impacts = self.segments[case.name], find_cuts(case)
         bodies = list(dict.fromkeys([c.body for c in case.channels] + [s.body for s in segments[0].starts]))
         column = np.array([bodies.index(c.body) for c in case.channels])
         frames, left = self.frames[case.name], []

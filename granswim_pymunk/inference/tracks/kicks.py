@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from ... import distributions as stats
 from ..criteria import current
-from ..data import Case
-from .segments import find_impacts, paths_of
-
-
-@dataclass(frozen=True)
-class Kick:
-    """A change of velocity within a frame or two.
-
-    t : when [s];  place : (2,) [m];  change : (2,) of the velocity [m/s]
-    """
-
-    body: str
-    t: float
-    place: np.ndarray
-    change: np.ndarray
+from ..data import Case, Kick
+from ..judge import Remains
+from .segments import find_impacts, gaps_of, paths_of
 
 
 def unexplained(case: Case) -> list[Kick]:
     """Kicks of bodies that touch nothing that the scene has, in order of time.
 
     In windows of frames a parabola whose velocity steps once has to follow, and a cubic without a step to be off by
-    far. Not of bodies that follow a command.
+    far; what turns sharply, so that a polynomial of fifth degree follows as well, is none. Not of bodies that follow a
+    command.
     """
     scene = case.recording.scene
     led = {b for item in scene.laws_as("command") for b in item.bodies or ()}
@@ -41,14 +32,83 @@ def unexplained(case: Case) -> list[Kick]:
             continue
         rows = [row for b, row in struck if b == body]
         found += [
-            kick for row, kick in _kicks(body, case.t, xy, noise)
-            if all(abs(row - other) > current().kicks.half for other in rows)
+            kick for kick in _kicks(body, case.t, xy, noise, _larger(case, body))
+            if all(abs(kick.row - other) > current().kicks.half for other in rows)
         ]  # fmt: skip
     return sorted(found, key=lambda kick: kick.t)
 
 
-def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float) -> list[tuple[int, Kick]]:
-    """Kicks of one body with their rows; xy : (T, 2) places [m]."""
+def all_kicks(case: Case) -> list[Kick]:
+    """Those that the recording is cut at, and others that nothing explains, in order of time."""
+    near = [(kick.body, kick.row) for kick in case.kicks]
+    others = (
+        kick for kick in unexplained(case)
+        if all(kick.body != body or abs(kick.row - row) > current().kicks.half for body, row in near)
+    )  # fmt: skip
+    return sorted((*case.kicks, *others), key=lambda kick: kick.t)
+
+
+def cut_at_kicks(case: Case) -> Case:
+    """The recording with its unexplained kicks of bodies that are alone: they go on at velocities of their own.
+
+    What a stop that the scene has not does can be followed by no law, and would hide all others. Where another body is
+    near, or is struck just then, something acts between them, and laws are asked for that. Held-out frames count up to
+    the first kick among them.
+    """
+    c, found = current().kicks, unexplained(case)
+    struck = [kick.row for kick in found]
+    kicks = tuple(
+        kick for kick in found
+        if sum(abs(kick.row - row) <= c.half for row in struck) == 1 and _is_alone(case, kick)
+    )  # fmt: skip
+    if not kicks:
+        return case
+    learnt = np.flatnonzero(case.start if case.held_out else case.training)
+    later = [kick.row for kick in kicks if not len(learnt) or kick.row > learnt[-1]]
+    scored = case.scored.copy()
+    often = "once" if len(kicks) == 1 else f"{len(kicks)} times"
+    notes = [f"{case.name}: {often} a body goes on at a velocity of its own, as nothing that the scene has struck it"]
+    if later and scored[: min(later) - 1].sum() >= c.half:
+        scored[min(later) - 1 :] = False
+        notes.append(f"{case.name}: held-out frames count up to t = {case.t[min(later) - 1]:.4g} s, where one does")
+    # when it came is known to a frame
+    values, frame = case.values.copy(), float(np.median(np.diff(case.t)))
+    for kick in kicks:
+        own = [k for k, channel in enumerate(case.channels) if channel.body == kick.body]
+        values[np.ix_(np.flatnonzero(np.abs(case.t - kick.t) < frame), np.array(own))] = np.nan
+    return replace(case, values=values, kicks=kicks, scored=scored, notes=(*case.notes, *notes))
+
+
+def chance_of_one() -> float:
+    """That noise gives as much to the two numbers of a step of the velocity as is asked of a kick."""
+    return float(stats.chi2.sf(current().kicks.sure, 2))
+
+
+def remains_of_kicks(cases: Sequence[Case]) -> Remains:
+    """What is left where all but unexplained kicks is noise."""
+    kicks = [kick for case in cases for kick in case.kicks if case.training[kick.row]]
+    when = min(kick.t for kick in kicks), max(kick.t for kick in kicks)
+    bodies = tuple(dict.fromkeys(kick.body for kick in kicks))
+    size = max(float(np.hypot(*kick.change)) for kick in kicks)
+    several = f", {len(kicks)} times" if len(kicks) > 1 else ""
+    looks = f"a velocity that changes by up to {size:.2g} m/s at once{several}: a stop, a hand, another body"
+    return Remains(None, None, bodies, when, None, looks)
+
+
+def _is_alone(case: Case, kick: Kick) -> bool:
+    """Whether all that a body may meet is farther from it than bodies that touch act on each other."""
+    radius = case.recording.scene.body(kick.body).radius
+    return all(gap[kick.row] > current().kicks.clear * radius for gap in gaps_of(case, kick.body))
+
+
+def _larger(case: Case, body: str) -> np.ndarray:
+    """(T,) by how much errors of the stamps make the variance of the places of a body larger than noise does."""
+    own = [k for k, channel in enumerate(case.channels) if channel.body == body and channel.kind in ("x", "y")]
+    return np.ones(len(case.t)) if case.late is None else 1 + np.mean(case.late[:, own] ** 2, axis=1)
+
+
+def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float, larger: np.ndarray) -> list[Kick]:
+    """Kicks of one body; xy : (T, 2) places [m];  larger : (T,) times the square of the ``noise``, their variance."""
     c = current().kicks
     seen = np.flatnonzero(np.isfinite(xy).all(axis=1))
     size = 2 * c.half
@@ -58,25 +118,48 @@ def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float) -> list[tuple
     span = np.ptp(times, axis=1)
     usual = np.median(span)
     s = (times - times[:, :1]) / span[:, None]
-    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(4)))
-    left = places - np.einsum("wpk,wlk,wcl->wcp", q, q, places, optimize=True)
-    smooth = np.sum(left**2, axis=(1, 2))
+    variance = sliding_window_view(larger[seen], size).mean(axis=1)
+
+    def left(degree: int) -> np.ndarray:
+        q, _ = np.linalg.qr(np.power(s[..., None], np.arange(degree + 1)))
+        off = places - np.einsum("wpk,wlk,wcl->wcp", q, q, places, optimize=True)
+        return np.asarray(np.sum(off**2, axis=(1, 2)) / variance)
+
+    smooth, turning = left(3), left(5)
     freedom = 2 * (size - 4) - 1
     best: list[tuple[float, int, np.ndarray, float]] = []
     for w in np.flatnonzero((smooth > c.sure) & (span < c.gap * usual)).tolist():
-        # the step lies about the middle: in between two frames, or within one
-        for when in np.linspace(s[w, c.half - 2], s[w, c.half + 1], 7):
-            design = np.column_stack([np.ones(size), s[w], s[w] ** 2, np.maximum(s[w] - when, 0.0)])
-            numbers, *_ = np.linalg.lstsq(design, places[w].T, rcond=None)
-            off = float(np.sum((places[w].T - design @ numbers) ** 2))
-            if smooth[w] - off > c.sure and smooth[w] > c.times * off and off < c.most * freedom:
-                best.append((off - smooth[w], w, numbers[3] * noise / span[w], float(when)))
-    kicks: list[tuple[int, Kick]] = []
+        off, when, change = _with_step(s[w], places[w].T, c.half)
+        off /= variance[w]
+        ahead = turning[w] - off > c.turns and smooth[w] - off > c.sure
+        if ahead and smooth[w] - freedom > c.times * (off - freedom) and off < c.most * freedom:
+            best.append((off - smooth[w], w, change * noise / span[w], when))
+    kicks: list[Kick] = []
     for _, w, change, when in sorted(best, key=lambda found: found[0]):
-        row = int(seen[w + c.half])
-        if all(abs(row - other) > size for other, _ in kicks):
-            kicks.append((row, Kick(body, float(times[w, 0] + when * span[w]), xy[row], change)))
+        at = float(times[w, 0] + when * span[w])
+        row = int(np.searchsorted(t, at))
+        if all(abs(row - other.row) > size for other in kicks):
+            kicks.append(Kick(body, row, at, xy[int(seen[w + c.half])], change))
     return kicks
+
+
+def _with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, float, np.ndarray]:
+    """What a parabola whose velocity steps once leaves of ``places`` (n, 2) at s (n,), when it steps, and by how much.
+
+    The step lies about the middle: in between two frames, or within one. A body that is fast moves many times the noise
+    in a part of a frame, so that its time is sought more and more finely.
+    """
+    low, high = s[half - 2], s[half + 1]
+    found: list[tuple[float, float, np.ndarray]] = []
+    for _ in range(current().kicks.rounds):
+        grid = np.linspace(low, high, 7)
+        for when in grid.tolist():
+            design = np.column_stack([np.ones(len(s)), s, s**2, np.maximum(s - when, 0.0)])
+            numbers, *_ = np.linalg.lstsq(design, places, rcond=None)
+            found.append((float(np.sum((places - design @ numbers) ** 2)), when, numbers[3]))
+        best = min(found, key=lambda f: f[0])
+        low, high = max(low, best[1] - (grid[1] - grid[0])), min(high, best[1] + (grid[1] - grid[0]))
+    return best
 
 
 def told(case: Case, kicks: list[Kick]) -> str:

@@ -64,8 +64,8 @@ from .held_out import (
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits, with_slopes
+from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
-from .kicks import unexplained
 from .line import strongest_line
 from .name import Trial, spread_of
 from .pairs import Exchange
@@ -277,7 +277,12 @@ class Tracks(ObservationModel):
         return self.weighed
 
     def completeness(self, fit: Fit) -> Completeness:
-        """Whether what a fit leaves of the training part passes for noise, or is less than matters."""
+        """Whether what a fit leaves of the training part passes for noise, or is less than matters, as no kick does."""
+        found = self._between_kicks(fit)
+        return replace(found, chance=min(found.chance, chance_of_one()), passes=False) if self.study.kicked else found
+
+    def _between_kicks(self, fit: Fit) -> Completeness:
+        """The same of the stretches between velocities that change at once for no reason that the scene has."""
         if id(fit) not in self._completeness:
             found = completeness(series_of(fit, self.study.training))
             if not found.passes and _below_tolerance(fit, self.study.training):
@@ -478,7 +483,11 @@ class Tracks(ObservationModel):
     def _left(self, judged: Judgement) -> tuple[Left, bool]:
         """What is left, and whether that is more than noise in what was learnt from: held-out data move no interval."""
         # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
-        complete = self.completeness(judged.claim.fit).passes
+        quiet, kicked = self._between_kicks(judged.claim.fit).passes, self.study.kicked
+        named = judged.verdict not in ("no_mismatch", "recalibrate")
+        if named and quiet and kicked and not self._more_to_see(judged.claim.fit):
+            return Left(False, remains_of_kicks(kicked)), False
+        complete = quiet and not kicked
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
         off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
         if off:
@@ -622,7 +631,7 @@ class Tracks(ObservationModel):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         notes += as_the_picture(self.mechanisms(course), self.study.cases)
         if not course.left.complete:
-            notes += [told_of(c, kicks) for c in self.study.cases if (kicks := unexplained(c))]
+            notes += [told_of(c, kicks) for c in self.study.cases if (kicks := all_kicks(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > current().left.told * floor:
             times = revised / floor

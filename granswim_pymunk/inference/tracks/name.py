@@ -20,7 +20,7 @@ from ..trial import Tried
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import inflation
-from .segments import find_impacts
+from .segments import find_cuts
 from .signatures import Bank, Signature
 
 
@@ -152,7 +152,7 @@ def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
     What acts in impacts alone is not tested by a rest without any. None where the usual cut leaves enough of them, or
     where there are fewer than two.
     """
-    met = np.unique([i.row for i in find_impacts(case) if rows[0] < i.row < rows[-1]])
+    met = np.unique([i.row for i in find_cuts(case) if rows[0] < i.row < rows[-1]])
     early = min(int(np.ceil(current().split.inner * len(met))), len(met) - 1)
     if early < 1 or (met > rows[int(len(rows) * current().split.inner)]).sum() >= len(met) - early:
         return None

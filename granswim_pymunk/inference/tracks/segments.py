@@ -51,7 +51,7 @@ class Impact:
     """Bodies that met: ``row`` of the closest frame, ``apart`` the first after it in which they are clear.
 
     kick : |change of velocity| of each [m/s]
-    met : who touched, also what never moves; a straight wall has no name
+    met : who touched, also what never moves; a straight wall has no name, and what nobody knows neither
     place, speed : spread of the place [m] and of the velocity [m/s] of each right after it, where a rigid impact that
         was not quite where it is believed to be is followed
     """
@@ -63,13 +63,14 @@ class Impact:
     place: dict[str, float]
     speed: dict[str, float]
     met: tuple[str, ...] = ()
+    unknown: bool = False
 
 
 def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | None = None) -> tuple[Segment, ...]:
     """Segments of the ``frames`` (T,) of a recording: one, or one between each two impacts."""
     criteria = criteria or current().segments
     rows = np.flatnonzero(frames)
-    impacts = [i for i in find_impacts(case, criteria) if rows[0] < i.row < rows[-1]] if len(rows) else []
+    impacts = [i for i in find_cuts(case, criteria) if rows[0] < i.row < rows[-1]] if len(rows) else []
     cuts: list[tuple[int, list[Impact]]] = []
     for impact in impacts:
         after = int(np.searchsorted(rows, impact.apart))
@@ -201,6 +202,8 @@ def _tie(
             place = float(np.hypot.reduce([i.place[start.body] for i in mine]))
             speed = float(np.hypot.reduce([i.speed[start.body] for i in mine]))
             spread = np.maximum(spread, np.where(np.arange(len(spread)) >= 2, speed, place))
+            if any(i.unknown for i in mine):
+                late = spread  # no scene tells more of it
         spreads.append(spread[start.free])
         limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
         least.append(late[start.free])
@@ -210,6 +213,19 @@ def _tie(
 def limits_of(segments: Sequence[Segment]) -> np.ndarray:
     """Limits of all steps of a recording, in the order of its segments."""
     return np.concatenate([s.limit for s in segments])
+
+
+def find_cuts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
+    """Where bodies met, and where they go on at velocities of their own whatever struck them, in order of time."""
+    criteria = criteria or current().segments
+    frame = float(np.median(np.diff(case.t)))
+    found = find_impacts(case, criteria)
+    for kick in case.kicks:
+        # it comes within a frame or two, and how large it is is open
+        size = float(np.linalg.norm(kick.change))
+        place, speed = {kick.body: frame * size}, {kick.body: criteria.open * size}
+        found.append(Impact(kick.row - 1, kick.row, (kick.body,), {kick.body: size}, place, speed, unknown=True))
+    return sorted(found, key=lambda i: i.row) if case.kicks else found
 
 
 def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
@@ -266,6 +282,13 @@ def paths_of(case: Case) -> dict[str, tuple[np.ndarray, float]]:
             xy[:, axis] = np.median(known[np.isfinite(known)]) if np.isfinite(known).any() else np.nan
         paths[body] = xy, float(max(case.sigma[k] for k in mine.values()))
     return paths
+
+
+def gaps_of(case: Case, body: str) -> list[np.ndarray]:
+    """Gaps (T,) [m] between a body and all else in its recording: seen bodies, posts, straight walls."""
+    paths = paths_of(case)
+    others = [name for name in paths if name != body]
+    return [gap for *_, gap in _met_by(body, others, paths, case.recording.scene)]
 
 
 def _met_by(

@@ -21,6 +21,7 @@ from .closer import joined_closely
 from .fit import Fitter
 from .fitted import Fit
 from .innovations import memory_of
+from .kicks import cut_at_kicks
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law, two_for_one
@@ -49,6 +50,11 @@ class Study:
     progress: Progress
     late: Callable[[float], bool]  # whether that share of the budget is spent
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def kicked(self) -> list[Case]:
+        """Recordings in which bodies go on at velocities of their own, for no reason that the scene has."""
+        return [c for c in self.training if any(c.training[kick.row] for kick in c.kicks)]
 
     def stop(self) -> bool:
         """Whether the time is up: fits then end where they stand."""
@@ -80,7 +86,7 @@ def study_of(
     recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
     late: Callable[[float], bool],
 ) -> Study:  # fmt: skip
-    cases = [shortened(case) for case in prepare_all(recordings, hold_out)]
+    cases = [shortened(cut_at_kicks(case)) for case in prepare_all(recordings, hold_out)]
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     refits = current().refits
