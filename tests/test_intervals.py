@@ -94,12 +94,12 @@ def test_what_is_far_behind_the_best_is_not_scored():
     """Forms without a name beside a law that gains more than twice as much: their score decides nothing."""
     scored = []
 
-    def score(fit):
-        scored.append(fit)
-        return 1.0, {}
+    def scores(fits):
+        scored.extend(fits)
+        return [(1.0, {}) for _ in fits]
 
     trials = [Trial(None, fit, gain, math.inf) for fit, gain in (("near", 60.0), ("far", 40.0))]
-    inner = SimpleNamespace(score=score)
+    inner = SimpleNamespace(scores=scores)
     assert [t.inner for t in score_inner(inner, trials, ahead=100.0)] == [1.0, math.inf] and scored == ["near"]
     assert [t.inner for t in score_inner(inner, trials)] == [1.0, 1.0]
 
@@ -109,9 +109,9 @@ def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
     """A form that follows what it was fitted to no better than a name, its numbers paid, is no better explanation."""
     asked = []
 
-    def score(fit):
-        asked.append(fit.name)
-        return 1.0, {}
+    def scores(fits):
+        asked.extend(fit.name for fit in fits)
+        return [(1.0, {}) for _ in fits]
 
     def trial(name, gain, numbers, value=0.1):
         free = tuple(Free(f"{name}.{k}", "1", 0.0, 1.0, 0.1, 0.01) for k in range(numbers))
@@ -120,7 +120,7 @@ def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
         fit = SimpleNamespace(name=name, excess=0.0, **own)
         return Trial(SimpleNamespace(term=term), fit, gain, math.inf)
 
-    study = SimpleNamespace(fitter=SimpleNamespace(segmented=segmented), inner=SimpleNamespace(score=score))
+    study = SimpleNamespace(fitter=SimpleNamespace(segmented=segmented), inner=SimpleNamespace(scores=scores))
     # a law whose number ended where its search ends is no explanation, however much it gains
     laws = [trial("law", 100.0, 1), trial("absurd", 200.0, 1, value=1.0)]
     forms = _scored_forms(study, [trial("ahead", 120.0, 4), trial("behind", 103.0, 4)], laws, 1.0)

@@ -330,6 +330,8 @@ class BedPlaceCriteria:
     """Where a mismatch of a bed is told to be, and what the next film is asked for.
 
     level : probability of chance below which a place is told, after looking at all
+    replicates : the fewest whose own first places tell what all looks make of chance. Choice: Student's t is then
+        1.6 times as wide as the normal at one in a hundred, and of three twice
     bins : of the cycle
     farthest : standard deviations: how far a sum of grains strays beyond that hangs on a single violent one
     members : of the windows that the map is made of
@@ -340,6 +342,7 @@ class BedPlaceCriteria:
     """
 
     level: float = 0.01
+    replicates: int = 5
     bins: int = 8
     farthest: float = 5.0
     members: int = 6

@@ -13,7 +13,7 @@ import numpy as np
 from ... import distributions as stats
 from ..criteria import current
 from ..places import Place
-from ..significance import after_looks
+from ..significance import after_looks, normal_score
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
@@ -40,6 +40,13 @@ class Map:
     replicate_sums: np.ndarray
     replicate_cells: np.ndarray
     speed: np.ndarray
+
+    def of_replicate(self, number: int) -> Map:
+        """The map that a replicate has beside the others."""
+        others = np.arange(len(self.replicate_disks)) != number
+        own = self.replicate_disks[number], self.replicate_sums[number], self.replicate_cells[number]
+        those = self.replicate_disks[others], self.replicate_sums[others], self.replicate_cells[others]
+        return Map(self.bed, *own, *those, self.speed)
 
 
 def maps(likelihood: WindowLikelihood, predicted: Prediction) -> list[Map]:
@@ -74,17 +81,48 @@ def maps(likelihood: WindowLikelihood, predicted: Prediction) -> list[Map]:
 
 
 def locate(likelihood: WindowLikelihood, predicted: Prediction, windows: Sequence[np.ndarray]) -> list[Place]:
-    """Places where the innovations are beyond the replicates', the clearest first, each after all looks."""
-    candidates: list[tuple[Place, float]] = []
-    for found, chosen in zip(maps(likelihood, predicted), windows, strict=True):
-        candidates += _of_one(found, np.asarray(chosen))
-    looked = max(len(candidates), 1)
+    """Places where the innovations are beyond the replicates', the clearest first, each after all looks.
+
+    How clear the first place of each replicate is among the others says what all looks make of chance: places depend on
+    one another, and some beds jam.
+    """
+    of_film = list(zip(maps(likelihood, predicted), map(np.asarray, windows), strict=True))
+    first = _first_of_replicates(of_film)
     places = []
-    for place, p_one in candidates:
-        z, p = after_looks(p_one, looked)
+    for place, z in _after_looks(of_film):
+        z, p = _among(z, first)
         if p < current().windows.places.level:
             places.append(replace(place, z=z, p=p))
     return sorted(places, key=lambda q: -q.z)
+
+
+def _after_looks(films: Sequence[tuple[Map, np.ndarray]]) -> list[tuple[Place, float]]:
+    """The places in the chosen windows (w,) of all films, each with z after all looks as if they were independent."""
+    candidates = [candidate for found, chosen in films for candidate in _of_one(found, chosen)]
+    return [(place, after_looks(p_one, len(candidates))[0]) for place, p_one in candidates]
+
+
+def _first_of_replicates(films: Sequence[tuple[Map, np.ndarray]]) -> np.ndarray:
+    """(N,) z of the clearest place of each replicate, the others taken for its replicates."""
+    number = min((len(found.replicate_disks) for found, _ in films), default=0)
+    if number < current().windows.places.replicates:
+        return np.zeros(0)
+    found = [_after_looks([(of_film.of_replicate(k), chosen) for of_film, chosen in films]) for k in range(number)]
+    return np.array([max(z for _, z in places) for places in found if places])
+
+
+def _among(z: float, those: np.ndarray) -> tuple[float, float]:
+    """z and p of the first place of a film among those of replicates (N,), which are taken for normal; of few as it is.
+
+    Of one more of them: Student's t of N - 1 degrees of freedom (a prediction interval: Hahn 1969, J. Qual. Technol. 1,
+    168).
+    """
+    number = len(those)
+    if number < current().windows.places.replicates:
+        return z, float(stats.norm.sf(z))
+    spread = max(float(those.std(ddof=1)), current().rounding.nothing) * math.sqrt(1 + 1 / number)
+    p = float(stats.t.sf((z - float(those.mean())) / spread, number - 1))
+    return normal_score(p), max(p, current().rounding.nothing)
 
 
 def locate_law(
