@@ -38,10 +38,13 @@ def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     }
     signatures = tuple(Signature(t, np.zeros((4, 1)), 0.5, 1e4) for t in (each, both))
     monkeypatch.setattr(pairs, "make_bank", lambda *a: SimpleNamespace(signatures=signatures))
-    monkeypatch.setattr(pairs, "refit", lambda fitter, fit, signature, stages: fits[signature.term.label])
+    monkeypatch.setattr(pairs, "_refitted", lambda search, fit, signatures: [fits[s.term.label] for s in signatures])
     monkeypatch.setattr(pairs, "noise_of", lambda *a: None)
     monkeypatch.setattr(pairs, "search_nulls", lambda *a: SimpleNamespace(p=0.001))
-    inner = SimpleNamespace(score=lambda fit: (fit.score, {"r": fit.score}), slack=0.0)
+    def score(fit):
+        return fit.score, {"r": fit.score}
+
+    inner = SimpleNamespace(score=score, scores=lambda fits: list(map(score, fits)), slack=0.0)
     fitter = SimpleNamespace(cases=[], fit=lambda *a, **k: base)
     found = [Trial(Signature(drag, np.zeros((4, 1)), 1.0, 1e6), base, 1e6, 900.0)]
     search = SimpleNamespace(
