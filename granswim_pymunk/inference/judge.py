@@ -13,6 +13,7 @@ from .criteria import Criteria, current
 from .explained import Explained, Scores
 from .mechanisms import APPARATUS, forms_in_words, nameless
 from .noise import Noise, chance_of, fit_noise
+from .significance import beyond
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,12 @@ def completeness(residuals: Sequence[np.ndarray], criteria: Criteria | None = No
 def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
     """Probability that one more repeat is as far off as ``error`` [m or rad, rms]; 1 where repeats (n,) are too few.
 
-    Logarithms of such errors are taken for normal, with mean and spread from the repeats themselves, hence Student's
-    t with n - 1 degrees of freedom (a prediction interval: Hahn 1969, J. Qual. Technol. 1, 168).
+    Logarithms of such errors are taken for normal, with mean and spread from the repeats themselves (``beyond``).
     """
     logs = np.log(repeats[repeats > 0])
     if len(logs) < current().left.repeats:
         return 1.0
-    spread = float(logs.std(ddof=1)) * float(np.sqrt(1 + 1 / len(logs)))
-    return float(stats.t.sf((np.log(error) - logs.mean()) / max(spread, 1e-12), len(logs) - 1))
+    return float(stats.t.sf(beyond(float(np.log(error)), logs, 1e-12), len(logs) - 1))
 
 
 NOTHING = "nothing that was tried"  # what is left looks like that

@@ -54,6 +54,15 @@ def student(freedom: float) -> float:
     return float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
 
 
+def beyond(value: float, sample: np.ndarray, least: float) -> float:
+    """Student's t of a number beside a sample (N,) of normal ones, of N - 1 degrees of freedom: a prediction interval.
+
+    least : of the sample's standard deviation.  Source: Hahn 1969, J. Qual. Technol. 1, 168.
+    """
+    spread = max(float(sample.std(ddof=1)), least) * math.sqrt(1 + 1 / len(sample))
+    return (value - float(sample.mean())) / spread
+
+
 def normal_score(p: float) -> float:
     """z with P(Z > z) = p for a standard normal Z; between -8 and 37, where doubles end."""
     return float(stats.norm.isf(min(max(p, current().rounding.nothing), 1.0 - 1e-15)))

@@ -28,9 +28,10 @@ def score_inner(inner: InnerSplit, trials: list[Trial], ahead: float = 0.0) -> l
     ahead : the gain of the best of others, which may be the best of all
     """
     best = max([ahead, *(t.gain for t in trials)])
-    near = [t.gain >= current().refits.inner_scored * best and t.gain > 0 for t in trials]
-    scores = iter(inner.scores([t.fit for t, scored in zip(trials, near, strict=True) if scored and t.fit is not None]))
-    return [replace(t, inner=next(scores)[0]) if scored else t for t, scored in zip(trials, near, strict=True)]
+    least = current().refits.inner_scored * best
+    near = {k: t.fit for k, t in enumerate(trials) if t.fit is not None and t.gain >= least and t.gain > 0}
+    scores = dict(zip(near, inner.scores(list(near.values())), strict=True))
+    return [replace(t, inner=scores[k][0]) if k in scores else t for k, t in enumerate(trials)]
 
 
 def worth(trial: Trial, spread: float) -> float:

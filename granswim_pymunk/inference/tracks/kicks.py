@@ -13,11 +13,11 @@ from ... import distributions as stats
 from ..criteria import current
 from ..data import Case, Kick
 from ..judge import Remains
-from .segments import find_impacts, gaps_of, paths_of
+from .segments import find_cuts, gaps_of, paths_of
 
 
 def unexplained(case: Case) -> list[Kick]:
-    """Kicks of bodies that touch nothing that the scene has, in order of time.
+    """Kicks of bodies that touch nothing that the scene has, in order of time; none that the recording is cut at.
 
     In windows of frames a parabola whose velocity steps once has to follow, and a cubic without a step to be off by
     far; what turns sharply, so that a polynomial of fifth degree follows as well, is none. Not of bodies that follow a
@@ -25,7 +25,7 @@ def unexplained(case: Case) -> list[Kick]:
     """
     scene = case.recording.scene
     led = {b for item in scene.laws_as("command") for b in item.bodies or ()}
-    struck = [(b, i.row) for i in find_impacts(case) for b in i.bodies]
+    struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]
     found = []
     for body, (xy, noise) in paths_of(case).items():
         if body in led or noise <= 0:
@@ -40,12 +40,7 @@ def unexplained(case: Case) -> list[Kick]:
 
 def all_kicks(case: Case) -> list[Kick]:
     """Those that the recording is cut at, and others that nothing explains, in order of time."""
-    near = [(kick.body, kick.row) for kick in case.kicks]
-    others = (
-        kick for kick in unexplained(case)
-        if all(kick.body != body or abs(kick.row - row) > current().kicks.half for body, row in near)
-    )  # fmt: skip
-    return sorted((*case.kicks, *others), key=lambda kick: kick.t)
+    return sorted((*case.kicks, *unexplained(case)), key=lambda kick: kick.t)
 
 
 def cut_at_kicks(case: Case) -> Case:

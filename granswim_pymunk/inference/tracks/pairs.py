@@ -12,7 +12,7 @@ import numpy as np
 from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone
 from ..criteria import current
-from ..hypothesis import Free, Term
+from ..hypothesis import Free, Hypothesis, Term
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..simpler import special_cases
@@ -424,7 +424,6 @@ def _of_typical_shape(search: SetSearch, pair: list[Trial]) -> list[Trial]:
     """
     best, fit = pair, pair[0].fit
     assert fit is not None
-    how = current().evaluations
     for law, own in zip(pair, rows_of(pair, search.first), strict=True):
         hypothesis, now = fit.hypothesis, fit
         inner = [k for k in range(own.start, own.stop) if hypothesis.free[k].inner]
@@ -436,25 +435,26 @@ def _of_typical_shape(search: SetSearch, pair: list[Trial]) -> list[Trial]:
         moved = _column(search.fitter, now, at) * (now.values[at] - free.neutral)
         alike = [t for t in search.terms if t.label == law.term.label and len(t.free) == own.stop - own.start]
         shapes = sorted({tuple(t.free[k - own.start].first for k in inner) for t in alike})
-
-        def begun(
-            fitter: Fitter, shape: tuple[float, ...], now: Fit = now, inner: list[int] = inner, at: int = at,
-            moved: np.ndarray = moved, free: Free = free,
-        ) -> Fit | None:  # fmt: skip
-            begin = now.values.copy()
-            begin[inner], begin[at] = shape, free.neutral
-            column = _column(fitter, fitter.fit(now.hypothesis, begin, now.starts, stages=()), at)
-            amount = _as_much(column, moved, free)
-            if amount is None:
-                return None
-            begin[at] = amount
-            found = fitter.fit(now.hypothesis, begin, now.starts, stages=how.growing, evaluations=how.pair)
-            return fitter.refitted(found, evaluations=how.pair_valley)
-
-        for found in side_by_side(search.fitter, [partial(begun, shape=shape) for shape in shapes]):
+        jobs = [partial(_of_shape, now=now, at=at, moved=moved, inner=inner, shape=shape) for shape in shapes]
+        for found in side_by_side(search.fitter, jobs):
             if found is not None and _gains_more(search, found, best):
                 best, fit = search.as_in(found, best), found
     return best
+
+
+def _of_shape(
+    fitter: Fitter, now: Fit, at: int, moved: np.ndarray, inner: list[int], shape: tuple[float, ...]
+) -> Fit | None:
+    """A fit begun anew with another shape in its rows ``inner`` and a strength, in row ``at``, that moves as much."""
+    free, how = now.hypothesis.free[at], current().evaluations
+    begin = now.values.copy()
+    begin[inner], begin[at] = shape, free.neutral
+    amount = _as_much(_column(fitter, fitter.fit(now.hypothesis, begin, now.starts, stages=()), at), moved, free)
+    if amount is None:
+        return None
+    begin[at] = amount
+    found = fitter.fit(now.hypothesis, begin, now.starts, stages=how.growing, evaluations=how.pair)
+    return fitter.refitted(found, evaluations=how.pair_valley)
 
 
 def _gains_more(search: SetSearch, found: Fit, best: Sequence[Trial]) -> bool:
@@ -494,25 +494,30 @@ def _exchanged(search: SetSearch, pair: list[Trial]) -> list[Trial]:
         moved = _column(search.fitter, fit, at) * fit.values[at]
         others = [t for t in search.terms if _is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
-
-        def exchanged(
-            fitter: Fitter, other: Term, keep: Term = keep.term, moved: np.ndarray = moved, rows: slice = rows
-        ) -> Fit | None:
-            alone = fitter.fit(fit.hypothesis.with_term(other), [*fit.values, 0.0], fit.starts, stages=())
-            amount = _as_much(_column(fitter, alone, -1), moved, other.free[0])
-            if amount is None:
-                return None
-            begin = [*fit.values[:offset], *fit.values[rows], amount]
-            return fitter.fit(
-                search.scene_with(keep, other), begin, fit.starts, evaluations=current().evaluations.exchange
-            )
-
         signatures = make_bank(search.fitter, fit, others).signatures
-        fits = side_by_side(search.fitter, [partial(exchanged, other=s.term) for s in signatures])
+        kept = [*fit.values[:offset], *fit.values[rows]]
+        jobs = [
+            partial(_with_another, fit=fit, hypothesis=search.scene_with(keep.term, s.term), kept=kept, moved=moved)
+            for s in signatures
+        ]
+        fits = side_by_side(search.fitter, jobs)
         for signature, found in zip(signatures, fits, strict=True):
             if found is not None and _gains_more(search, found, best):
                 best = search.scored(found, [keep, Trial.untried(signature)])
     return best
+
+
+def _with_another(
+    fitter: Fitter, fit: Fit, hypothesis: Hypothesis, kept: list[float], moved: np.ndarray
+) -> Fit | None:
+    """The last law of a hypothesis in place of one of a fit, from the ``kept`` numbers and a strength that moves as
+    much."""
+    other = hypothesis.terms[-1]
+    alone = fitter.fit(fit.hypothesis.with_term(other), [*fit.values, 0.0], fit.starts, stages=())
+    amount = _as_much(_column(fitter, alone, -1), moved, other.free[0])
+    if amount is None:
+        return None
+    return fitter.fit(hypothesis, [*kept, amount], fit.starts, evaluations=current().evaluations.exchange)
 
 
 def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:

@@ -218,14 +218,16 @@ def limits_of(segments: Sequence[Segment]) -> np.ndarray:
 def find_cuts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
     """Where bodies met, and where they go on at velocities of their own whatever struck them, in order of time."""
     criteria = criteria or current().segments
-    frame = float(np.median(np.diff(case.t)))
     found = find_impacts(case, criteria)
+    if not case.kicks:
+        return found
+    frame = float(np.median(np.diff(case.t)))
     for kick in case.kicks:
         # it comes within a frame or two, and how large it is is open
         size = float(np.linalg.norm(kick.change))
         place, speed = {kick.body: frame * size}, {kick.body: criteria.open * size}
         found.append(Impact(kick.row - 1, kick.row, (kick.body,), {kick.body: size}, place, speed, unknown=True))
-    return sorted(found, key=lambda i: i.row) if case.kicks else found
+    return sorted(found, key=lambda i: i.row)
 
 
 def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:

@@ -12,7 +12,7 @@ from ... import distributions as stats
 from ..criteria import current
 from ..mechanisms import UNKNOWN
 from ..places import Place
-from ..significance import after_looks
+from ..significance import after_looks, beyond
 from ..trial import best_of_each
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .search import Search
@@ -89,9 +89,7 @@ def _beside_replicates(seen: float, replicates: np.ndarray) -> tuple[float, floa
     number = len(replicates)
     if number < 3 or not (seen > 0 and (replicates > 0).all()):
         return 0.0, 1.0
-    logs = np.log(replicates)
-    spread = max(float(logs.std(ddof=1)), current().windows.search.pace) * math.sqrt(1 + 1 / number)
-    away = (math.log(seen) - float(logs.mean())) / spread
+    away = beyond(math.log(seen), np.log(replicates), current().windows.search.pace)
     return away, 2.0 * float(stats.t.sf(abs(away), number - 1))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ... import distributions as stats
 from ..criteria import current
 from ..places import Place
-from ..significance import after_looks, normal_score
+from ..significance import after_looks, beyond, normal_score
 from .likelihood import Prediction, WindowLikelihood, Windows
 from .sums import MOMENTS, near_or_far, size_of
 from .windows import BedCase
@@ -112,16 +112,11 @@ def _first_of_replicates(films: Sequence[tuple[Map, np.ndarray]]) -> np.ndarray:
 
 
 def _among(z: float, those: np.ndarray) -> tuple[float, float]:
-    """z and p of the first place of a film among those of replicates (N,), which are taken for normal; of few as it is.
-
-    Of one more of them: Student's t of N - 1 degrees of freedom (a prediction interval: Hahn 1969, J. Qual. Technol. 1,
-    168).
-    """
+    """z and p of the first place of a film among those of replicates (N,), taken for normal; among few, as it is."""
     number = len(those)
     if number < current().windows.places.replicates:
         return z, float(stats.norm.sf(z))
-    spread = max(float(those.std(ddof=1)), current().rounding.nothing) * math.sqrt(1 + 1 / number)
-    p = float(stats.t.sf((z - float(those.mean())) / spread, number - 1))
+    p = float(stats.t.sf(beyond(z, those, current().rounding.nothing), number - 1))
     return normal_score(p), max(p, current().rounding.nothing)
 
 
