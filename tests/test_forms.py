@@ -117,6 +117,20 @@ def test_an_interval_holds_what_a_law_is_on_a_table_that_is_not_level():
     assert with_slopes(fitter, trial.fit, 0, 1.0, level) is trial.fit
 
 
+def test_a_profile_keeps_its_shape_on_a_table_that_is_not_level():
+    """Where an interval ends near below and far above, a slope widens it so: a strength keeps its sign."""
+    trial, fitter = found("linear_drag", use("linear_drag", c=0.002), use("uniform_force", a=(4e-3, 0.0)))
+    value, low, high = trial.fit.interval(0)
+    ends = {0: (value - (value - low) / 4, value + (high - value) * 4)}
+    even, uneven = (
+        with_slopes(fitter, fit, 0, 1.0, named_terms(fitter.cases)).interval(0)
+        for fit in (trial.fit, replace(trial.fit, limits=ends, profiles=ends))
+    )
+    assert even[1] < low and even[2] > high
+    assert value - uneven[1] == pytest.approx((value - even[1]) / 4)
+    assert uneven[2] - value == pytest.approx((even[2] - value) * 4)
+
+
 def test_what_an_adjustable_at_its_bound_cannot_take_up_is_company():
     """More drag than the scene's may be, beside a push: its interval holds what it is where a drag is missing, too."""
     a, bodies = 0.05, (Body("a", "free", 0.01, 0.05, initial=(0.0, 0.0, *ACROSS)),)

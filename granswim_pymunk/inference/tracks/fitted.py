@@ -33,7 +33,8 @@ class Fit:
     covariance : (p, p) of the values, noise taken as known and white
     chi2, count : sum of squared innovations and steps, and how many innovations there are
     jacobian : per recording, d(predicted/sigma)/d(values) and /d(starts), on the used numbers, then on the steps
-    limits : of numbers whose 95 % interval was found by profiles, see ``intervals.py``
+    profiles : ends of 95 % of numbers that are not known alone, or unevenly: by chi2 along them (``intervals.py``)
+    limits : of 95 % intervals that are not those of the covariance: profiles, and what else may move a number
     ended : whether the search through segments came to its end; not where its evaluations did
     """
 
@@ -47,6 +48,7 @@ class Fit:
     covariance: np.ndarray
     jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    profiles: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     steps: Mapping[str, np.ndarray] = field(default_factory=dict)
     whitened: Mapping[str, np.ndarray] = field(default_factory=dict)
     believed: np.ndarray | None = None

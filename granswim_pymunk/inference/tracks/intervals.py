@@ -68,7 +68,7 @@ def with_limits(fitter: Fitter, fit: Fit, first: int, spread: float, late: Calla
     for k, low, high in zip(open_, ends, ends, strict=True):
         if low is not None and high is not None:
             limits[k] = low, high
-    return replace(fit, limits=limits) if limits else fit
+    return replace(fit, limits=limits, profiles=limits) if limits else fit
 
 
 def _lopsided(fit: Fit, k: int, ends: tuple[float, float], spread: float) -> bool:
@@ -173,7 +173,7 @@ def with_doubt(fitter: Fitter, fit: Fit, first: int, spread: float) -> Fit:
     for k in range(first, p):
         value, low, high = replace(fit, believed=None).interval(k, spread)
         below = above = half_interval(float(covariance[k, k]))
-        if k in fit.limits:  # a profile keeps its shape
+        if k in fit.profiles:  # which keep their shape
             share = max(math.sqrt(told[k] / known[k]), 1.0) if known[k] > 0 else 1.0
             below, above = (value - low) * share, (high - value) * share
         limits[k] = min(low, value + float(moved[k]) - below), max(high, value + float(moved[k]) + above)
@@ -207,10 +207,24 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
     limits = dict(fit.limits)
     of_term = [t for t in fit.hypothesis.terms for _ in t.free]
     for k in [k for k in range(first, p) if of_term[k].mechanism not in APPARATUS]:
-        value, low, high = replace(fit, believed=None).interval(k, spread)
-        half = half_interval(float(covariance[k, k]))
-        limits[k] = min(low, value + float(moved[k]) - half), max(high, value + float(moved[k]) + half)
+        at, half = float(fit.values[k]) + float(moved[k]), half_interval(float(covariance[k, k]))
+        limits[k] = _widened(fit, k, spread, at - half, at + half)
     return replace(fit, limits=limits)
+
+
+def _widened(fit: Fit, k: int, spread: float, below: float, above: float) -> tuple[float, float]:
+    """The interval of number k, with the ends that a normal number has for another reason.
+
+    A profile keeps its shape: where it ends at twice the distance that curvature says, so does the other reason. A
+    strength known together with its power would have both signs otherwise.
+    """
+    value, low, high = replace(fit, believed=None).interval(k, spread)
+    half = half_interval(float(fit.covariance[k, k]) * spread)
+    if k in fit.profiles and half > 0:
+        lower, upper = fit.profiles[k]
+        below = value + (below - value) * (value - lower) / half
+        above = value + (above - value) * (upper - value) / half
+    return min(low, below), max(high, above)
 
 
 def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:
@@ -258,12 +272,11 @@ def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Seq
     weights /= weights.sum()
     limits = dict(fit.limits)
     for k in range(first, p):
-        value, low, high = replace(fit, believed=None).interval(k, spread)
-        means = value + np.array(moved)[:, k]
+        means = float(fit.values[k]) + np.array(moved)[:, k]
         errors = np.sqrt(np.maximum(level * float(fit.covariance[k, k]) + np.array(variances)[:, k], 1e-300))
         ends = [mixed_quantile(part, means, errors, weights) for part in current().intervals.central]
         if np.isfinite(ends).all():
-            limits[k] = min(low, ends[0]), max(high, ends[1])
+            limits[k] = _widened(fit, k, spread, *ends)
     return replace(fit, limits=limits)
 
 
