@@ -11,7 +11,7 @@ from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import Recording, film, read_recording, write_recording
 from granswim_pymunk.run import run_scene
-from granswim_pymunk.scene import Body, Scene, Wall, read_scene, scene_from_dict, use, write_scene
+from granswim_pymunk.scene import Adjustable, Body, Scene, Wall, read_scene, scene_from_dict, use, write_scene
 from granswim_pymunk.validation.hard_disks import Physics, Table
 from granswim_pymunk.validation.hard_disks import run as fly
 from granswim_pymunk.validation.reference import Reference
@@ -167,6 +167,19 @@ def test_each_body_with_its_own_restitution():
     for run in runs_of(Scene(bodies, tuple(laws), walls=(floor,)), 1e-3, ("verlet", "batch")):
         run.advance(80)
         np.testing.assert_allclose(run.state().v[:, 1], [0.25, 0.4], rtol=1e-9)
+
+
+def test_walls_with_a_restitution_of_their_own():
+    """A cushion gives back 0.5 where two pucks would 0.8, and they still do; also where these lose all."""
+    floor = Wall((-1.0, 0.0), (1.0, 0.0))
+    for between, at_wall in ((0.8, 0.5), (0.5, 0.8), (0.0, 0.6)):
+        laws = (use("contact_elastic", restitution=between, wall_restitution=at_wall),)
+        bodies = (puck("a", (-0.2, 0.03), (0.0, -0.5)), puck("b", (0.2, 0.5), (0.5, 0.0)), puck("c", (0.3, 0.5)))
+        for run in runs_of(Scene(bodies, laws, walls=(floor,)), 1e-3, ("verlet", "chipmunk", "batch")):
+            run.advance(180)
+            v = run.state().v
+            assert v[0, 1] == pytest.approx(0.5 * at_wall, rel=1e-9), name_of(run)
+            np.testing.assert_allclose(v[1:, 0], [0.25 * (1 - between), 0.25 * (1 + between)], atol=1e-6)
 
 
 def test_bodies_that_no_contact_law_names_pass():
@@ -343,6 +356,29 @@ def test_restitution_of_a_box_is_found(tmp_path):
     revised = read_scene(tmp_path / "out" / "revised.toml")
     assert revised.walls == walls
     run_scene(revised, tmp_path / "again", frames=2, quiet=True)
+
+
+def test_a_cushion_is_no_puck(tmp_path):
+    """Two pucks in the same box that bounce off each other as believed, filmed by the same code, and off walls not."""
+    corners = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)]
+    sides = tuple(zip(corners, [*corners[1:], corners[0]], strict=True))
+    table = Table(np.full(2, 0.02), np.full(2, 0.1), np.array([False, False]), sides)
+    t = np.arange(150) / 120
+    start = np.array([[0.05, 0.1, 0.7, 0.05], [0.2, 0.11, 0.0, 0.3]])
+    flight = fly(table, Physics(restitution=0.9, at_walls=0.7), start, t)
+    assert any(touch[2] == 1 for touch in flight.touches) and any(touch[2] > 1 for touch in flight.touches)
+    seen = flight.xy + 3e-4 * np.random.default_rng(3).normal(size=flight.xy.shape)
+    walls = tuple(Wall(*side) for side in sides)
+    bodies = tuple(Body(name, "free", 0.02, 0.1) for name in "ab")
+    own = Adjustable("contact_elastic", "restitution", 0.5, 1.0)
+    scene = Scene(bodies, (use("contact_elastic", restitution=1.0),), walls=walls, adjustable=(own,))
+    verdict = gs.diagnose(Recording("box", scene, t, ("a", "b"), seen, position_noise=3e-4), seed=1).verdict
+    assert verdict["verdict"] == "missing_physics"
+    assert [m["name"] for m in verdict["mechanisms"]] == ["restitution"]
+    found = verdict["mechanisms"][0]["parameters"]["wall_restitution"]
+    assert found["low"] < 0.7 < found["high"] and found["high"] - found["low"] < 0.03
+    between = verdict["recalibrated"]["contact_elastic.restitution"]
+    assert between["low"] < 0.9 < between["high"]
 
 
 def test_pictures(tmp_path):

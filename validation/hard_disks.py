@@ -27,12 +27,14 @@ PARTS = 8  # an impact that lasts is given in so many equal parts
 class Physics:
     """What acts on the disks, SI.
 
-    restitution : -v_n'/v_n;  contact_friction : bound of the tangential impulse over the normal one
+    restitution : -v_n'/v_n;  at_walls : the same at straight walls, None: that of disks
+    contact_friction : bound of the tangential impulse over the normal one
     substrate : deceleration over g;  drag : force over velocity [kg/s], each disk alike
     repulsion : (s [N], n, r_0 [m]), a force s (r_0/d)^n along the line of centres at a distance d;  g [m/s^2]
     """
 
     restitution: float = 1.0
+    at_walls: float | None = None
     contact_friction: float = 0.0
     substrate: float = 0.0
     drag: float = 0.0
@@ -202,7 +204,9 @@ class _Run:
         if not wall:
             slip -= self.spin[j] * table.radius[j]
             turning += 0.0 if table.fixed[j] else table.radius[j] ** 2 / table.inertia[j]
-        push = (1.0 + self.physics.restitution) * closing / inverse
+        physics = self.physics
+        bounce = physics.at_walls if wall and physics.at_walls is not None else physics.restitution
+        push = (1.0 + bounce) * closing / inverse
         most = self.physics.contact_friction * push
         rub = float(np.clip(-slip / (inverse + turning), -most, most))
         return push * normal + rub * across, closing, slip

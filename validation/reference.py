@@ -424,7 +424,7 @@ class Reference:
                         way = walls.ways((xy + wait * v)[None])[0, k]
                         closing = float(v @ way) / math.hypot(*way)
                         if closing > slow:
-                            found.append((wait, closing, (int(i), -1 - k, values["restitution"])))
+                            found.append((wait, closing, (int(i), -1 - k, values["wall_restitution"])))
         return found
 
     def _friction_between(self, i: int, j: int) -> float:

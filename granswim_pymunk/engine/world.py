@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymunk
@@ -21,6 +21,15 @@ from .units import Units
 
 MOST_SURFACES = 8
 IMMOVABLE = 1e15  # times its mass, a body that is carried along is to Chipmunk
+LEAST_ROOT = 1e-6  # of a restitution, where walls have another
+
+
+class Surface(NamedTuple):
+    """How a body bounces and rubs, and what a straight wall is to it: Chipmunk takes the product of two."""
+
+    bounce: float
+    rub: float
+    wall: float
 
 
 class World:
@@ -79,18 +88,23 @@ class World:
 
     # ---- building -------------------------------------------------------------------------------
 
-    def _surfaces(self, impulse: list[Any]) -> dict[str, tuple[float, float]]:
-        """Root of restitution and of friction of each body: Chipmunk takes the product of two."""
+    def _surfaces(self, impulse: list[Any]) -> dict[str, Surface]:
+        """Root of restitution and of friction of each body, and what gives that of walls beside the first."""
         ids = self._scene.ids
-        restitution = dict.fromkeys(ids, 1.0)
+        restitution = dict.fromkeys(ids, (1.0, 1.0))
         for item in impulse:
+            values = self._scene.resolved(item)
+            root = wall = math.sqrt(values["restitution"])
+            if values["wall_restitution"] != values["restitution"]:
+                root = max(root, LEAST_ROOT)
+                wall = values["wall_restitution"] / root
             for name in item.bodies or ids:
-                restitution[name] = math.sqrt(item.values["restitution"])
+                restitution[name] = root, wall
         friction = dict.fromkeys(ids, 0.0)
         for item in self._scene.laws_named("contact_friction") if impulse else ():
             for name in item.bodies or ids:
                 friction[name] = math.sqrt(item.values["mu"])
-        return {name: (restitution[name], friction[name]) for name in ids}
+        return {name: Surface(restitution[name][0], friction[name], restitution[name][1]) for name in ids}
 
     def _place_bodies(self, state: Bodies, carried: frozenset[int]) -> None:
         u, order = self._units, self._order
@@ -110,12 +124,12 @@ class World:
                 settle_in(own, state.memory.ctypes.data + 8 * (ROW * k + LEAD), release)
             self.bodies.append(own)
 
-    def _draw_circles(self, state: Bodies, surface_of: dict[str, tuple[float, float]], touching: set[str]) -> None:
+    def _draw_circles(self, state: Bodies, surface_of: dict[str, Surface], touching: set[str]) -> None:
         # bodies first, all circles afterwards: what a step touches lies close together
         for k, own in enumerate(self.bodies):
             body = self._scene.bodies[self._order.rows_of[k]]
             circle = pymunk.Circle(own, body.radius / self._units.length)
-            circle.elasticity, circle.friction = surface_of[body.id]
+            circle.elasticity, circle.friction, _ = surface_of[body.id]
             group = max(int(state.group[k]), 0)
             if body.id in touching:
                 circle.filter = self._shape_filter(k, group, self._bits.get(surface_of[body.id], 0))
@@ -151,9 +165,9 @@ class World:
             for shift in (-period, 0.0, period) if period else (0.0,):
                 ends = [((x + shift) / u, y / u) for x, y in (wall.begin, wall.end)]
                 # Chipmunk takes the product of two: a segment for each way in which bodies bounce and rub
-                for (bounce, rub), bit in self._bits.items():
+                for surface, bit in self._bits.items():
                     segment = pymunk.Segment(self.wall_body, ends[0], ends[1], wall.radius / u)
-                    segment.elasticity, segment.friction = bounce, rub
+                    segment.elasticity, segment.friction = surface.wall, surface.rub
                     segment.filter = pymunk.ShapeFilter(categories=bit)
                     self.segments.append(segment)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -246,29 +246,49 @@ class _LawAdder:
 
 
 def _contact_terms(cases: Sequence[Case]) -> list[Term]:
-    """Contacts that lose more, or less, than believed."""
+    """Contacts that lose more, or less, than believed: all, and beside other bodies those with straight walls alone."""
     scene = cases[0].recording.scene
     adjustable = {a.name for a in scene.adjustable}
     terms = []
     for item in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
-        lost = item.law.parameter(item.law.loses)
-        name = f"{item.name}.{lost.name}"
-        if name not in adjustable:
-            believed = float(scene.parameter(name))
-
-            def apply(scene, camera, values, name=name):
-                return scene.with_parameter(name, float(values[0])), camera
-
-            scale = current().candidates.loss * max(believed, current().candidates.kept)
-            free = Free(name, lost.unit, 0.0, lost.high, believed, scale, None, believed, natural=True)
-            acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
+        acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
+        # a cushion is no ball; of one body alone the walls are all it meets
+        apart = item.law.loses_at_walls if all(c.recording.scene.walls for c in cases) and len(acting) > 1 else ""
+        asked = [(item.law.loses,), (apart,), (item.law.loses, apart)] if apart else [(item.law.loses,)]
+        for names in asked:
+            lost = [item.law.parameter(n) for n in names]
+            places = [f"{item.name}.{p.name}" for p in lost]
+            if adjustable & set(places):
+                continue
+            free = []
+            for p, place in zip(lost, places, strict=True):
+                believed = float(scene.resolved(item)[p.name])
+                scale = current().candidates.loss * max(believed, current().candidates.kept)
+                leader = f"{item.name}.{item.law.loses}" if p.name == apart else ""
+                free.append(
+                    Free(place, p.unit, 0.0, p.high, believed, scale, None, believed, natural=True, follows=leader)
+                )
+            label = RESTITUTION if names == (item.law.loses,) else f"{RESTITUTION} ({', '.join(names)})"
+            groups = tuple((p.name, (k,)) for k, p in enumerate(lost))
             terms.append(
                 Term(
-                    RESTITUTION, RESTITUTION, (free,), apply, bodies=acting,
-                    expression=item.law.expression, groups=((lost.name, (0,)),),
+                    RESTITUTION, label, tuple(free), _Replaced(tuple(places)), bodies=acting,
+                    expression=item.law.expression, groups=groups,
                 )
             )  # fmt: skip
     return terms
+
+
+@dataclass(frozen=True)
+class _Replaced:
+    """Puts numbers in the place of those that the scene believes."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        for name, value in zip(self.names, values, strict=True):
+            scene = scene.with_parameter(name, float(value))
+        return scene, camera
 
 
 def joints_by_body(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:

@@ -47,6 +47,7 @@ class Free:
     unseen: float = 0.0  # standard deviation about ``neutral`` that a careful laboratory does not notice, 0: none
     usual: float = 0.0  # the same of what is told in its own terms, as a mass or a length of the picture is
     prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
+    follows: str = ""  # the number of the scene that it is equal to where the term is absent
 
     @property
     def error(self) -> float:
@@ -123,6 +124,17 @@ class Hypothesis:
             for v, f in zip(values, self.free, strict=True) if f.prior and (f.cases is None or case.name in f.cases)
         ]  # fmt: skip
         return np.array(found)
+
+    def followed(self, term: Term, values: Sequence[float] | np.ndarray) -> Term:
+        """The term, absent where its numbers are equal to those of mine that they follow."""
+        mine = {f.name: float(v) for f, v in zip(self.free, values, strict=True)}
+        if not any(f.follows in mine for f in term.free):
+            return term
+        moved = {f.name: mine.get(f.follows, f.neutral) for f in term.free}
+        free = tuple(
+            replace(f, neutral=moved[f.name], first=f.first + moved[f.name] - f.neutral) for f in term.free
+        )
+        return replace(term, free=free)
 
     def with_term(self, *terms: Term) -> Hypothesis:
         return Hypothesis(self.terms + terms)

@@ -262,6 +262,8 @@ class Law:
     role: str = ""
     # the parameter of a contact that says what impacts lose
     loses: str = ""
+    # the same of what impacts at straight walls lose, where that is a number of its own
+    loses_at_walls: str = ""
     # it is looked for on the swimmer and on the grains alone from the beginning: on all it looks like something else
     apart: bool = False
     # apparatus that does one and the same to a drive of a single frequency
@@ -436,6 +438,7 @@ def law(
     nests: Iterable[str] = (),
     role: str = "",
     loses: str = "",
+    loses_at_walls: str = "",
     apart: bool = False,
     same_as: Iterable[str] = (),
     damping: bool = False,
@@ -475,6 +478,7 @@ def law(
             nests=tuple(nests),
             role=role,
             loses=loses,
+            loses_at_walls=loses_at_walls,
             apart=apart,
             same_as=tuple(same_as),
             damping=damping or kind == "joint",

@@ -73,6 +73,7 @@ def _wall_line(side: int) -> Callable[[Scene, LawUse], float]:
 # takes what is not listed here from that one.
 AUTOMATIC_VALUES: dict[str, Callable[[Scene, LawUse], Any]] = {
     "mean_mass": _mean_grain_mass,
+    "contact_elastic.wall_restitution": lambda scene, item: float(item.values["restitution"]),
     "union.length": _disk_distance,
     "bending.length": _disk_distance,
     "distance_force.range": _far_range,

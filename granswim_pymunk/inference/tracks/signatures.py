@@ -260,7 +260,7 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     left = r - nuisance @ (nuisance.T @ r)
     misfit = float(np.sqrt(np.mean(left**2)))
     signatures = []
-    for term in terms:
+    for term in (fit.hypothesis.followed(t, fit.values) for t in terms):
         if fitter.stop():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
             continue
