@@ -48,6 +48,7 @@ from .files import writing, written_whole
 from .fingerprint import fingerprint
 from .laws import all_laws
 from .limits import MOST_RUNS, MOST_STATES, MOST_STEPS, check_seed
+from .machine import cores
 from .scene import Scene
 
 Watch = Callable[[float], None]
@@ -364,7 +365,7 @@ def dask_executor(address: str, processes: int | None = None) -> Iterator[Execut
         if address == "local":
             with _script_hidden():
                 cluster = LocalCluster(
-                    n_workers=processes or os.cpu_count() or 1, threads_per_worker=1, dashboard_address=None
+                    n_workers=processes or cores(), threads_per_worker=1, dashboard_address=None
                 )
         # not the default client: xarray would take its locks from a cluster that is gone afterwards
         client = Client(cluster if cluster is not None else address, timeout="10s", set_as_default=False)
@@ -412,7 +413,7 @@ def run_jobs(
     form = "{desc}: {percentage:3.0f}%|{bar}| {n:.2f}/{total_fmt} runs [{elapsed}<{remaining}{postfix}]"
     with tqdm(total=len(todo), desc="sweep", disable=quiet or None, bar_format=form, dynamic_ncols=True) as bar:
         work = _Work(bar)
-        count = min(processes or os.cpu_count() or 1, len(todo))
+        count = min(processes or cores(), len(todo))
         if executor is not None:
             work.submit(todo, executor, functools.partial(run_job, build, measure))
         elif dask is not None:

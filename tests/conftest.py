@@ -20,6 +20,18 @@ for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 
+def _keep_to_own_cores() -> None:
+    """Each of several workers of pytest-xdist keeps to its share of the cores: threads of two would only take turns."""
+    worker, count = os.environ.get("PYTEST_XDIST_WORKER", ""), int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if worker.startswith("gw") and hasattr(os, "sched_setaffinity"):
+        mine = sorted(os.sched_getaffinity(0))
+        if len(mine) >= count:
+            os.sched_setaffinity(0, mine[int(worker[2:]) :: count])
+
+
+_keep_to_own_cores()
+
+
 @pytest.fixture(scope="session")
 def bed_with_another_held_out() -> Diagnosis:
     """Of a small bed whose grains are seen, with a weak joint, and a whole recording held out."""

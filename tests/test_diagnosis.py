@@ -40,15 +40,22 @@ from granswim_pymunk.inference.tracks.steps import shifts
 from granswim_pymunk.inference.tracks.verdict import Told
 from granswim_pymunk.recording import Recording, see, write_recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, read_scene, use
-from granswim_pymunk.validation.reference import Reference
+from granswim_pymunk.validation.reference import Reference, exact
 from granswim_pymunk.walls import Wall
 
 NOISE = 2e-5  # m
 
 
+def followed(truth: Scene, t: np.ndarray, extra=None) -> np.ndarray:
+    """Positions by the second integrator: adaptively where nothing meets, in short steps where disks do."""
+    if truth.laws_as("contact"):
+        return Reference(truth, dt=1e-4, extra=extra).sample(t)
+    return exact(truth, t, rtol=1e-8, max_step=0.02, extra=extra)
+
+
 def filmed(truth: Scene, naive: Scene, t: np.ndarray, rng: np.random.Generator, *, noise=NOISE, name="r", **camera):
     """What the camera gives of the true scene, with the naive scene as the experimenter's belief."""
-    xy = Reference(truth, dt=1e-4).sample(t)
+    xy = followed(truth, t)
     rows = [k for k, b in enumerate(truth.bodies) if b.mobile]
     seen = see(xy[:, rows], **camera) + rng.normal(size=(len(t), len(rows), 2)) * noise
     bodies = tuple(replace(b, initial=None) if b.mobile else b for b in naive.bodies)
@@ -379,7 +386,7 @@ def test_force_outside_the_library_is_not_given_a_confident_name():
     records = []
     for k in range(2):
         truth = table(seed=k)
-        xy = Reference(truth, dt=1e-4, extra=pull).sample(SHORT) + rng.normal(size=(len(SHORT), 3, 2)) * NOISE
+        xy = followed(truth, SHORT, pull) + rng.normal(size=(len(SHORT), 3, 2)) * NOISE
         record = filmed(truth, table(seed=k), SHORT, rng, name=f"r{k}")
         records.append(replace(record, xy=xy))
     found = diagnose_tracks(records)
@@ -403,7 +410,7 @@ def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
     """A drag with the third power, a force across the motion, a table that is shaken: no law in the list is that."""
     rng = np.random.default_rng(21)
     record = filmed(table(seed=3), table(seed=3), SHORT, rng)
-    xy = Reference(table(seed=3), dt=1e-4, extra=OUTSIDE[arm]).sample(SHORT) + rng.normal(size=(80, 3, 2)) * NOISE
+    xy = followed(table(seed=3), SHORT, OUTSIDE[arm]) + rng.normal(size=(80, 3, 2)) * NOISE
     found = diagnose_tracks([replace(record, xy=xy)])
     assert found.verdict["verdict"] == "unmodelled" and found.evidence.found[0].mechanism == arm
     entry = found.verdict["mechanisms"][0]

@@ -21,7 +21,7 @@ from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
-from granswim_pymunk.validation.reference import Reference
+from granswim_pymunk.validation.reference import exact
 
 
 def pendulum(*laws, adjustable=()) -> Scene:
@@ -32,7 +32,7 @@ def pendulum(*laws, adjustable=()) -> Scene:
 
 def filmed(truth: Scene, belief: Scene, seed: int, noise: float = 5e-5) -> Recording:
     t = np.arange(0.0, 2.0, 0.02)
-    xy = Reference(truth, dt=2e-4).sample(t) + np.random.default_rng(seed).normal(size=(len(t), 1, 2)) * noise
+    xy = exact(truth, t, rtol=1e-8, max_step=0.02) + np.random.default_rng(seed).normal(size=(len(t), 1, 2)) * noise
     return Recording(name="r", scene=belief, t=t, ids=("p",), xy=xy, sampling=50.0, position_noise=noise)
 
 

@@ -114,7 +114,7 @@ def test_laws_of_single_bodies_agree_with_the_reference(make, name, values):
 @pytest.mark.parametrize(("name", "values"), CONTACTS)
 def test_laws_of_pairs_agree_with_the_reference(name, values):
     # cohesion moves little, and the reference rounds the moment of touching to steps: 4 um with steps of 0.1 ms
-    dt = 5e-6 if name == "cohesion" else 1e-4
+    dt = 1e-5 if name == "cohesion" else 1e-4
     wrong, moved = differences(lambda *laws: meeting(CONTACT, *laws), name, values, dt, T[:5])
     assert moved > 4e-5
     assert wrong < 2e-2 * moved

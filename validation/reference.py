@@ -259,7 +259,7 @@ class Reference:
             before, spins = self._v.copy(), [pin.omega for pin in pins]
             spin = self._spin.copy()
             middle = None
-            if self.scene.time.scheme == "exact":
+            if self.scene.time.scheme == "exact" and self.laws.damped:
                 self._kick(self.dt)
                 middle = 0.5 * (before + self._v)
                 self._v, self._spin = before.copy(), spin.copy()

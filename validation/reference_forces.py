@@ -187,6 +187,8 @@ class Forces:
         self.acts = {id(item): np.isin(np.arange(len(scene.bodies)), rows) for item, _, rows in self.uses}
         self.has_pairs = any(item.name in (*CONTACTS, *mechanisms.PAIRS) for item in scene.laws)
         self.pairs.gap = max((mechanisms.reach(item.name, values) for item, values, _ in self.uses), default=0.0)
+        # whether anything looks at ``middle``
+        self.damped = extra is not None or any(item.name in DAMPED for item, _, _ in self.uses)
         # what friction at the contacts turns: angular velocities go in, torques come out
         self.turns = any(item.name == "contact_friction" for item in scene.laws)
         self.spin = np.zeros(len(scene.bodies))
@@ -305,8 +307,10 @@ class Forces:
         self, force: np.ndarray, item: LawUse, values: dict, rows: np.ndarray, xy: np.ndarray, v: np.ndarray
     ) -> None:
         """Add what straight walls do to the bodies that touch them, by a law of contact."""
+        if not len(self.walls.radius):
+            return
         rows = rows[self.mobile[rows]]
-        ways = self.walls.ways(xy[rows]) if len(self.walls.radius) else np.zeros((len(rows), 0, 2))
+        ways = self.walls.ways(xy[rows])
         distance = np.linalg.norm(ways, axis=2)
         for m, k in np.argwhere(distance < self.radius[rows][:, None] + self.walls.radius):
             i, r = rows[m], self.radius[rows[m]]

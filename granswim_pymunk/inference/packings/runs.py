@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -17,6 +16,7 @@ import numpy as np
 from ...engine import Simulation, advise_dt, softened
 from ...engine.advice import contact_duration
 from ...errors import InputError, SimulationError
+from ...machine import cores
 from ...packing import pack
 from ...scene import Scene
 from ...storage import cache_folder
@@ -246,4 +246,4 @@ def _coarse(scene: Scene) -> float:
 
 def workers() -> int:
     """Threads that this process may use at once."""
-    return max(1, min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 8))
+    return min(cores(), 8)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import os
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares, lsq_linear
 from scipy.sparse.csgraph import connected_components
 
+from ...machine import cores
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Free, Hypothesis, Predictor
@@ -28,7 +28,7 @@ from .segments import Segment, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
-_FITS = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim-fit")
+_FITS = ContextPool(max_workers=cores(), thread_name_prefix="granswim-fit")
 
 Found = TypeVar("Found")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -11,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from ...errors import InputError
+from ...machine import cores
 from ..criteria import SegmentCriteria, current
 from ..data import Case
 from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
@@ -20,7 +20,7 @@ from .bearing import bearing, coloured, looks_around, together
 from .fitted import Fit
 from .segments import Segment, cut_by_growth, make_segments
 
-POOL = ContextPool(max_workers=max(os.cpu_count() or 1, 1), thread_name_prefix="granswim")
+POOL = ContextPool(max_workers=cores(), thread_name_prefix="granswim")
 COUPLED = ("pivot", "bar", "pendulum", "tether")  # two of them and more in one scene may swing chaotically
 
 

@@ -7,7 +7,6 @@ grains near it and far from it have moved on the whole (``sums``).
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ import numpy as np
 
 from ...engine import Simulation, advise_dt
 from ...errors import InputError, SimulationError
+from ...machine import cores
 from ...recording import Recording
 from ...recording.camera import see
 from ...scene import Scene
@@ -31,7 +31,7 @@ from .radii import Sized, with_radii
 from .starts import Shapes, draw, followed, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 
-THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+THREADS = cores()
 POOL = ContextPool(max_workers=THREADS, thread_name_prefix="granswim-bed")
 
 
