@@ -15,6 +15,7 @@ from .errors import InputError
 from .laws import AUTOMATIC, Law
 from .recording import Recording
 from .recording.importers import TEMPLATES
+from .recording.importers.commands import with_steps
 from .recording.importers.templates import Tracks, parse_gravity, parse_law
 from .recording.importers.units import LENGTHS, MASSES, factor, measure
 from .recording.plausible import check_plausible
@@ -35,6 +36,8 @@ class More(TypedDict, total=False):
     """What ``diagnose`` hands on to ``make_recording``."""
 
     angle: ArrayLike
+    inputs: Mapping[str, ArrayLike]
+    hold: bool | None
     adjustable: Mapping[str, tuple[float, float]]
     periodic_x: float
     position_noise: float
@@ -69,6 +72,8 @@ def make_recording(
     names: str | Sequence[str] | None = None,
     scene: Scene | str | None = None,
     angle: ArrayLike | None = None,
+    inputs: Mapping[str, ArrayLike] | None = None,
+    hold: bool | None = None,
     adjustable: Mapping[str, tuple[float, float]] | None = None,
     periodic_x: float | None = None,
     position_noise: float | None = None,
@@ -92,6 +97,8 @@ def make_recording(
     names : of the bodies; left out "body", or "0", "1" ... (of a table: its particles)
     scene : a whole Scene in place of radius, mass, laws, gravity; or a template: pendulum, puck, drop, cart, swimmer
     angle : (T, n) or (T,) angles [rad]
+    inputs : commands of a motor by the body that a ``drive`` moves: (T,), one a frame, or (k, 2) with times [s]
+    hold : whether a command stays until the next one, or is linear in between; None: as the values look
     adjustable : what recalibration may move, ``{"pin.length": (0.24, 0.26)}``
     periodic_x : period of the scene along x [m];  position_noise : of the camera, one standard deviation [m]
     fps : frames per second of a table;  scale : metres per pixel of a table, or a text (``"0.1mm/px"``)
@@ -119,16 +126,12 @@ def make_recording(
     if len(found) != places.shape[1]:
         raise InputError(f"{len(found)} names for {places.shape[1]} bodies in xy", where="names")
     if isinstance(scene, Scene):
-        given = {"radius": radius, "mass": mass, "laws": laws or None, "gravity": gravity, "periodic_x": periodic_x}
-        if said := [key for key, value in given.items() if value is not None]:
-            raise InputError(f"says {', '.join(said)} already: leave them out", where="scene")
+        _check_says_all(radius=radius, mass=mass, laws=laws or None, gravity=gravity, periodic_x=periodic_x)
     else:
         bodies = _bodies(found, radius, mass)
         box = {"gravity": _gravity(gravity), "periodic_x": periodic_x}
         scene = _scene(scene, bodies, _laws(laws), box, (t, places, angles))
-    own = [_adjustable(key, span) for key, span in (adjustable or {}).items()]
-    kept = tuple(a for a in scene.adjustable if a.name not in {b.name for b in own})
-    scene = replace(scene, adjustable=(*kept, *own))
+    scene = _with_adjustables(_commanded(scene, inputs or {}, hold, t), adjustable or {})
     order = [found.index(body.id) for body in scene.bodies if body.id in found]
     if unknown := set(found) - set(scene.ids):
         raise InputError("the scene has no such body", where=f"body {min(unknown)}")
@@ -138,6 +141,12 @@ def make_recording(
     )  # fmt: skip
     check_plausible(recording)
     return recording
+
+
+def _check_says_all(**given: Any) -> None:
+    """Raise InputError where something is given beside a whole Scene that says it."""
+    if said := [key for key, value in given.items() if value is not None]:
+        raise InputError(f"says {', '.join(said)} already: leave them out", where="scene")
 
 
 def _is_table(data: Any) -> bool:
@@ -314,6 +323,33 @@ def _scene(
     data = {"body": listed, "scene": said, **filled.data}
     data["law"] = [*data.get("law", []), *filled.left_over]
     return scene_from_dict(data)
+
+
+def _commanded(scene: Scene, inputs: Mapping[str, ArrayLike], hold: bool | None, t: np.ndarray) -> Scene:
+    """The scene with commands, and with drives that follow them. Raises InputError naming the body."""
+    driven = {name for item in scene.laws_named("drive") for name in item.bodies or ()}
+    given: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    for name, series in inputs.items():
+        where = f"inputs of {name}"
+        if name not in scene.ids:
+            raise InputError(f"the scene has no such body; it has: {', '.join(scene.ids[:8])}", where=where)
+        values = _numbers(series, where, "1")
+        rows = np.column_stack([t, values]) if values.shape == t.shape else values
+        if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all() or not (np.diff(rows[:, 0]) > 0).all():
+            raise InputError(
+                f"should be (T,) = ({len(t)},) finite commands, or (k, 2) rising times [s] and commands, got the shape "
+                f"{values.shape}",
+                where=where,
+            )
+        given[name] = tuple(tuple(v.tolist()) for v in with_steps(rows[:, 0], rows[:, 1], hold))  # type: ignore[assignment]
+    drives = [use("drive", bodies=[name]) for name in given if name not in driven]
+    return replace(scene, inputs={**scene.inputs, **given}).with_laws(*drives) if given else scene
+
+
+def _with_adjustables(scene: Scene, adjustable: Mapping[str, tuple[float, float]]) -> Scene:
+    own = [_adjustable(key, span) for key, span in adjustable.items()]
+    kept = tuple(a for a in scene.adjustable if a.name not in {b.name for b in own})
+    return replace(scene, adjustable=(*kept, *own))
 
 
 def _adjustable(key: str, span: tuple[float, float]) -> Adjustable:

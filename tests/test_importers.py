@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
+import granswim_pymunk as gs
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording
@@ -675,6 +676,72 @@ class TestScenes:
         lines = ["frame,x (cm),y (cm)"] + [f"{k},{100 * x!r},{60 - 100 * y!r}" for k, (x, y) in enumerate(xy.tolist())]
         (folder / "swing.csv").write_text("\n".join(lines))
         return folder / "swing.csv"
+
+    def cart(self, folder, *, unit=5e-3, tau=0.1, noise=5e-4):
+        """A log of a cart whose motor lags: time, place in mm and what the motor was told, which changes at once."""
+        t = np.arange(240) / 50
+        told = np.where(t % 1.2 < 0.6, 60.0, -40.0) * (t > 0.3)
+        v = x = 0.0
+        way = [x]
+        for command in unit * told[:-1]:
+            # exactly, over a row: v goes to the command like exp(-t/tau)
+            kept = math.exp(-0.02 / tau)
+            x += 0.02 * command + (v - command) * tau * (1 - kept)
+            v = command + (v - command) * kept
+            way.append(x)
+        seen = 1000 * (np.array(way) + np.random.default_rng(1).normal(0, noise, len(t)))
+        rows = [f"{a:.2f};{b:.3f};{c:g}" for a, b, c in zip(t.tolist(), seen.tolist(), told.tolist(), strict=True)]
+        (folder / "log.csv").write_text("\n".join(["Zeit [s];Ort [mm];Motor", *rows]))
+        return folder / "log.csv"
+
+    def test_what_a_motor_was_told_is_a_column_of_the_log(self, tmp_path, capsys):
+        log = self.cart(tmp_path)
+        assert main(["import", str(log), "--body", "cart:5cm:500g", "--scene", "cart", "--input", f"{log}:Motor",
+                     "--law", "drive:cart,gain=0.005", "--out", str(tmp_path / "cart")]) == 0  # fmt: skip
+        assert "commands of cart change at once" in capsys.readouterr().out
+        read = read_recording(tmp_path / "cart")
+        assert [item.name for item in read.scene.laws] == ["rail", "drive"]
+        times, values = (np.array(v) for v in read.scene.inputs["cart"])
+        assert np.interp([0.39, 0.5999, 0.6001], times, values) == pytest.approx([60.0, 60.0, -40.0])
+        verdict = gs.diagnose(read, seed=1).verdict
+        assert [m["name"] for m in verdict["mechanisms"]] == ["actuator_lag"] and verdict["complete"]
+        tau = verdict["mechanisms"][0]["parameters"]["tau"]
+        assert tau["low"] < 0.1 < tau["high"] < 0.102
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ("{log}", "its columns are .*: say which, as --input BODY=log.csv:COLUMN"),
+            ("{log}:Moter", "has no column 'Moter'"),
+            ("waggon={log}:Motor", "'waggon' is no body that is seen; these are: cart"),
+            ("nowhere.csv", "no such file"),
+            ("{folder}/twice.csv", "row 3: has two commands at t = 0 s"),
+            ("{folder}/empty.csv", "has no command in column cart"),
+            ("{folder}/words.csv", "row 2: cart should be a number, got 'fast'"),
+        ],
+    )
+    def test_commands_that_cannot_be_read(self, tmp_path, given, words):
+        log = self.cart(tmp_path)
+        for name, rows in (("twice", "0,1\n0,2"), ("empty", "0,\n1,"), ("words", "0,fast")):
+            (tmp_path / f"{name}.csv").write_text(f"t,cart\n{rows}\n")
+        with pytest.raises(InputError, match=words):
+            import_recording(
+                log, bodies=["cart:5cm:500g"], scene="cart", inputs=[given.format(log=log, folder=tmp_path)]
+            )
+
+    def test_commands_of_arrays(self):
+        t = np.arange(6) * 0.1
+        told = np.array([0.0, 0.0, 0.2, 0.2, 0.2, 0.2])
+        xy = np.column_stack([np.cumsum(told) * 0.1, 0 * t])
+        known = {"radius": "5cm", "mass": "1kg", "names": "cart", "scene": "cart"}
+        made = gs.make_recording(t, xy, inputs={"cart": told}, **known)
+        assert [item.name for item in made.scene.laws] == ["rail", "drive"]
+        assert np.interp([0.15, 0.25], *made.scene.inputs["cart"]) == pytest.approx([0.0, 0.2])
+        linear = gs.make_recording(t, xy, inputs={"cart": np.column_stack([t, told])}, hold=False, **known)
+        assert np.interp(0.15, *linear.scene.inputs["cart"]) == pytest.approx(0.1)
+        for inputs, words in (({"car": told}, "no such body"), ({"cart": told[:3]}, r"should be \(T,\) = \(6,\)")):
+            with pytest.raises(InputError, match=words):
+                gs.make_recording(t, xy, inputs=inputs, **known)
 
     def test_a_pendulum_finds_its_pin(self, tmp_path):
         (r,) = import_recording(self.swing(tmp_path), bodies=["bob:1cm:50g"], scene="pendulum", fps=60, flip_y=60.0)

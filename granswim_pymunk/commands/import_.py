@@ -17,10 +17,16 @@ EXAMPLES = (
 )
 
 OPTIONS = (
-    "bodies", "scene", "laws", "gravity", "columns", "unit", "time_unit", "fps", "angle_unit", "flip_y", "missing",
-    "delimiter", "decimal", "skip_rows", "encoding", "table", "likelihood", "min_frames", "title", "sampling",
-    "position_noise", "angle_noise", "bowling_ball", "film",
+    "bodies", "scene", "laws", "inputs", "hold", "gravity", "columns", "unit", "time_unit", "fps", "angle_unit",
+    "flip_y", "missing", "delimiter", "decimal", "skip_rows", "encoding", "table", "likelihood", "min_frames", "title",
+    "sampling", "position_noise", "angle_noise", "bowling_ball", "film",
 )  # fmt: skip
+
+
+def _yes_or_no(text: str) -> bool:
+    if text.lower() in ("yes", "no"):
+        return text.lower() == "yes"
+    raise argparse.ArgumentTypeError(f"should be yes or no, got {text!r}")
 
 
 def _flip(text: str) -> float | bool:
@@ -51,6 +57,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scene.add_argument(
         "--law", action="append", dest="laws", metavar="LAW",
         help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",
+    )  # fmt: skip
+    scene.add_argument(
+        "--input", action="append", dest="inputs", metavar="[BODY=]FILE[:COLUMN]",
+        help="commands a motor was given: a table t,name,value, or a time and a column for each driven body; the file "
+        "of the tracks too, as cart=log.csv:command; once for each",
+    )  # fmt: skip
+    scene.add_argument(
+        "--hold", type=_yes_or_no, metavar="yes|no",
+        help="commands stay until the next row, or are linear between rows (default: as they look)",
     )  # fmt: skip
     scene.add_argument(
         "--gravity", nargs="?", const="9.81", metavar="G", help="m/s^2 along -y (default 9.81), or gx,gy"

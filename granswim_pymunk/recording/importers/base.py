@@ -25,6 +25,8 @@ class Options:
 
     bodies : ``id:radius:mass[:role]`` each, ``*`` for all that are not named; ``5mm``, ``10g`` or SI
     scene : a TOML with bodies, laws, gravity ..., or the name of a template (pendulum, puck, drop, cart, swimmer)
+    inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
+    hold : whether a command stays until the next row, or is linear between rows; None: as the values look
     laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
     columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")
@@ -41,6 +43,8 @@ class Options:
     bodies: Sequence[str] = ()
     scene: Any = None
     laws: Sequence[str] = ()
+    inputs: Sequence[str] = ()
+    hold: bool | None = None
     gravity: str | Sequence[float] | float | None = None
     columns: str | Mapping[str, str] | None = None
     unit: str | float | None = None
