@@ -15,7 +15,7 @@ from .errors import InputError
 from .laws import AUTOMATIC, Law
 from .recording import Recording
 from .recording.importers import TEMPLATES
-from .recording.importers.commands import with_steps
+from .recording.importers.commands import with_commands
 from .recording.importers.templates import Tracks, parse_gravity, parse_law
 from .recording.importers.units import LENGTHS, MASSES, factor, measure
 from .recording.plausible import check_plausible
@@ -131,7 +131,7 @@ def make_recording(
         bodies = _bodies(found, radius, mass)
         box = {"gravity": _gravity(gravity), "periodic_x": periodic_x}
         scene = _scene(scene, bodies, _laws(laws), box, (t, places, angles))
-    scene = _with_adjustables(_commanded(scene, inputs or {}, hold, t), adjustable or {})
+    scene = _with_adjustables(with_commands(scene, _commands(inputs or {}, t), hold), adjustable or {})
     order = [found.index(body.id) for body in scene.bodies if body.id in found]
     if unknown := set(found) - set(scene.ids):
         raise InputError("the scene has no such body", where=f"body {min(unknown)}")
@@ -325,28 +325,24 @@ def _scene(
     return scene_from_dict(data)
 
 
-def _commanded(scene: Scene, inputs: Mapping[str, ArrayLike], hold: bool | None, t: np.ndarray) -> Scene:
-    """The scene with commands, and with drives that follow them. Raises InputError naming the body."""
-    driven = {name for item in scene.laws_named("drive") for name in item.bodies or ()}
-    given: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+def _commands(inputs: Mapping[str, ArrayLike], t: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Times [s] and commands of each body, from one a frame or from rows of both. Raises InputError naming the body."""
+    found = {}
     for name, series in inputs.items():
-        where = f"inputs of {name}"
-        if name not in scene.ids:
-            raise InputError(f"the scene has no such body; it has: {', '.join(scene.ids[:8])}", where=where)
-        values = _numbers(series, where, "1")
+        values = _numbers(series, f"inputs of {name}", "1")
         rows = np.column_stack([t, values]) if values.shape == t.shape else values
         if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all() or not (np.diff(rows[:, 0]) > 0).all():
             raise InputError(
                 f"should be (T,) = ({len(t)},) finite commands, or (k, 2) rising times [s] and commands, got the shape "
                 f"{values.shape}",
-                where=where,
+                where=f"inputs of {name}",
             )
-        given[name] = tuple(tuple(v.tolist()) for v in with_steps(rows[:, 0], rows[:, 1], hold))  # type: ignore[assignment]
-    drives = [use("drive", bodies=[name]) for name in given if name not in driven]
-    return replace(scene, inputs={**scene.inputs, **given}).with_laws(*drives) if given else scene
+        found[name] = rows[:, 0], rows[:, 1]
+    return found
 
 
 def _with_adjustables(scene: Scene, adjustable: Mapping[str, tuple[float, float]]) -> Scene:
+    """The scene with these in place of its own adjustables of the same names, and beside the others."""
     own = [_adjustable(key, span) for key, span in adjustable.items()]
     kept = tuple(a for a in scene.adjustable if a.name not in {b.name for b in own})
     return replace(scene, adjustable=(*kept, *own))

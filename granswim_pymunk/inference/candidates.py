@@ -9,21 +9,21 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..joints import arm_of
-from ..laws import Law, all_laws
-from ..scene import Scene, use
+from ..laws import AUTOMATIC, Law, all_laws
+from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
 from .data import Case, with_gravity
 from .driven_terms import driven_terms
-from .hypothesis import Free, Term
+from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
 from .swimmer_terms import swimmer_terms
 
@@ -251,44 +251,37 @@ def _contact_terms(cases: Sequence[Case]) -> list[Term]:
     adjustable = {a.name for a in scene.adjustable}
     terms = []
     for item in {i.name: i for i in reversed(scene.laws_as("contact"))}.values():
+        everywhere, walls = item.law.loses, item.law.loses_at_walls
         acting = item.bodies or tuple(b.id for b in scene.bodies if b.mobile)
-        # a cushion is no ball; of one body alone the walls are all it meets
-        apart = item.law.loses_at_walls if all(c.recording.scene.walls for c in cases) and len(acting) > 1 else ""
-        asked = [(item.law.loses,), (apart,), (item.law.loses, apart)] if apart else [(item.law.loses,)]
+        asked: list[tuple[str, ...]] = [(everywhere,)]
+        # a cushion is no ball; of one body alone the walls are all it meets, and no number of their own is needed
+        apart = walls and (len(acting) > 1 or item.values[walls] is not AUTOMATIC)
+        if apart and all(c.recording.scene.walls for c in cases):
+            asked += [(walls,), (everywhere, walls)]
         for names in asked:
-            lost = [item.law.parameter(n) for n in names]
-            places = [f"{item.name}.{p.name}" for p in lost]
-            if adjustable & set(places):
-                continue
-            free = []
-            for p, place in zip(lost, places, strict=True):
-                believed = float(scene.resolved(item)[p.name])
-                scale = current().candidates.loss * max(believed, current().candidates.kept)
-                leader = f"{item.name}.{item.law.loses}" if p.name == apart else ""
-                free.append(
-                    Free(place, p.unit, 0.0, p.high, believed, scale, None, believed, natural=True, follows=leader)
-                )
-            label = RESTITUTION if names == (item.law.loses,) else f"{RESTITUTION} ({', '.join(names)})"
-            groups = tuple((p.name, (k,)) for k, p in enumerate(lost))
-            terms.append(
-                Term(
-                    RESTITUTION, label, tuple(free), _Replaced(tuple(places)), bodies=acting,
-                    expression=item.law.expression, groups=groups,
-                )
-            )  # fmt: skip
+            if not adjustable & {f"{item.name}.{name}" for name in names}:
+                label = RESTITUTION if names == (everywhere,) else f"{RESTITUTION} ({', '.join(names)})"
+                terms.append(_loss_term(scene, item, names, label, acting))
     return terms
 
 
-@dataclass(frozen=True)
-class _Replaced:
-    """Puts numbers in the place of those that the scene believes."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-        for name, value in zip(self.names, values, strict=True):
-            scene = scene.with_parameter(name, float(value))
-        return scene, camera
+def _loss_term(scene: Scene, item: LawUse, names: Sequence[str], label: str, acting: tuple[str, ...]) -> Term:
+    """Other numbers of a contact that say what it loses; those of walls are equal to that of bodies where not given."""
+    criteria, free = current().candidates, []
+    for name in names:
+        lost, believed = item.law.parameter(name), float(scene.resolved(item)[name])
+        scale = criteria.loss * max(believed, criteria.kept)
+        follows = f"{item.name}.{item.law.loses}" if item.values[name] is AUTOMATIC else ""
+        free.append(
+            Free(
+                f"{item.name}.{name}", lost.unit, 0.0, lost.high, believed, scale, None, believed, natural=True,
+                follows=follows,
+            )
+        )  # fmt: skip
+    return Term(
+        RESTITUTION, label, tuple(free), set_numbers([f.name for f in free]), bodies=acting,
+        expression=item.law.expression, groups=tuple((name, (k,)) for k, name in enumerate(names)),
+    )  # fmt: skip
 
 
 def joints_by_body(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:

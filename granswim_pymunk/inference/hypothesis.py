@@ -195,13 +195,17 @@ def adjustable_term(
     """The term of a number of a scene's law, "law.parameter", of some bodies or all, in some recordings or all."""
     low, high = bounds
     free = Free(name, unit, low, high, first, current().candidates.adjustable * (high - low), where)
-    return Term("adjustable", name, (free,), _set_parameter(number, bodies), bodies=bodies, expression=name)
+    return Term("adjustable", name, (free,), set_numbers((number,), bodies), bodies=bodies, expression=name)
 
 
-def _set_parameter(name: str, bodies: tuple[str, ...] | None) -> Apply:
+def set_numbers(names: Sequence[str], bodies: tuple[str, ...] | None = None) -> Apply:
+    """Puts values in the place of numbers of the scene's laws, "law.parameter" each, of some bodies or all."""
+
     def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         present = None if bodies is None else [b for b in bodies if b in scene.ids]
-        return scene.with_parameter(name, float(values[0]), bodies=present), camera
+        for name, value in zip(names, values, strict=True):
+            scene = scene.with_parameter(name, float(value), bodies=present)
+        return scene, camera
 
     return apply
 

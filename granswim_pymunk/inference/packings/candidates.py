@@ -16,7 +16,7 @@ from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
 from ..candidates import applies, lightest
 from ..criteria import current
-from ..hypothesis import NO_CAMERA, Free, Term
+from ..hypothesis import NO_CAMERA, Free, Term, set_numbers
 from ..swimmer_terms import swimmer_terms, tried_below
 from ..trial import Tried
 from .summaries import Condition, Shim
@@ -145,14 +145,10 @@ def _contacts(scene: Scene, adjustable: set[str]) -> list[Candidate]:
         if use_.law.kind != "pair" or name in adjustable:
             continue
         believed = float(use_.values[use_.law.loses])
-
-        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray, name: str = name):
-            return scene.with_parameter(name, float(values[0])), camera
-
         first = believed if believed > 0 else current().packings.amounts.damping
         free = Free(name, "1/s", 0.0, math.inf, believed, first, None, believed)
-        term = Term("restitution", f"restitution ({name})", (free,), apply, expression=use_.law.expression,
-                    groups=(("damping", (0,)),))  # fmt: skip
+        term = Term("restitution", f"restitution ({name})", (free,), set_numbers((name,)),
+                    expression=use_.law.expression, groups=(("damping", (0,)),))  # fmt: skip
         found.append(Candidate(term, np.array([[first]]), ("swimmer", "grains")))
     return found
 

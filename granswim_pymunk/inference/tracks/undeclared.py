@@ -104,7 +104,8 @@ def _given(scene: Scene) -> dict[str, tuple[Parameter, float]]:
     for item in scene.laws:
         for p in item.law.parameters if len(scene.laws_named(item.name)) == 1 else ():
             value = item.values.get(p.name)
-            if p.size != 1 or p.choices or p.name == item.law.loses or value in (0, p.default):
+            lost = p.name in (item.law.loses, item.law.loses_at_walls)
+            if p.size != 1 or p.choices or lost or value in (0, p.default):
                 continue
             if isinstance(value, int | float) and not isinstance(value, bool):
                 found[f"{item.name}.{p.name}"] = p, float(value)

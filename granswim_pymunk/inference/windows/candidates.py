@@ -23,7 +23,7 @@ from ..candidates import applies
 from ..criteria import current
 from ..data import Case
 from ..flow import flow_of
-from ..hypothesis import Free, Term
+from ..hypothesis import Free, Term, set_numbers
 from ..mechanisms import RESTITUTION
 from ..swimmer_terms import swimmer_terms
 from .hidden import NAME
@@ -263,14 +263,11 @@ def _contact_damping(cases: Sequence[Case]) -> list[Term]:
         if item.law.kind != "pair" or name in {a.name for a in scene.adjustable}:
             continue
         believed = float(item.values[item.law.loses])
-
-        def apply(scene, camera, values, name=name):
-            return scene.with_parameter(name, float(values[0])), camera
-
         lost = item.law.parameter(item.law.loses)
         free = Free(name, lost.unit, 0.0, math.inf, believed, max(believed, 1e3), None, believed)
         bodies = tuple(b.id for b in scene.bodies if b.mobile)
         groups = ((lost.name, (0,)),)
+        apply = set_numbers((name,))
         terms.append(Term(RESTITUTION, RESTITUTION, (free,), apply, bodies, item.law.expression, {}, groups))
     return terms
 

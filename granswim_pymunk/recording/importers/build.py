@@ -15,7 +15,7 @@ from ...scene import Scene, read_toml, scene_from_dict
 from ..folder import RECORDING_KEYS
 from ..recording import Recording, rail_axes
 from .base import Found, Options
-from .commands import add_commands
+from .commands import commanded
 from .templates import TEMPLATES, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
 
@@ -54,8 +54,8 @@ def build(found: Found, options: Options, source: Path) -> Built:
     if not seen.any():
         raise InputError("is empty: no body is seen in any frame", file=source)
     data = _scene_data(found, options, source, length, notes, Tracks(t, body, x, y, angle))
-    add_commands(data, options, list(dict.fromkeys(body)), notes)
     scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
+    scene = commanded(scene, options, list(dict.fromkeys(body)), notes)
     numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
     given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
     numbers |= {key: value for key, value in given.items() if value is not None}

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
+from ...scene import Scene, use
 from .base import Options
 from .headings import is_clock
 from .long import clock
@@ -21,39 +21,56 @@ LONG = {"t", "name", "value"}  # the form of input.csv
 AT_ONCE = 1e-6  # of the time between two rows, in which a command that is held becomes the next one
 
 
-def add_commands(data: dict[str, Any], options: Options, bodies: Sequence[str], notes: list[str]) -> None:
-    """Put the commands of ``options.inputs`` into a scene's data, with a drive where no law makes a body follow them.
+Commands = Mapping[str, tuple[np.ndarray, np.ndarray]]  # by body: (k,) times [s], rising, and values
+
+
+def with_commands(scene: Scene, commands: Commands, hold: bool | None) -> Scene:
+    """The scene with commands, those that are held with a row just before each change, and drives that follow them.
+
+    A drive is added where no law of the scene makes a body follow. Raises InputError naming the body.
+    hold : whether a command stays until the next row; None: where each change stands alone between rows that repeat
+    """
+    if unknown := sorted(commands.keys() - set(scene.ids)):
+        listed = ", ".join(scene.ids[:8])
+        raise InputError(f"the scene has no such body; it has: {listed}", where=f"commands of {unknown[0]}")
+    steps = {name: _steps(*rows) if _is_held(rows[1], hold) else rows for name, rows in commands.items()}
+    inputs = {name: (tuple(t.tolist()), tuple(values.tolist())) for name, (t, values) in steps.items()}
+    drives = [use("drive", bodies=[name]) for name in commands if name not in driven_in(scene)]
+    return replace(scene, inputs={**scene.inputs, **inputs}).with_laws(*drives)
+
+
+def driven_in(scene: Scene) -> list[str]:
+    """The bodies that a law of the scene makes follow their commands."""
+    return [name for item in scene.laws_as("command") for name in item.bodies or ()]
+
+
+def commanded(scene: Scene, options: Options, bodies: Sequence[str], notes: list[str]) -> Scene:
+    """The scene with the commands of ``options.inputs``, and what was taken for granted in ``notes``.
 
     bodies : those that are seen. Raises InputError naming file, column or row
     """
-    laws = [item for item in data.get("law", []) if isinstance(item, Mapping)]
-    drives = [item for item in laws if item.get("name") == "drive"]
-    driven = [name for item in drives for name in item.get("bodies", [item["body"]] if "body" in item else [])]
-    series: dict[str, Any] = {}
+    driven, series = driven_in(scene), dict[str, tuple[np.ndarray, np.ndarray]]()
     for text in options.inputs:
         found = read_commands(text, options, driven or list(bodies))
         if twice := sorted(found.keys() & series.keys()):
             raise InputError(f"body {twice[0]} has commands twice", where="input")
         series |= found
-    for name, (times, values) in series.items():
-        rows = len(times)
-        times, values = with_steps(times, values, options.hold)
-        if options.hold is None and len(times) > rows:
+    for name, (_, values) in series.items():
+        if name not in bodies:
+            raise InputError(f"{name!r} is no body that is seen; these are: {', '.join(bodies[:8])}", where="input")
+        if options.hold is None and _is_held(values, None):
             notes.append(f"commands of {name} change at once and are held until the next row (--hold no: they do not)")
         if values[0]:
             notes.append(
                 f"the first command of {name} is {values[0]:g}, as if it had stood there for long: where the motor "
                 "began then, a row with 0 before it says so"
             )
-        if name not in bodies:
-            raise InputError(f"{name!r} is no body that is seen; these are: {', '.join(bodies[:8])}", where="input")
-        data["input"] = {**data.get("input", {}), name: {"t": times.tolist(), "value": values.tolist()}}
         if name not in driven:
-            data["law"] = [*data.get("law", []), {"name": "drive", "bodies": [name]}]
             notes.append(
                 f"{name} follows its commands as they stand, in m/s: a drive (--law 'drive:{name},gain=0.05' where one "
                 "unit of them is 0.05 m/s)"
             )
+    return with_commands(scene, series, options.hold)
 
 
 def read_commands(text: str, options: Options, bodies: Sequence[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -65,7 +82,7 @@ def read_commands(text: str, options: Options, bodies: Sequence[str]) -> dict[st
     body, path, column = _parts(text)
     if not path.exists():
         raise InputError("no such file", file=path, where="input")
-    table = Source(path, replace(options, columns=None, missing=options.missing)).table
+    table = Source(path, replace(options, columns=None)).table
     if table is None:
         raise InputError("is no table of commands: t,name,value, or a time and a column for each body", file=path)
     if set(table.header) == LONG and column is None:
@@ -111,14 +128,15 @@ def _times(table: Table, options: Options) -> np.ndarray:
     """(k,) [s], NaN nowhere: seconds, or ``--time-unit``; a column that counts frames needs the frame rate."""
     kinds = {is_clock(name): name for name in reversed(table.header)}
     found = {kind: name for kind, name in kinds.items() if kind is not None}
-    if "t" in found or options.fps is None:  # a frame rate is that of the film
-        found = {"t": found["t"]} if "t" in found else found
-        values, counts, unit = clock(table, found, replace(options, fps=None))
-        if counts == "frame":
-            raise InputError("its clock counts frames and needs the frame rate (--fps)", file=table.source)
+    if "t" in found:  # a frame rate is that of the film
+        found, options = {"t": found["t"]}, replace(options, fps=None)
+    values, counts, unit = clock(table, found, options)
+    if counts != "frame":
         said = options.time_unit if options.time_unit is not None else (unit or "s")
         return values * factor(said, TIMES, "time unit")
-    return clock(table, found, options)[0] / options.fps
+    if options.fps is None:
+        raise InputError("its clock counts frames and needs the frame rate (--fps)", file=table.source)
+    return values / options.fps
 
 
 def _series(table: Table, column: str, times: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,21 +153,19 @@ def _series(table: Table, column: str, times: np.ndarray, rows: np.ndarray) -> t
     return t[order], values[order]
 
 
-def with_steps(times: np.ndarray, values: np.ndarray, hold: bool | None) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) times [s] and commands, linear between rows; those that are held get a row just before each change.
+def _is_held(values: np.ndarray, hold: bool | None) -> bool:
+    """Whether commands stay until the next row; where that is not said, as a log of what a motor was told does.
 
-    hold : whether they stay until the next row; None: where each change stands alone between rows that repeat
+    There each change stands alone between rows that repeat; on a ramp it does not.
     """
-    if hold is None:
-        hold = _changes_at_once(values)
-    if not hold:
-        return times, values
+    if hold is not None:
+        return hold
+    changes = np.flatnonzero(np.diff(values))
+    return bool(len(changes)) and len(values) > 3 * len(changes) and not (np.diff(changes) == 1).any()
+
+
+def _steps(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Commands that are held, with a row just before each change: between rows a scene takes them for linear."""
     k = np.flatnonzero(np.diff(values))
     before = times[k + 1] - AT_ONCE * (times[k + 1] - times[k])
     return np.insert(times, k + 1, before), np.insert(values, k + 1, values[k])
-
-
-def _changes_at_once(values: np.ndarray) -> bool:
-    """Whether each change stands alone between rows that repeat: a log of what a motor was told, not of a ramp."""
-    changes = np.flatnonzero(np.diff(values))
-    return bool(len(changes)) and len(values) > 3 * len(changes) and not (np.diff(changes) == 1).any()
