@@ -32,11 +32,11 @@ REAL = ("pendulum", "falling_balls", "two_disk_spin")
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 QUICK_REAL = tuple(("real-life", seed) for seed in (1, 4, 6, 18, 24))
 FULL = {
-    "bodies": range(2822, 3022),
+    "bodies": range(2911, 3111),
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1012),
-    "small-unseen": range(1048, 1096),
+    "small-unseen": range(1053, 1101),
     "curve": range(1000, 1004),
     "small-curve": range(1002, 1018),
 }
