@@ -184,14 +184,15 @@ class Parameter:
         values = list(value) if self.size > 1 and isinstance(value, Iterable) else [value]
         if len(values) != self.size:
             raise InputError(f"expected {self.size} numbers [{self.unit}], got {value!r}", file=file, where=where)
+        unit = "" if self.unit == "1" else f" {self.unit}"
         for number in values:
             if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
                 raise InputError(f"expected a finite number [{self.unit}], got {number!r}", file=file, where=where)
             if abs(number) > 1e100:
-                raise InputError(f"{number:g} {self.unit} is absurdly large", file=file, where=where)
+                raise InputError(f"{number:g}{unit} is absurdly large", file=file, where=where)
             if not self.low <= number <= self.high:
                 raise InputError(
-                    f"{number:g} {self.unit} is outside [{self.low:g}, {self.high:g}]", file=file, where=where
+                    f"{number:g}{unit} is outside [{self.low:g}, {self.high:g}]", file=file, where=where
                 )
         return float(values[0]) if self.size == 1 else tuple(float(number) for number in values)
 
