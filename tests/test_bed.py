@@ -28,6 +28,7 @@ from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
 from granswim_pymunk.inference.kept import Store, load_array, store_array
+from granswim_pymunk.inference.linking import linked
 from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
 from granswim_pymunk.inference.pipeline import verdict_of
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
@@ -45,7 +46,7 @@ from granswim_pymunk.inference.windows.places import maps
 from granswim_pymunk.inference.windows.plan import Clock, Plan, make_plan
 from granswim_pymunk.inference.windows.search import Answer, no_narrower, plainer_first, signature_of
 from granswim_pymunk.inference.windows.signatures import make_signature, off, replicate_noise, to_values
-from granswim_pymunk.inference.windows.starts import Shapes, draw, followed, local_quadratic, take_apart
+from granswim_pymunk.inference.windows.starts import Shapes, draw, local_quadratic, take_apart
 from granswim_pymunk.inference.windows.trial import BedTrial, first_order
 from granswim_pymunk.inference.windows.verdict import entry_of, parameters_of
 from granswim_pymunk.inference.windows.weigh import (
@@ -141,18 +142,20 @@ def test_overlaps_and_joints_are_put_right(packed):
 def test_swapped_labels_are_put_back_and_wild_sightings_left_out():
     recording = small("small_nothing")
     xy, period = recording.unwrapped().xy, recording.scene.periodic_x
-    _, put_back, left_out = followed(recording.t, xy, NOISE, period)
-    assert put_back == 0 and left_out < 1e-4 * xy[..., 0].size
+    tracks = linked(recording.t, xy, NOISE, period)
+    assert tracks.put_back == 0 and tracks.left_out < 1e-4 * xy[..., 0].size
     broken = xy.copy()
     broken[40:, [20, 77]] = xy[40:, [77, 20]]  # from a frame on
     broken[60, [100, 3]] = xy[60, [3, 100]]  # in one frame
     broken[80, 55] += 4e-3  # a reflection
     wrapped = replace(recording, xy=np.stack([broken[..., 0] % period, broken[..., 1]], axis=-1)).unwrapped().xy
-    mended, put_back, left_out = followed(recording.t, wrapped, NOISE, period)
+    tracks = linked(recording.t, wrapped, NOISE, period)
+    mended = tracks.xy
     for body in (20, 77, 100, 3):
         moved = (mended[:, body] - xy[:, body]) - (mended[0, body] - xy[0, body])  # whole periods may differ
         assert np.allclose(moved, 0.0, atol=1e-12)
-    assert put_back >= 4 and np.isnan(mended[80, 55]).all()
+    assert (tracks.who[45, [20, 77]] == [77, 20]).all() and (tracks.who[60, [100, 3]] == [3, 100]).all()
+    assert tracks.put_back >= 4 and np.isnan(mended[80, 55]).all()
     assert np.allclose(mended[81:, 55] - mended[0, 55], xy[81:, 55] - xy[0, 55])
 
 
@@ -169,11 +172,12 @@ def test_many_swaps_among_lost_sightings_are_put_right(name):
         j = int(np.argsort(away)[1]) if k % 2 else int((i + rng.integers(1, bodies)) % bodies)  # a neighbour, or anyone
         broken[frame:, [i, j]] = broken[frame:, [j, i]]
     broken[rng.random(xy.shape[:2]) < 0.02] = np.nan
-    mended, _, left_out = followed(recording.t, broken, NOISE, period)
+    tracks = linked(recording.t, broken, NOISE, period)
+    mended = tracks.xy
     moved = mended - xy
     moved[..., 0] -= period * np.round(np.nan_to_num(moved[..., 0]) / period)
     wrong = np.hypot(*np.moveaxis(moved, -1, 0)) > 1e-9  # nothing where not seen
-    assert wrong.sum() <= 3 and left_out < 0.02 * frames
+    assert wrong.sum() <= 3 and tracks.left_out < 0.02 * frames
     assert np.isfinite(mended[..., 0]).sum() > 0.995 * np.isfinite(broken[..., 0]).sum()
 
 

@@ -112,6 +112,7 @@ CASES = [
     ("actuator_lag", lambda: driven(use("actuator_lag", tau=0.03))),
     ("actuator_delay", lambda: driven(use("actuator_delay", tau=0.03))),
     ("actuator_saturation", lambda: driven(use("actuator_saturation", limit=0.2))),
+    ("actuator_deadband", lambda: driven(use("actuator_deadband", width=0.2))),
 ]  # fmt: skip
 # without a force that a factor could be put on: Chipmunk's own impulse (see below), and what holds bodies together,
 # which test_links holds against an integrator of its own

@@ -8,6 +8,7 @@ import pytest
 
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.laws import all_laws, get_law, law
+from granswim_pymunk.laws.actuator_deadband import beyond
 from granswim_pymunk.laws.actuator_delay import delayed
 from granswim_pymunk.laws.actuator_lag import lagging
 from granswim_pymunk.laws.actuator_saturation import clipped
@@ -91,6 +92,7 @@ CASES = [
     ("actuator_lag", "driven", {"tau": 0.03}),
     ("actuator_delay", "driven", {"tau": 0.03}),
     ("actuator_saturation", "driven", {"limit": 0.2}),
+    ("actuator_deadband", "driven", {"width": 0.2}),
 ]
 MECHANISMS = {case[0] for case in CASES} | {"pin_friction"}
 
@@ -221,6 +223,14 @@ class TestActuatorSeries:
         expected = np.clip(np.interp(dense, self.t, self.value), -0.6, 0.6)
         np.testing.assert_allclose(np.interp(dense, t, value), expected, atol=1e-12)
 
+    def test_dead_band_is_exact_between_rows(self):
+        t, value = beyond(self.t, self.value, 0.35)
+        dense = np.linspace(0.0, 0.4, 4001)
+        asked = np.interp(dense, self.t, self.value)
+        expected = np.sign(asked) * np.maximum(np.abs(asked) - 0.35, 0.0)
+        np.testing.assert_allclose(np.interp(dense, t, value), expected, atol=1e-12)
+        np.testing.assert_allclose(np.interp(self.t, *beyond(self.t, self.value, 0.0)), self.value, atol=1e-15)
+
     def test_limit_is_a_velocity(self):
         """The limit is that of the driven velocity, gain * input."""
         scene, _ = driven()
@@ -293,11 +303,13 @@ def test_where_laws_can_act():
     }
     always = {"ambient_flow", "added_mass"}
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
-    actuators = {"actuator_lag", "actuator_delay", "actuator_saturation"}
+    actuators = {"actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}
     assert admitted["pendulum"] == always | {"pin_friction", "joint_drag"}
     assert admitted["driven"] == always | pairs | actuators
-    assert admitted["bed"] == MECHANISMS - {"nonlinear_spring", "pair_spring", "pin_friction", "joint_drag"}
+    assert admitted["bed"] == MECHANISMS - {
+        "nonlinear_spring", "pair_spring", "pin_friction", "joint_drag", "actuator_deadband",
+    }  # fmt: skip
 
 
 def test_friction_of_a_pin_by_its_name_in_files(tmp_path):

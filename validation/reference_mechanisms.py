@@ -13,10 +13,10 @@ import numpy as np
 FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring")
 JOINTS = ("pin_friction", "joint_drag")
 PAIRS = ("distance_force", "pair_spring", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
-ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation")
+ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband")
 CHAIN_LAWS = (
     "nonlinear_bending", "weak_joint", "resting_curvature", "joint_friction", "head_force", "actuator_lag",
-    "actuator_delay", "actuator_saturation",
+    "actuator_delay", "actuator_saturation", "actuator_deadband",
 )  # fmt: skip
 INERTIA = ("added_mass",)
 REACH = {"distance_force": "range", "pair_spring": "cutoff", "cohesion": "range", "pair_lubrication": "cutoff"}
@@ -114,6 +114,9 @@ def followed_angle(name: str, values: Values, t: float) -> float:
         return head_angle(values, t - values["tau"])
     if name == "actuator_saturation":
         return float(np.clip(head_angle(values, t), -values["limit"], values["limit"]))
+    if name == "actuator_deadband":
+        asked = head_angle(values, t)
+        return math.copysign(max(abs(asked) - values["width"], 0.0), asked)
     tau, omega = values["tau"], 2 * math.pi * values["frequency"]
     if tau == 0 or t <= 0:
         return head_angle(values, t)
@@ -132,6 +135,9 @@ def followed_command(name: str, values: Values, t: np.ndarray, value: np.ndarray
         return t + values["tau"], value
     if name == "actuator_saturation":
         return _clipped(t, value, values["limit"])
+    if name == "actuator_deadband":
+        rows, inside = _clipped(t, value, values["width"])
+        return rows, np.interp(rows, t, value) - inside
     tau = values["tau"]
     if tau == 0 or len(t) < 2:
         return t, value

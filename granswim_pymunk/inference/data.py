@@ -16,6 +16,7 @@ from ..joints import hinged
 from ..recording import Recording
 from ..walls import gap_to_wall
 from .criteria import current
+from .linking import linked
 from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
 from .release import first_free
@@ -190,6 +191,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
 
     Raises InputError where there is nothing to look at.
     """
+    recording, swapped = _relabelled(recording) if clean else (recording, [])
     channels: list[Channel] = []
     columns: list[np.ndarray] = []
     known = True
@@ -207,10 +209,8 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
                 continue
             if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
-            sigma = recording.position_noise
-            if not sigma:
-                known = False
-                sigma = estimate_noise(t[seen], column[seen])
+            known = known and bool(recording.position_noise)
+            sigma = recording.position_noise or estimate_noise(t[seen], column[seen])
             channels.append(Channel(body, kind))
             columns.append(column)
             sigmas.append(sigma)
@@ -219,10 +219,8 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
             seen = np.isfinite(angle)
             column = angle.copy()
             column[seen] = np.unwrap(angle[seen])
-            sigma = recording.angle_noise
-            if not sigma:
-                known = False
-                sigma = estimate_noise(t[seen], column[seen])
+            known = known and bool(recording.angle_noise)
+            sigma = recording.angle_noise or estimate_noise(t[seen], column[seen])
             channels.append(Channel(body, "angle"))
             columns.append(column)
             sigmas.append(sigma)
@@ -243,7 +241,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         known = known and not refuted
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
-        notes = told + notes
+        notes = swapped + told + notes
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
@@ -264,6 +262,38 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None,
     )  # fmt: skip
+
+
+def _relabelled(recording: Recording) -> tuple[Recording, list[str]]:
+    """The recording with labels that a tracker swapped put back, and what is said of it.
+
+    Of bodies that are seen in the plane: of two that pass on a line nothing tells who is who.
+    """
+    period = recording.scene.periodic_x or 0.0
+    xy = recording.unwrapped().xy if period else recording.xy
+    seen = np.isfinite(xy).all(axis=2)
+    moves = [(np.ptp(xy[seen[:, k], k], axis=0) > 0).all() for k in np.flatnonzero(seen.any(axis=0))]
+    rows = np.flatnonzero(seen.any(axis=0))[np.array(moves, dtype=bool)]
+    if len(rows) < 2:
+        return recording, []
+    t, sigma = recording.t, recording.position_noise
+    if not sigma:
+        sigma = float(np.median([estimate_noise(t[seen[:, k]], c) for k in rows for c in xy[seen[:, k], k].T]))
+    who = linked(t, xy[:, rows], sigma, period, strays=False).who
+    if not (changed := who != np.arange(len(rows))).any():
+        return recording, []
+    order = np.tile(np.arange(xy.shape[1]), (len(t), 1))
+    order[:, rows] = rows[who]
+    placed = np.take_along_axis(recording.xy, order[:, :, None], axis=1)
+    angle = None if recording.angle is None else np.take_along_axis(recording.angle, order, axis=1)
+    begin = int(np.argmax(changed.any(axis=1)))
+    names = " and ".join(recording.ids[rows[k]] for k in np.flatnonzero(changed[begin]))
+    frames = int(changed.any(axis=1).sum())
+    note = (
+        f"{recording.name}: the tracks of {names} change places at t = {t[begin]:.4g} s, as where a tracker takes one "
+        f"for the other: labels are put back ({frames} frames in all)"
+    )
+    return replace(recording, xy=placed, angle=angle), [note]
 
 
 def _mended(

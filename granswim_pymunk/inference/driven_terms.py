@@ -1,4 +1,4 @@
-"""Faults of the motors that drive bodies: a lag, a delay, a limit of the commanded velocity."""
+"""Faults of the motors that drive bodies: a lag, a delay, a limit or a dead band of the commanded velocity."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from ..laws import get_law
-from ..scene import Scene
+from ..laws import Law, all_laws, get_law
+from ..scene import Scene, use
 from .criteria import current
 from .data import Case
 from .hypothesis import Free, Term
-
-KINDS = ("lag", "delay", "saturation")
 
 
 def driven_terms(cases: Sequence[Case]) -> list[Term]:
     """One term for each fault that a driven velocity can have, none where nothing is driven.
 
-    Lag and delay are tried from about the time between frames, a limit from the largest command on.
+    Lag and delay are tried from about the time between frames, a limit from the largest command on, a dead band from
+    none.
     """
     driven: dict[str, None] = {}
     top, spacing = 0.0, np.inf
@@ -36,16 +35,21 @@ def driven_terms(cases: Sequence[Case]) -> list[Term]:
     if not driven or top == 0.0 or not np.isfinite(spacing):
         return []
     terms, step = [], current().candidates.step
-    for kind in KINDS:
-        law = get_law(f"actuator_{kind}")
+    for law in all_laws().values():
+        if law.series is None or law.candidate != "named" or not any(
+            get_law(name).role == "command" for name in law.refines
+        ):
+            continue
         strength = law.parameter(law.strength[0])
-        if kind == "saturation":
-            free = Free(f"{law.name}.{strength.name}", "m/s", 0.0, top, top, step * top, None, top)
-        else:
+        name = f"{law.name}.{strength.name}"
+        if strength.unit == "s":
             # no motor answers before its command
-            free = Free(f"{law.name}.{strength.name}", "s", 0.0, np.inf, 0.0, step * spacing, None, 0.0)
+            free = Free(name, "s", 0.0, np.inf, 0.0, step * spacing, None, 0.0)
+        else:
+            absent = min(strength.neutral, top)
+            free = Free(name, "m/s", 0.0, top, absent, step * top, None, absent)
         terms.append(
-            Term(law.mechanism, law.name, (free,), _Fault(kind), tuple(driven), law.expression, {},
+            Term(law.mechanism, law.name, (free,), _Fault(law), tuple(driven), law.expression, {},
                  ((strength.name, (0,)),))
         )  # fmt: skip
     return terms
@@ -54,10 +58,11 @@ def driven_terms(cases: Sequence[Case]) -> list[Term]:
 class _Fault:
     """Adds the fault with the size found."""
 
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
+    def __init__(self, law: Law) -> None:
+        self.law = law
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         if not scene.laws_as("command"):
             return scene, camera
-        return scene.with_actuator(self.kind, float(values[0])), camera
+        given: dict[str, Any] = {self.law.strength[0]: float(values[0])}
+        return scene.with_laws(use(self.law, **given)), camera

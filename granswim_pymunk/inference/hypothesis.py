@@ -24,9 +24,14 @@ from .data import Case
 from .start import StartBody, numbers_at, states, turning_angle
 
 NO_CAMERA: dict[str, Any] = {
-    "scale": 1.0, "tilt": 0.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0, "middle": (0.0, 0.0),
-    "foreshortening": 1.0, "direction": 0.0,
+    "scale": 1.0, "tilt": 0.0, "rate": 1.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0,
+    "middle": (0.0, 0.0), "foreshortening": 1.0, "direction": 0.0,
 }  # fmt: skip
+
+
+def clock(camera: Mapping[str, Any], t: Any) -> Any:
+    """The time [s] of the scene that frames stamped ``t`` show: rate t + time_offset."""
+    return camera["rate"] * t + camera["time_offset"]
 
 
 @dataclass(frozen=True)
@@ -307,24 +312,25 @@ class Predictor:
         following, spin = begin.following, begin.spin
         try:
             scene, camera = self._scene(hypothesis, case, values)
-            offset = float(camera["time_offset"])
-            placed = states(starts, numbers, scene, t0 + offset)
+            begins = float(clock(camera, t0))
+            placed = states(starts, numbers, scene, begins)
         except InputError as error:  # numbers that a search tried and no law takes
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
         (self._counted or self).runs += 1
         # angles of hinged bodies follow from the places of those that they hang from
         rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]
-        times = np.maximum(t + offset, t0 + offset)
+        times = np.maximum(clock(camera, t), begins)
         end = None
         try:
             with np.errstate(all="ignore"):
-                simulation = self._simulation(hypothesis, case, values, scene, placed, t0 + offset, spin)
+                simulation = self._simulation(hypothesis, case, values, scene, placed, begins, spin)
                 if following is None:
                     xy = simulation.sample(times, rows)
                 else:
-                    xy = simulation.sample(np.append(times, following[0] + offset), rows)[:-1]
-                    end = _end_of(simulation, scene, *following, offset)
+                    ends, after = float(clock(camera, following[0])), following[1]
+                    xy = simulation.sample(np.append(times, ends), rows)[:-1]
+                    end = _end_of(simulation, scene, ends, after)
         except (SimulationError, InputError) as error:
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
@@ -332,7 +338,7 @@ class Predictor:
             why = f"a body is not within {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
-        seen = see(xy, **{key: value for key, value in camera.items() if key != "time_offset"})
+        seen = see(xy, **{key: value for key, value in camera.items() if key not in ("rate", "time_offset")})
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):
@@ -402,10 +408,10 @@ def _but_for_laws(one: Scene | None, other: Scene) -> bool:
     )
 
 
-def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...], offset: float) -> End:
+def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...]) -> End:
     """The start at a time that the simulation has just reached, or is less than a step before."""
     state = simulation.state()
-    ahead = time + offset - state.t
+    ahead = time - state.t
     mass = np.array([b.mass for b in scene.bodies])
     v = state.v + simulation.forces() / mass[:, None] * ahead
     return End(numbers_at(starts, scene, state.xy + v * ahead, v), np.array(state.spin))

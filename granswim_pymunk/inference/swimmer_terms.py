@@ -35,7 +35,7 @@ def swimmer_terms(scenes: Sequence[Scene]) -> list[Term]:
     adjustable = {a.name for s in scenes for a in s.adjustable}
     terms: list[Term] = []
     for law in all_laws().values():
-        if law.candidate != "named" or law.kind != "chain":
+        if law.candidate != "named" or law.kind != "chain" or not scene.has_bodies_for(law):
             continue
         if any(f"{law.name}.{s}" in adjustable for s in law.strength):
             continue

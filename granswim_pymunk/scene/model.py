@@ -410,7 +410,7 @@ class Scene:
         return replace(self, laws=(*self.laws, *items))
 
     def with_actuator(self, kind: str, value: float, *, bodies: Iterable[str] | None = None) -> Scene:
-        """The scene whose drives follow their command with a fault: "lag", "delay" [s] or "saturation".
+        """The scene whose drives follow their command with a fault: "lag", "delay" [s], "saturation" or "deadband".
 
         The same as adding the law ``actuator_KIND``: it acts on the bending drive and on every driven
         velocity, or on those of ``bodies``.

@@ -12,6 +12,7 @@ from .beds import RadiiCriteria
 from .general import (
     ApparatusCriteria,
     BlockCriteria,
+    LinkingCriteria,
     LostCriteria,
     NoiseCriteria,
     ReleaseCriteria,
@@ -53,6 +54,7 @@ class Criteria:
     work: WorkCriteria = field(default_factory=WorkCriteria)
     apparatus: ApparatusCriteria = field(default_factory=ApparatusCriteria)
     stamps: StampCriteria = field(default_factory=StampCriteria)
+    linking: LinkingCriteria = field(default_factory=LinkingCriteria)
     lost: LostCriteria = field(default_factory=LostCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
     split: SplitCriteria = field(default_factory=SplitCriteria)

@@ -210,6 +210,21 @@ class LostCriteria:
 
 
 @dataclass(frozen=True)
+class LinkingCriteria:
+    """When two tracks have swapped their labels.
+
+    sightings : that tell a place, a velocity and a curvature with one to spare
+    far : standard deviations of a sighting, and times the usual second difference of a motion, from which a body is not
+        where its last two sightings lead. Choice
+    smoother : of the squares that a smooth motion leaves: what is better than that belongs together. Choice
+    """
+
+    sightings: int = 4
+    far: tuple[float, float] = (12.0, 5.0)
+    smoother: float = 0.2
+
+
+@dataclass(frozen=True)
 class SplitCriteria:
     """What is held out where the user says nothing (contract, "Held out").
 

@@ -117,9 +117,6 @@ class StartCriteria:
     clear [m] : overlaps and joint lengths are put right to below this. Theory: the overlap of a contact at 1 mN
     rounds : in which overlaps and joint lengths are put right
     room [m] : pairs nearer than this are watched while overlaps are taken out
-    far : standard deviations of a sighting, and times the usual second difference of a motion, from which a body is not
-        where its last two sightings lead. Choice
-    smoother : of the squares that a smooth motion leaves: what is better than that belongs together. Choice
     lost [m, m/s] : how unsure place and velocity are of a body that is hardly seen at all
     """
 
@@ -130,8 +127,6 @@ class StartCriteria:
     clear: float = 5.0e-7
     rounds: int = 400
     room: float = 4.0e-4
-    far: tuple[float, float] = (12.0, 5.0)
-    smoother: float = 0.2
     lost: tuple[float, float] = (1e-4, 1e-2)
 
 

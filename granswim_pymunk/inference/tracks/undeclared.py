@@ -1,7 +1,7 @@
-"""Numbers of the scene that nobody declared adjustable, and that would do instead of what was named.
+"""Numbers of the scene that nobody declared adjustable, and the frame rate, that would do instead of what was named.
 
-A rod that is longer than believed swings as one with a heavier bob in a picture of another scale. What may be adjusted
-is the experimenter's to say; that another number of the scene does as well is told.
+A rod that is longer than believed swings as one with a heavier bob in a picture of another scale, and so does any in a
+film of another frame rate. What may be adjusted is the experimenter's to say; that another number does as well is told.
 """
 
 from __future__ import annotations
@@ -10,14 +10,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...laws import Parameter
 from ...scene import Scene
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Failed, Term, adjustable_term
+from ..hypothesis import Failed, Free, Term, adjustable_term
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial
+
+CLOCK = "frame_rate"
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,7 @@ class Instead:
     """A number of the scene that does what ``replaced`` laws do, or where nothing was named most of what is missing.
 
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
+    then : what may be done about it
     """
 
     name: str
@@ -35,6 +40,7 @@ class Instead:
     high: float
     replaced: tuple[str, ...]
     left: float
+    then: str
 
     def __str__(self) -> str:
         half = 0.5 * (self.high - self.low)
@@ -45,8 +51,7 @@ class Instead:
         if not self.replaced:
             does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
         return (
-            f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: it may be "
-            "declared adjustable"
+            f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: {self.then}"
         )
 
 
@@ -64,7 +69,7 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
     begin = [*plain.values, *(v for t in kept for v in t.values)]
     names = tuple(dict.fromkeys(t.mechanism for t in replaced))
     found = []
-    for term in _numbers(fitter.cases):
+    for term in (*_numbers(fitter.cases), frame_rate()):
         hypothesis = plain.hypothesis.with_term(*(t.term for t in kept), term)
         free = term.free[0]
         try:
@@ -77,9 +82,23 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
             continue
         value, low, high = again.interval(len(begin), max(spread, 1.0))
         if not low <= free.first <= high and free.low < value < free.high:
-            told = Instead(free.name, free.unit, free.first, value, low, high, names, left)
-            found.append((again.chi2, told))
+            name, unit, believed, then = free.name, free.unit, free.first, "it may be declared adjustable"
+            if term.mechanism == CLOCK:
+                believed = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in fitter.cases])))
+                value, low, high = believed / value, believed / high, believed / low
+                name, unit, then = "frame rate", "1/s", "look at how the frames got their stamps"
+            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def frame_rate() -> Term:
+    """A film whose stamps run slow or fast: a frame stamped t shows the state at rate t."""
+
+    def apply(scene, camera, values):
+        return scene, {**camera, "rate": float(values[0])}
+
+    free = Free("camera.rate", "1", 0.5, 2.0, 1.0, current().apparatus.scale, neutral=1.0)
+    return Term(CLOCK, CLOCK, (free,), apply, expression="a frame stamped t shows the state at rate t")
 
 
 def _numbers(cases: Sequence[Case]) -> list[Term]:
@@ -96,16 +115,17 @@ def _numbers(cases: Sequence[Case]) -> list[Term]:
 
 
 def _given(scene: Scene) -> dict[str, tuple[Parameter, float]]:
-    """Numbers, but zeros and defaults, of the laws that a scene has once, by "law.parameter".
+    """Numbers, but zeros, of the laws that a scene has once, by "law.parameter".
 
-    Not what contacts lose: that has a name of its own.
+    Not what contacts lose: that has a name of its own. Nor defaults with a unit: they are choices of the model; a
+    gain of one or a power of two is what the apparatus is taken for.
     """
     found = {}
     for item in scene.laws:
         for p in item.law.parameters if len(scene.laws_named(item.name)) == 1 else ():
             value = item.values.get(p.name)
             lost = p.name in (item.law.loses, item.law.loses_at_walls)
-            if p.size != 1 or p.choices or lost or value in (0, p.default):
+            if p.size != 1 or p.choices or lost or value == 0 or (value == p.default and p.unit != "1"):
                 continue
             if isinstance(value, int | float) and not isinstance(value, bool):
                 found[f"{item.name}.{p.name}"] = p, float(value)

@@ -14,7 +14,7 @@ from ...scene import Scene
 from ..candidates import distinct_bodies, joints_by_body, owners, weighed
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Term, equation_with
+from ..hypothesis import Term, clock, equation_with
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
@@ -25,16 +25,17 @@ Written = tuple[Any, Any, Any, str]  # value, low, high, unit
 
 
 def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
-    """What a push along gravity is the same as: a picture of another scale, a film of another frame rate.
+    """What a push along gravity is the same as: a picture of another scale, of another frame rate, or upside down.
 
-    Of bodies that nothing but gravity holds; x = s x' and t = r t' make s/r^2 of an acceleration.
+    Scale and frame rate of bodies that nothing but gravity holds; x = s x' and t = r t' make s/r^2 of an acceleration.
     """
     notes: list[str] = []
     scenes = [case.recording.scene for case in cases]
     gravity = np.array(scenes[0].gravity)
     size = float(np.linalg.norm(gravity))
-    if not weighed(cases) or any(tuple(scene.gravity) != tuple(gravity) for scene in scenes):
+    if not size or any(tuple(scene.gravity) != tuple(gravity) for scene in scenes):
         return notes
+    falls = weighed(cases)
     for entry in entries:
         law = all_laws().get(str(entry["name"]))
         if law is None or not has_role(law.name, "push"):
@@ -42,12 +43,20 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
         a = np.array(entry["parameters"][law.strength[0]]["value"], float)
         seen = float((gravity + a) @ gravity) / size**2
         across = float(np.linalg.norm(a - gravity * (a @ gravity) / size**2))
-        if across > current().verdict.ordinary * float(np.linalg.norm(a)) or seen <= 0:
+        ordinary = current().verdict.ordinary
+        if across > ordinary * float(np.linalg.norm(a)):
             continue
-        notes.append(
-            f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is believed; "
-            f"lengths times {1 / seen:.3g}, or a frame rate times {seen**-0.5:.3g}, would make that right as well"
-        )
+        if abs(1 + seen) < ordinary:
+            notes.append(
+                f"{law.name} turns gravity round: bodies fall against it, with {-seen * size:.3g} m/s^2; tracks whose "
+                "axis is counted the other way look so (rows of a picture are counted downwards)"
+            )
+        elif falls and seen > 0:
+            notes.append(
+                f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is "
+                f"believed; lengths times {1 / seen:.3g}, or a frame rate times {seen**-0.5:.3g}, would make that "
+                "right as well"
+            )
     return notes
 
 
@@ -135,7 +144,7 @@ def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
     values : (p,) of the fit, with those that belong to this recording alone;  dt [s]
     """
     scene, camera = fit.hypothesis.scene(case, values)
-    t0 = float(case.t[0]) + float(camera["time_offset"])
+    t0 = float(clock(camera, case.t[0]))
     if case.name in fit.starts:
         scene = scene.with_initial(states(*fit.start_of(case.name), scene, t0))
     else:

@@ -24,11 +24,12 @@ from ..criteria import current
 from ..data import Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
+from ..linking import linked
 from ..threads import ContextPool
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
 from .radii import Sized, with_radii
-from .starts import Shapes, draw, followed, local_quadratic, take_apart
+from .starts import Shapes, draw, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 
 THREADS = cores()
@@ -148,8 +149,8 @@ def bed_case(
         found = [estimate_noise(recording.t[np.isfinite(c)], c[np.isfinite(c)]) for c in columns]
         sigma = float(np.median(found))
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
-    unwrapped, put_back, left_out = followed(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
-    full[:, recording.track_rows] = unwrapped
+    tracks = linked(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
+    full[:, recording.track_rows] = tracks.xy
     end = recording.t[0] + current().split.training * (recording.t[-1] - recording.t[0])
     learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
     listed = len(scene.bodies)
@@ -186,8 +187,8 @@ def bed_case(
     steps = max(int(np.ceil(spacing / dt)), current().fits.steps)
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
-        Shapes.of(scene), spacing / steps, seed, (put_back, left_out), np.arange(listed, len(scene.bodies)), given,
-        resized,
+        Shapes.of(scene), spacing / steps, seed, (tracks.put_back, tracks.left_out),
+        np.arange(listed, len(scene.bodies)), given, resized,
     )  # fmt: skip
 
 
