@@ -28,14 +28,15 @@ from .mechanisms import RESTITUTION
 from .swimmer_terms import swimmer_terms
 
 
-def distinct_bodies(cases: Sequence[Case]) -> dict[str, tuple[float, float]]:
-    """Mobile bodies of all recordings by id, with radius and mass: the same three are the same body."""
-    found: dict[str, tuple[float, float]] = {}
-    for case in cases:
-        for body in case.recording.scene.bodies:
-            if body.mobile:
-                found.setdefault(body.id, (body.radius, body.mass))
-    return found
+def distinct_bodies(cases: Sequence[Case]) -> list[tuple[str, float, float]]:
+    """Mobile bodies of all recordings: id, radius, mass; the same three are the same body. One "ball" may be another."""
+    every = [(b.id, b.radius, b.mass) for c in cases for b in c.recording.scene.bodies if b.mobile]
+    return list(dict.fromkeys(every))
+
+
+def names_of(cases: Sequence[Case]) -> list[str]:
+    """Ids of the mobile bodies of all recordings, each once."""
+    return list(dict.fromkeys(name for name, _, _ in distinct_bodies(cases)))
 
 
 def _driven(scene: Scene) -> set[str]:
@@ -67,12 +68,10 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
     ``each``: a strength for every distinct body instead of one for all, scaled by radius.
     """
-    bodies = {
-        b: rm for b, rm in distinct_bodies(cases).items() if any(b not in _driven(c.recording.scene) for c in cases)
-    }
+    bodies = [b for b in names_of(cases) if any(b not in _driven(c.recording.scene) for c in cases)]
     if not bodies:
         return []  # every motion is commanded: no force shows
-    radii = np.array([radius for radius, _ in bodies.values()])
+    radii = np.array([radius for name, radius, _ in distinct_bodies(cases) if name in bodies])
     choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
     combinations = [
         dict(zip([n for n, _ in choices], values, strict=True))
@@ -96,7 +95,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
         groups: list[tuple[str, tuple[int, ...]]] = []
         owners: list[Any] = [None]
         if each:
-            owners = list(joints_by_body(cases)) if law.kind == "joint" else list(bodies)
+            owners = list(joints_by_body(cases)) if law.kind == "joint" else bodies
         for owner in owners:
             where = None if owner is None else frozenset(c.name for c in cases if owner in c.recording.scene.ids)
             for p in fitted:
@@ -356,7 +355,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
     scenes = [c.recording.scene for c in cases]
     terms += swimmer_terms(scenes) if any(s.chains for s in scenes) else []
-    several = len(distinct_bodies(cases)) > 1
+    several = len(names_of(cases)) > 1
     kinds = ("body", "pair", "joint", "constraint")
     for law in all_laws().values():
         if law.candidate != "named" or law.kind not in kinds or not has_its_joints(law, cases):

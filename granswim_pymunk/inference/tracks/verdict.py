@@ -11,7 +11,7 @@ import numpy as np
 
 from ...laws import all_laws, has_role
 from ...scene import Scene
-from ..candidates import distinct_bodies, joints_by_body, owners, weighed
+from ..candidates import joints_by_body, names_of, owners, weighed
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Term, clock, equation_with
@@ -99,7 +99,7 @@ class Told:
                     parameters[name] = self._parameter(offset, term, mine)
             for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
                 parameters[name] = (value, None, None, unit)
-            acting = list(term.bodies if term.bodies is not None else distinct_bodies(self.cases))
+            acting = list(term.bodies if term.bodies is not None else names_of(self.cases))
             expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
             shown = [r for r, f in enumerate(term.free) if f.name in term.along]
             mine = [r for r in shown if owner is None or term.free[r].name.endswith(f"[{owner}]")]
