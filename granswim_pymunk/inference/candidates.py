@@ -29,7 +29,7 @@ from .swimmer_terms import swimmer_terms
 
 
 def distinct_bodies(cases: Sequence[Case]) -> list[tuple[str, float, float]]:
-    """Mobile bodies of all recordings: id, radius, mass; the same three are the same body. One "ball" may be another."""
+    """Mobile bodies of all recordings: id, radius, mass; the same three are one body. A "ball" may be another."""
     every = [(b.id, b.radius, b.mass) for c in cases for b in c.recording.scene.bodies if b.mobile]
     return list(dict.fromkeys(every))
 

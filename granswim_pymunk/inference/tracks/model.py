@@ -86,11 +86,12 @@ from .study import (
     without_outliers,
     without_single_ones,
 )
-from .undeclared import instead_of
+from .undeclared import CLOCK, Instead, declared, instead_of
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 TOGETHER = "only what they do together is known, any strength of one will do with one of the other: neither is named"
+FREED = "which nobody declared adjustable, is fitted: as it is believed more than noise is left, whatever is named"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
 
@@ -147,6 +148,7 @@ class Tracks(ObservationModel):
         self.notes = self.study.notes
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
+        self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
         self.best_form: Trial | None = None
@@ -617,7 +619,8 @@ class Tracks(ObservationModel):
         if told in ("no_mismatch", "recalibrate") or self.study.late(current().budget.remains):
             return ()
         fitter = self._fitter_of(claim.fit)
-        return tuple(map(str, instead_of(claim.laws, claim.fit, self.tried.recalibrated, fitter, self.spread)))
+        self.undeclared = instead_of(claim.laws, claim.fit, self.tried.recalibrated, fitter, self.spread)
+        return tuple(map(str, self.undeclared))
 
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
@@ -687,8 +690,24 @@ def diagnose_tracks(
     """Explain recordings of free, pinned, sprung and colliding bodies by what their scene lacks.
 
     ``minutes``: the budget;  ``seed``: of the nulls.  Raises InputError for recordings that cannot be used.
+    Where more than noise is left and a number of the scene that nobody declared adjustable would do for a law, or for
+    most of what is missing, all is asked again with that number free. It is told so if then only noise is left: a rod
+    of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
     """
-    return diagnose_by(Tracks(training, held, minutes=minutes, seed=seed, progress=progress), seed)
+    began = time.monotonic()
+    model = Tracks(training, held, minutes=minutes, seed=seed, progress=progress)
+    found = diagnose_by(model, seed)
+    number = next((n for n in model.undeclared if n.term.mechanism != CLOCK), None)
+    if number is None or found.verdict["complete"] or model.study.late(current().budget.again):
+        return found
+    left = None if minutes is None else minutes - (time.monotonic() - began) / 60
+    freed = (declared(recordings, number) for recordings in (training, held))
+    again = diagnose_by(Tracks(*freed, minutes=left, seed=seed, progress=progress), seed)
+    if again.verdict["verdict"] not in ("missing_physics", "measurement") or not again.verdict["complete"]:
+        return found
+    verdict = dict(again.verdict)
+    verdict["notes"] = [f"{number.name}, {FREED}", *verdict["notes"]]
+    return replace(again, verdict=verdict, seconds=time.monotonic() - began, runs=found.runs + again.runs)
 
 
 def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:

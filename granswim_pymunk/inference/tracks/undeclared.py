@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...laws import Parameter
-from ...scene import Scene
+from ...recording import Recording
+from ...scene import Adjustable, Scene
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Free, Term, adjustable_term
@@ -29,7 +30,7 @@ class Instead:
     """A number of the scene that does what ``replaced`` laws do, or where nothing was named most of what is missing.
 
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
-    then : what may be done about it
+    then : what may be done about it;  term : by which it was fitted
     """
 
     name: str
@@ -41,6 +42,7 @@ class Instead:
     replaced: tuple[str, ...]
     left: float
     then: str
+    term: Term
 
     def __str__(self) -> str:
         half = 0.5 * (self.high - self.low)
@@ -87,8 +89,16 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
                 believed = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in fitter.cases])))
                 value, low, high = believed / value, believed / high, believed / low
                 name, unit, then = "frame rate", "1/s", "look at how the frames got their stamps"
-            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then)))
+            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then, term)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def declared(recordings: Sequence[Recording], number: Instead) -> list[Recording]:
+    """The recordings with a number of their scenes declared adjustable, as far as it was sought."""
+    law, _, parameter = number.name.partition(".")
+    free = number.term.free[0]
+    more = Adjustable(law, parameter, free.low, free.high)
+    return [replace(r, scene=replace(r.scene, adjustable=(*r.scene.adjustable, more))) for r in recordings]
 
 
 def frame_rate() -> Term:

@@ -27,7 +27,8 @@ Written = tuple[Any, Any, Any, str]  # value, low, high, unit
 def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
     """What a push along gravity is the same as: a picture of another scale, of another frame rate, or upside down.
 
-    Scale and frame rate of bodies that nothing but gravity holds; x = s x' and t = r t' make s/r^2 of an acceleration.
+    x = s x' and t = r t' make s/r^2 of an acceleration; s only of bodies that nothing but gravity holds, r where
+    nothing else says how fast they are (a spring, a motor).
     """
     notes: list[str] = []
     scenes = [case.recording.scene for case in cases]
@@ -36,6 +37,7 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     if not size or any(tuple(scene.gravity) != tuple(gravity) for scene in scenes):
         return notes
     falls = weighed(cases)
+    timed = any(scene.laws_as(role) for scene in scenes for role in ("tether", "command"))  # by more than gravity
     for entry in entries:
         law = all_laws().get(str(entry["name"]))
         if law is None or not has_role(law.name, "push"):
@@ -51,11 +53,11 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
                 f"{law.name} turns gravity round: bodies fall against it, with {-seen * size:.3g} m/s^2; tracks whose "
                 "axis is counted the other way look so (rows of a picture are counted downwards)"
             )
-        elif falls and seen > 0:
+        elif seen > 0 and not timed:
+            scaled = f"lengths times {1 / seen:.3g}, or " if falls else ""
             notes.append(
                 f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is "
-                f"believed; lengths times {1 / seen:.3g}, or a frame rate times {seen**-0.5:.3g}, would make that "
-                "right as well"
+                f"believed; {scaled}a frame rate times {seen**-0.5:.3g} would make that right as well"
             )
     return notes
 
