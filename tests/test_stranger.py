@@ -11,9 +11,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from granswim_pymunk import api
+from granswim_pymunk.inference.candidates import law_terms
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import Free, Term
+from granswim_pymunk.inference.result import Diagnosis
+from granswim_pymunk.inference.tracks import model as tracks
 from granswim_pymunk.inference.tracks.kicks import cut_at_kicks, told, unexplained
 from granswim_pymunk.inference.tracks.line import strongest_line
+from granswim_pymunk.inference.tracks.undeclared import Instead
+from granswim_pymunk.inference.tracks.verdict import as_the_picture
+from granswim_pymunk.laws import get_law
 from granswim_pymunk.scene import Body, Scene, use
 
 GRAVITY = (0.0, -9.81)
@@ -273,3 +280,128 @@ def test_pendulums_that_a_spring_couples():
     for name, true in (("k", 0.6), ("f_0", 0.6 * apart)):
         number = entry["parameters"][name]
         assert number["low"] < true < number["high"] and number["value"] == pytest.approx(true, rel=0.02)
+
+
+class TestLabels:
+    """A tracker that takes one body for another."""
+
+    def table(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two equal disks that strike each other at 1 s, and a third: t (T,) and places (T, 3, 2)."""
+        t = np.arange(180) / 60
+        struck = np.maximum(t - 1.0, 0.0)
+        xy = [(-0.44 + 0.4 * t - 0.4 * struck, 0 * t), (0.4 * struck, 0 * t), (0.3 - 0.1 * t, 0.3 - 0.15 * t)]
+        return t, np.moveaxis(np.array(xy), -1, 0)
+
+    def test_labels_are_put_back(self):
+        t, xy = self.table()
+        xy = xy + np.random.default_rng(6).normal(0, 3e-4, xy.shape)
+        whole = prepare(recorded(t, xy, names=list("abc")), held_out=False, split=True)
+        assert not any("change places" in note for note in whole.notes)  # disks that strike keep theirs
+        broken = xy.copy()
+        broken[100:, [0, 2]] = xy[100:, [2, 0]]
+        case = prepare(recorded(t, broken, names=list("abc")), held_out=False, split=True)
+        assert np.array_equal(case.values, whole.values, equal_nan=True)
+        assert np.array_equal(case.recording.xy, xy)
+        (note,) = (note for note in case.notes if "change places" in note)
+        assert "tracks of a and c" in note and "t = 1.667 s" in note and "80 frames" in note
+
+
+def test_a_frame_rate_that_would_do_is_told():
+    """The stamps of a pendulum run 3 % slow: so does a bob that is lighter than gravity pulls it."""
+    t, length, mass = np.arange(240) / 60, 0.4, 0.1
+    angle = moved(lambda q, v: -9.81 / length * np.sin(q) - 0.08 * v, [0.5, 0.0], 1.03 * t)
+    xy = length * np.stack([np.sin(angle), -np.cos(angle)], axis=1)[:, None]
+    xy = xy + np.random.default_rng(4).normal(0, 6e-4, xy.shape)
+    scene = Scene(
+        bodies=(Body("bob", "free", radius=0.015, mass=mass),), gravity=GRAVITY,
+        laws=(use("pin", bodies=["bob"], anchor=(0.0, 0.0), length=length), use("linear_drag", c=0.08 * mass)),
+    )  # fmt: skip
+    verdict = api.diagnose(t, xy, scene=scene, position_noise=6e-4).verdict
+    (said,) = (note for note in verdict["notes"] if note.startswith("frame rate"))
+    told = re.match(r"frame rate = ([\d.]+) 1/s \(([\d.]+) to ([\d.]+)\), where 60 is believed, does as well", said)
+    assert told, verdict["notes"]
+    value, low, high = map(float, told.groups())
+    assert low < 60 / 1.03 < high and value == pytest.approx(60 / 1.03, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("a", "held", "said"),
+    [
+        ((0.0, 19.62), False, "counted the other way"),
+        ((0.0, 9.81 * (1 - 1 / 64)), False, "lengths times 64, or a frame rate times 8 would"),
+        ((0.0, 9.81 * (1 - 1 / 16)), True, "is believed; a frame rate times 4 would"),
+        ((9.81, 9.0), False, ""),
+    ],
+)
+def test_a_push_along_gravity_is_told_as_what_the_picture_may_be(a, held, said):
+    laws = (use("pin", bodies=["ball"], anchor=(0.0, 0.0), length=0.4),) if held else ()
+    scene = Scene(bodies=(Body("ball", "free", radius=0.02, mass=0.1),), gravity=GRAVITY, laws=laws)
+    entry = {"name": "uniform_force", "parameters": {"a": {"value": list(a)}}}
+    notes = as_the_picture([entry], [SimpleNamespace(recording=SimpleNamespace(scene=scene))])
+    assert [said in note for note in notes] == [True] * bool(said)
+
+
+def test_a_dead_band_of_a_motor_is_named():
+    t = np.arange(300) / 50
+    command = 0.35 * np.sin(2.5 * t) * (1 + 0.3 * np.sin(0.9 * t))
+    followed = np.sign(command) * np.maximum(np.abs(command) - 0.06, 0.0)
+    x = np.concatenate([[0.0], np.cumsum((followed[1:] + followed[:-1]) / 2) / 50])
+    xy = np.stack([x, 0 * x], axis=1)[:, None] + np.random.default_rng(6).normal(0, 5e-4, (300, 1, 2))
+    scene = Scene(
+        bodies=(Body("cart", "free", radius=0.05, mass=0.5),), inputs={"cart": (tuple(t), tuple(command))},
+        laws=(use("rail", bodies=("cart",), direction=(1.0, 0.0)), use("drive", bodies=("cart",))),
+    )  # fmt: skip
+    verdict = api.diagnose(t, xy, scene=scene, position_noise=5e-4).verdict
+    (found,) = verdict["mechanisms"]
+    assert found["name"] == "actuator_deadband" and verdict["complete"]
+    width = found["parameters"]["width"]
+    assert width["low"] < 0.06 < width["high"] and width["high"] - width["low"] < 0.01
+
+
+def test_a_ball_of_another_size_in_another_recording_is_another_body():
+    def ball(radius):
+        t, xy = dropped(0)
+        return prepare(api.make_recording(t, xy, radius=radius, mass=0.05), held_out=False, split=True)
+
+    law = get_law("quadratic_drag")
+    assert [t.choices for t in law_terms(law, [ball(0.02), ball(0.02)], each=False)] == [{"p": 0}]
+    terms = law_terms(law, [ball(0.02), ball(0.03)], each=False)
+    assert [t.choices["p"] for t in terms] == [0, 1, 2]
+    scene, _ = terms[2].apply(ball(0.03).recording.scene, {}, [0.4])
+    assert scene.parameter("quadratic_drag.c") == pytest.approx(0.4 * (0.03 / 0.025) ** 2)
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkeypatch):
+    """What is told then is what was found with it; nothing, where that is not complete either."""
+    t, xy = dropped(0)
+    scene = Scene(
+        bodies=(Body("bob", "free", radius=0.02, mass=0.05),), gravity=GRAVITY,
+        laws=(use("pin", bodies=["bob"], anchor=(0.0, 5.0), length=0.5),),
+    )  # fmt: skip
+    recording = api.make_recording(t, xy, scene=scene)
+    free = Free("pin.length", "m", 0.25, 1.0, 0.5, 1e-3)
+    term = Term("adjustable", "", (free,), lambda *given: given[:2])
+    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, "", term)
+    asked = []
+
+    class Asked:
+        def __init__(self, training, held, **how):
+            asked.append([a.name for a in training[0].scene.adjustable])
+            self.undeclared = [] if len(asked) > 1 else [number]
+            self.study = SimpleNamespace(late=lambda share: False)
+
+    def found(model, seed):
+        passes = complete and len(asked) > 1
+        verdict = {"verdict": "missing_physics", "complete": passes, "notes": [f"run {len(asked)}"]}
+        return Diagnosis(kind="bodies", verdict=verdict, revised=(), runs=len(asked))
+
+    monkeypatch.setattr(tracks, "Tracks", Asked)
+    monkeypatch.setattr(tracks, "diagnose_by", found)
+    diagnosis = tracks.diagnose_tracks([recording])
+    assert asked == [[], ["pin.length"]]
+    if complete:
+        assert diagnosis.runs == 3 and diagnosis.verdict["notes"][1] == "run 2"
+        assert diagnosis.verdict["notes"][0].startswith("pin.length, which nobody declared adjustable, is fitted")
+    else:
+        assert diagnosis.runs == 1 and diagnosis.verdict["notes"] == ["run 1"]
