@@ -382,7 +382,7 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
     recording = api.make_recording(t, xy, scene=scene)
     free = Free("pin.length", "m", 0.25, 1.0, 0.5, 1e-3)
     term = Term("adjustable", "", (free,), lambda *given: given[:2])
-    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, "", term)
+    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, "", term, True)
     asked = []
 
     class Asked:

@@ -690,14 +690,14 @@ def diagnose_tracks(
     """Explain recordings of free, pinned, sprung and colliding bodies by what their scene lacks.
 
     ``minutes``: the budget;  ``seed``: of the nulls.  Raises InputError for recordings that cannot be used.
-    Where more than noise is left and a number of the scene that nobody declared adjustable would do for a law, or for
-    most of what is missing, all is asked again with that number free. It is told so if then only noise is left: a rod
-    of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
+    Where more than noise is left and a number of the scene that nobody declared adjustable would do for several of the
+    laws, or for most where nothing is named, all is asked again with that number free. It is told so if then only noise
+    is left: a rod of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
     """
     began = time.monotonic()
     model = Tracks(training, held, minutes=minutes, seed=seed, progress=progress)
     found = diagnose_by(model, seed)
-    number = next((n for n in model.undeclared if n.term.mechanism != CLOCK), None)
+    number = next((n for n in model.undeclared if n.term.mechanism != CLOCK and n.makes_room), None)
     if number is None or found.verdict["complete"] or model.study.late(current().budget.again):
         return found
     left = None if minutes is None else minutes - (time.monotonic() - began) / 60

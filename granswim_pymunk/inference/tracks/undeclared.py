@@ -31,6 +31,7 @@ class Instead:
 
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
     then : what may be done about it;  term : by which it was fitted
+    makes_room : with fewer numbers than it replaces, or where nothing was named, so that other laws may have a place
     """
 
     name: str
@@ -43,6 +44,7 @@ class Instead:
     left: float
     then: str
     term: Term
+    makes_room: bool
 
     def __str__(self) -> str:
         half = 0.5 * (self.high - self.low)
@@ -84,12 +86,14 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
             continue
         value, low, high = again.interval(len(begin), max(spread, 1.0))
         if not low <= free.first <= high and free.low < value < free.high:
+            fewer = len(fit.values) - len(again.values)
+            room = not replaced or (fewer > 0 and (again.chi2 - fit.chi2) / spread < 2 * fewer)
             name, unit, believed, then = free.name, free.unit, free.first, "it may be declared adjustable"
             if term.mechanism == CLOCK:
                 believed = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in fitter.cases])))
                 value, low, high = believed / value, believed / high, believed / low
                 name, unit, then = "frame rate", "1/s", "look at how the frames got their stamps"
-            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then, term)))
+            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then, term, room)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
 
 
