@@ -389,7 +389,7 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
         def __init__(self, training, held, **how):
             asked.append([a.name for a in training[0].scene.adjustable])
             self.undeclared = [] if len(asked) > 1 else [number]
-            self.study = SimpleNamespace(late=lambda share: False)
+            self.study = SimpleNamespace(late=lambda share: False, cases=[SimpleNamespace(recording=training[0])])
 
     def found(model, seed):
         passes = complete and len(asked) > 1

@@ -509,7 +509,7 @@ class BudgetCriteria:
         noise;  pairs : of laws;  exchanges : of one of several, and fewer nulls;  settling : the names of the
         apparatus, entries, intervals, shorter steps;  experiment : the proposal, and where a held-out error comes from
     remains : what is left of unseen data;  foretold : after which it is said how much time is left;  again : all of it
-        once more, with a number that nobody declared adjustable
+        once more, with a number that nobody declared adjustable, of so many bodies at the most
     """
 
     fits: float = 0.9
@@ -523,3 +523,4 @@ class BudgetCriteria:
     remains: float = 0.95
     foretold: float = 0.05
     again: float = 0.45
+    bodies: int = 4

@@ -15,7 +15,7 @@ from ... import distributions as stats
 from ...laws import all_laws
 from ...recording import Recording
 from ...scene import Scene
-from ..candidates import asked_terms, in_contact_alone
+from ..candidates import asked_terms, in_contact_alone, names_of
 from ..criteria import current
 from ..data import Case
 from ..explained import Scores, explained, spoken_against, spread_with_mismatch
@@ -693,12 +693,15 @@ def diagnose_tracks(
     Where more than noise is left and a number of the scene that nobody declared adjustable would do for several of the
     laws, or for most where nothing is named, all is asked again with that number free. It is told so if then only noise
     is left: a rod of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
+    Not of many bodies, of which it would take too long.
     """
     began = time.monotonic()
     model = Tracks(training, held, minutes=minutes, seed=seed, progress=progress)
     found = diagnose_by(model, seed)
     number = next((n for n in model.undeclared if n.term.mechanism != CLOCK and n.makes_room), None)
-    if number is None or found.verdict["complete"] or model.study.late(current().budget.again):
+    budget = current().budget
+    long = len(names_of(model.study.cases)) > budget.bodies or model.study.late(budget.again)
+    if number is None or found.verdict["complete"] or long:
         return found
     left = None if minutes is None else minutes - (time.monotonic() - began) / 60
     freed = (declared(recordings, number) for recordings in (training, held))
