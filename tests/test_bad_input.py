@@ -4,6 +4,7 @@ import importlib.util
 import io
 import math
 import warnings
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -319,8 +320,6 @@ def disk(name, *initial, **more):
 
 
 def without_initial(r):
-    from dataclasses import replace
-
     scene = replace(r.scene, bodies=tuple(replace(b, initial=None) for b in r.scene.bodies))
     return Recording(r.name, scene, r.t, r.ids, r.xy, r.angle, sampling=r.sampling)
 
@@ -378,6 +377,12 @@ class TestUnits:
     def test_tracks_in_mm_or_cm_are_refused(self, name, factor):
         with pytest.raises(InputError, match="units look mixed"):
             check_plausible(scaled(HONEST[name], factor))
+
+    @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "microseconds")])
+    def test_a_fall_in_milliseconds_is_refused(self, factor, unit):
+        fall = HONEST["fall"]
+        with pytest.raises(InputError, match=f"are the times in {unit}"):
+            check_plausible(replace(fall, t=factor * fall.t, sampling=None))
 
     def test_degrees_are_refused(self):
         r = HONEST["swing"]

@@ -19,6 +19,7 @@ from .clock import check_clock
 from .recording import Recording
 
 SLIPS = {1e3: "mm", 1e2: "cm", 1e6: "micrometres", 1e-3: "km"}
+LATE = {1e3: "ms", 1e6: "microseconds"}
 FAR = 30.0  # lengths that should agree, and are further apart than this, are in different units
 LIGHTEST = 1e-5  # kg/m^3; steel with its radius in mm has 7.8e-6
 FASTEST = 340.0  # m/s, median over a whole track: the speed of sound
@@ -212,7 +213,7 @@ def _check_box(recording: Recording) -> None:
 
 
 def _check_motion(recording: Recording) -> None:
-    """Bodies under gravity and drag alone fall with g, not 1000 g; and nothing granular is supersonic."""
+    """Bodies under gravity and drag alone fall with g, not 1000 g or a millionth; nothing granular is supersonic."""
     scene = recording.scene
     g = np.array(scene.gravity)
     size = float(np.hypot(*g))
@@ -244,6 +245,13 @@ def _check_motion(recording: Recording) -> None:
                 if abs(along / (slip * size) - 1) < 0.35:
                     raise _mixed(
                         recording, f"body {name} falls with {along:.3g} where g is {size:.3g} m/s^2", slip
+                    )
+            for late, unit in LATE.items():
+                if abs(along * late**2 / size - 1) < 0.35:
+                    raise InputError(
+                        f"units look mixed: body {name} falls with {along:.3g} where g is {size:.3g} m/s^2, a factor "
+                        f"of {late:g} in time; are the times in {unit}? They should be in s",
+                        file=recording.folder,
                     )
     speed = float(np.median(speeds)) if speeds else 0.0
     if speed > FASTEST or (speed > FAST and _is_sparse(recording)):
