@@ -22,6 +22,7 @@ from granswim_pymunk.inference.tracks.undeclared import Instead
 from granswim_pymunk.inference.tracks.verdict import as_the_picture
 from granswim_pymunk.laws import get_law
 from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.walls import Wall
 
 GRAVITY = (0.0, -9.81)
 
@@ -70,6 +71,41 @@ class TestRelease:
         xy = xy + np.random.default_rng(4).normal(0, 3e-4, xy.shape)
         case = prepare(recorded(t, xy), held_out=False, split=True)
         assert case.training[0]
+
+
+class TestCaught:
+    def thrown(self) -> tuple[np.ndarray, np.ndarray]:
+        """A ball in flight that is caught at 0.7 s of 1.6 s: t (T,) and places (T, 1, 2)."""
+        t = np.arange(192) / 120
+        k = 0.12
+
+        def change(_, s):
+            speed = np.hypot(s[2], s[3])
+            return [s[2], s[3], -k * speed * s[2], -9.81 - k * speed * s[3]]
+
+        xy = solve_ivp(change, (0, t[-1]), [0, 0, 3.0, 5.0], t_eval=t, rtol=1e-9, atol=1e-11).y[:2].T
+        xy[84:] = xy[84]
+        return t, (xy + np.random.default_rng(66).normal(0, 1e-3, xy.shape))[:, None]
+
+    def test_frames_in_which_a_ball_was_caught_are_left_out(self):
+        t, xy = self.thrown()
+        case = prepare(recorded(t, xy, gravity=GRAVITY), held_out=False, split=True)
+        used = np.isfinite(case.values).all(axis=1)
+        assert t[used][-1] == pytest.approx(0.69, abs=0.015) and used[: used.sum()].all()
+        assert t[case.training][-1] == pytest.approx(0.6 * t[used][-1], abs=0.01)
+        assert sum("rests from t = 0.7" in note for note in case.notes) == 1
+
+    @pytest.mark.parametrize("sort", ["no gravity", "a floor", "a thread"])
+    def test_what_may_rest_is_kept(self, sort):
+        t, xy = self.thrown()
+        scene = Scene(
+            bodies=(Body("ball", "free", radius=0.02, mass=0.05),),
+            gravity=(0.0, 0.0) if sort == "no gravity" else GRAVITY,
+            walls=(Wall((-9.0, -9.0), (9.0, -9.0), id="floor"),) if sort == "a floor" else (),
+            laws=(use("spring", anchor=(0.0, 3.0), stiffness=1.0),) if sort == "a thread" else (),
+        )  # fmt: skip
+        case = prepare(api.make_recording(t, xy, scene=scene), held_out=False, split=True)
+        assert np.isfinite(case.values[-1]).all() and not any("rests from" in note for note in case.notes)
 
 
 class TestKicks:

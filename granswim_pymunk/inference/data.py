@@ -19,7 +19,7 @@ from .criteria import current
 from .linking import linked
 from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
-from .release import first_free
+from .release import caught, first_free
 
 
 @dataclass(frozen=True)
@@ -233,6 +233,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         t = recording.t
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
+        swapped += _without_caught(recording, t, values, channels, sigmas)
         near = _meetings(recording, channels, values)
         smooth = _without_meetings(near)
         values, lost = _without_outliers(t, values, channels, sigmas, smooth, _pressed(recording, near))
@@ -248,7 +249,8 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
-    begin, end, free = float(t[first]), float(t[-1]), np.arange(len(t)) >= first
+    last = int(np.flatnonzero(np.isfinite(values).any(axis=1))[-1])
+    begin, end, free = float(t[first]), float(t[last]), np.arange(len(t)) >= first
     before = free & (t <= begin + current().split.training * (end - begin))
     nothing = np.zeros(len(t), dtype=bool)
     if held_out:
@@ -262,6 +264,21 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None,
     )  # fmt: skip
+
+
+def _without_caught(
+    recording: Recording, t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+) -> list[str]:  # fmt: skip
+    """Frames of ``values`` (T, c) in which a body rests at the end as if held become NaN; what is said of them."""
+    notes, bodies = list[str](), [channel.body for channel in channels]
+    for body, row in caught(recording, t, values, bodies, sigmas).items():
+        # when it came to rest is known to a frame
+        values[max(row - 1, 0) :, [b == body for b in bodies]] = np.nan
+        notes.append(
+            f"{recording.name}: {body} rests from t = {t[row]:.4g} s on, where nothing that the scene has holds it "
+            "against gravity, as if it was caught, or lay on something: left out from then"
+        )
+    return notes
 
 
 def _relabelled(recording: Recording) -> tuple[Recording, list[str]]:

@@ -1,4 +1,4 @@
-"""When a motion begins by itself: frames in which everything is still held, as by a hand or a magnet, are no motion."""
+"""When a motion begins by itself, and when it ends: frames in which bodies are held, as by a hand, are no motion."""
 
 from __future__ import annotations
 
@@ -40,6 +40,36 @@ def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: 
         if first:
             return first
     return 0
+
+
+def caught(
+    recording: Recording, t: np.ndarray, values: np.ndarray, bodies: Sequence[str], sigmas: Sequence[float]
+) -> dict[str, int]:
+    """Bodies that rest at the end though nothing that the scene has holds them up, each with its first such frame.
+
+    values : (T, c) measured numbers;  bodies, sigmas : (c,) whose they are, one standard deviation of each
+    A ball that was caught, or that lies on a floor that the scene has not: gravity would move it by far. Where there
+    are walls, or bodies that never move, it may lie on them.
+    """
+    c, scene = current().release, recording.scene
+    gravity, sigma = float(np.hypot(*scene.gravity)), np.asarray(sigmas, float)
+    if not gravity or scene.walls or any(not b.mobile for b in scene.bodies) or not (sigma > 0).all():
+        return {}
+    held = {"constraint", "chain"}
+    tied = [item for item in scene.laws if item.law.kind in held or item.law.role == "tether"]
+    found = {}
+    for body in dict.fromkeys(bodies):
+        own = np.array([b == body for b in bodies])
+        seen = np.flatnonzero(np.isfinite(values[:, own]).all(axis=1))
+        if len(seen) < 2 * c.still or any(item.bodies is None or body in item.bodies for item in tied):
+            continue
+        z = values[np.ix_(seen, own)] / sigma[own]
+        away = np.abs(z - np.median(z[-c.still :], axis=0)).max(axis=1) > c.away
+        running = np.flatnonzero(away[:-2] & away[1:-1] & away[2:])  # a single one is off by chance
+        rest = seen[int(running[-1]) + 3 :] if len(running) else seen[:0]
+        if len(rest) >= c.still and gravity * np.ptp(t[rest]) ** 2 / 2 > c.falls * sigma[own].max():
+            found[body] = int(rest[0])
+    return found
 
 
 def _held_until(t: np.ndarray, z: np.ndarray, gone: int) -> int:

@@ -164,7 +164,7 @@ class StampCriteria:
 
 @dataclass(frozen=True)
 class ReleaseCriteria:
-    """When the first frames show bodies that are still held.
+    """When the first frames, or the last, show bodies that are held.
 
     still : frames at rest, the least. Choice;  after : of the motion, the least. Theory: a parabola has three numbers
     away : standard deviations from the place of rest, in three frames running;  clear : times as far, up to which
@@ -172,6 +172,7 @@ class ReleaseCriteria:
     tried : frames, the most that are tried as that of the release. Choice
     sure : of chi2, by which rest and then motion has to be ahead of one smooth motion. Theory: chance gives as much to
         a number once in 3e7;  alarm : probability of what the better one leaves, below which neither describes it
+    falls : standard deviations that a body which rests at the end would have fallen meanwhile, the least. Choice
     """
 
     still: int = 5
@@ -181,6 +182,7 @@ class ReleaseCriteria:
     tried: int = 200
     sure: float = 30.0
     alarm: float = 1e-4
+    falls: float = 100.0
 
 
 @dataclass(frozen=True)

@@ -509,7 +509,7 @@ class BudgetCriteria:
         noise;  pairs : of laws;  exchanges : of one of several, and fewer nulls;  settling : the names of the
         apparatus, entries, intervals, shorter steps;  experiment : the proposal, and where a held-out error comes from
     remains : what is left of unseen data;  foretold : after which it is said how much time is left;  again : all of it
-        once more, with a number that nobody declared adjustable, of so many bodies at the most
+        once more, with a number that nobody declared adjustable;  bodies : of how many at the most
     """
 
     fits: float = 0.9
