@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from granswim_pymunk.inference.candidates import named_terms, scaled_like
 from granswim_pymunk.inference.data import Case, prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.inference.start import describe_starts
+from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.blocks import _step
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter
@@ -237,3 +239,23 @@ def test_numbers_without_a_block_stop_at_their_bounds_together():
     np.testing.assert_allclose(stopped, [0.0, best], atol=1e-6)
     fixed = _step(columns.T @ columns, columns.T @ wanted, np.zeros(2), np.array([0.0, 9.0]))
     np.testing.assert_allclose(fixed, [0.0, best], atol=1e-6)
+
+
+def test_a_claim_is_settled_with_its_own_segments(monkeypatch):
+    """What was found may be followed from one start, and another law of its class in the segments as they were."""
+    asked = []
+
+    def limits(fitter, *_):
+        asked.append(fitter)
+        raise StopIteration
+
+    monkeypatch.setattr(model, "with_limits", limits)
+    one, cut = SimpleNamespace(segments={"r": [0]}), SimpleNamespace(segments={"r": [0, 1]})
+    tracks = object.__new__(model.Tracks)
+    tracks.fitter, tracks.study = one, SimpleNamespace(fitter=cut, late=lambda share: False)
+    tracks.tried, tracks.spread = SimpleNamespace(recalibrated=SimpleNamespace(values=())), 1.0
+    for own in (one, cut):
+        claim = SimpleNamespace(fit=SimpleNamespace(segments=own.segments), laws=())
+        with pytest.raises(StopIteration):
+            tracks.settle(SimpleNamespace(verdict="missing_physics", claim=claim))
+    assert asked == [one, cut]

@@ -325,18 +325,19 @@ class Tracks(ObservationModel):
             return judged
         count = len(self.tried.recalibrated.values)
         late = partial(self.study.late, current().budget.settling)
-        fit = with_limits(self.fitter, judged.claim.fit, count, self.spread, late)
+        fitter = self._fitter_of(judged.claim.fit)
+        fit = with_limits(fitter, judged.claim.fit, count, self.spread, late)
         laws = judged.claim.laws
         if loose := known_together(laws, fit, count, self.spread):
             self.notes.append(f"{Claim(tuple(loose), fit).label}: {TOGETHER}")
             return not_named(judged.claim, self.weighed, self.plain)
-        fit, alike = within_belief(laws, fit, self.tried.recalibrated, self.fitter, self.spread)
+        fit, alike = within_belief(laws, fit, self.tried.recalibrated, fitter, self.spread)
         if alike and len(alike) < len(laws):
             named = Claim(tuple(alike), fit).label
             self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
             laws = tuple(t for t in laws if not any(t is a for a in alike))
         plain = self.tried.recalibrated
-        idle = [] if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, self.fitter)
+        idle = [] if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
         if idle:
             named = Claim(tuple(idle), fit).label
             self.notes.append(f"{named}, in the revised scene, is not named: {BENDS_AS_WELL}")
@@ -346,8 +347,8 @@ class Tracks(ObservationModel):
             self.notes.append(
                 f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
             )
-        fit = with_doubt(self.fitter, fit, count, self.spread)
-        fit = with_slopes(self.fitter, fit, count, self.spread, self.tried.terms)
+        fit = with_doubt(fitter, fit, count, self.spread)
+        fit = with_slopes(fitter, fit, count, self.spread, self.tried.terms)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
