@@ -95,16 +95,32 @@ class TestCaught:
         assert t[case.training][-1] == pytest.approx(0.6 * t[used][-1], abs=0.01)
         assert sum("rests from t = 0.7" in note for note in case.notes) == 1
 
-    @pytest.mark.parametrize("sort", ["no gravity", "a floor", "a thread"])
+    @pytest.mark.parametrize("sort", ["no gravity", "a floor", "a thread", "a hinge", "friction"])
     def test_what_may_rest_is_kept(self, sort):
         t, xy = self.thrown()
+        laws = {
+            "a thread": use("spring", anchor=(0.0, 3.0), stiffness=1.0),
+            "a hinge": use("hinge", bodies=["ball"], anchor=(0.0, 0.5)),
+            "friction": use("coulomb_substrate", mu=0.1),
+        }
         scene = Scene(
             bodies=(Body("ball", "free", radius=0.02, mass=0.05),),
             gravity=(0.0, 0.0) if sort == "no gravity" else GRAVITY,
             walls=(Wall((-9.0, -9.0), (9.0, -9.0), id="floor"),) if sort == "a floor" else (),
-            laws=(use("spring", anchor=(0.0, 3.0), stiffness=1.0),) if sort == "a thread" else (),
+            laws=(laws[sort],) if sort in laws else (),
         )  # fmt: skip
         case = prepare(api.make_recording(t, xy, scene=scene), held_out=False, split=True)
+        assert np.isfinite(case.values[-1]).all() and not any("rests from" in note for note in case.notes)
+
+    @pytest.mark.parametrize("mu", [0.02, 0.3])
+    def test_what_friction_stops_on_a_slope_is_kept(self, mu):
+        """A block on a slope of which the scene has the gravity along it and not the friction: it stops by itself."""
+        t = np.arange(240) / 120
+        along = 0.15
+        slows = mu * 9.81 + along
+        x = np.where(t < 0.6 / slows, 0.6 * t - slows * t**2 / 2, 0.18 / slows)
+        xy = np.column_stack([x, np.zeros_like(x)]) + np.random.default_rng(5).normal(0, 2e-4, (len(t), 2))
+        case = prepare(recorded(t, xy[:, None], gravity=(-along, 0.0)), held_out=False, split=True)
         assert np.isfinite(case.values[-1]).all() and not any("rests from" in note for note in case.notes)
 
 
@@ -418,7 +434,7 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
     recording = api.make_recording(t, xy, scene=scene)
     free = Free("pin.length", "m", 0.25, 1.0, 0.5, 1e-3)
     term = Term("adjustable", "", (free,), lambda *given: given[:2])
-    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, "", term, True)
+    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, term, True)
     asked = []
 
     class Asked:

@@ -10,18 +10,11 @@ import numpy as np
 from ..laws import Law
 from .criteria import current
 from .data import Case, with_gravity
-from .hypothesis import Free, Term
+from .hypothesis import Free, Term, set_camera
 
 
 def camera_terms(cases: Sequence[Case]) -> list[Term]:
     """What the apparatus may have done: seen = s R(angle) true + b, at t + offset."""
-
-    def put(key):
-        def apply(scene, camera, values):
-            value = float(values[0]) if len(values) == 1 else tuple(float(v) for v in values)
-            return scene, {**camera, key: value}
-
-        return apply
 
     rate = cases[0].recording.sampling or 1.0 / float(np.median(np.diff(cases[0].t)))
     positions = any(c.kind != "angle" for case in cases for c in case.channels)
@@ -32,21 +25,21 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
     if positions:
         off = current().verdict.scale_off
         scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, ends.scale, None, 1.0, usual=ends.usual_scale)
-        terms.append(Term("camera_scale", "camera_scale", (scale,), put("scale"),
+        terms.append(Term("camera_scale", "camera_scale", (scale,), set_camera("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
-    terms.append(Term("camera_tilt", "camera_tilt", (tilt,), put("tilt"),
+    terms.append(Term("camera_tilt", "camera_tilt", (tilt,), set_camera("tilt"),
                       expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
     if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
         terms.append(
             Term("time_offset", "time_offset", (offset,),
-                 put("time_offset"), expression="a frame stamped t shows the state at t + offset",
+                 set_camera("time_offset"), expression="a frame stamped t shows the state at t + offset",
                  groups=(("offset", (0,)),))
         )  # fmt: skip
     if positions and any(_holds(item.law) for c in cases for item in c.recording.scene.laws):
         terms.append(
             Term("tracking_bias", "tracking_bias",
                  tuple(Free(f"camera.bias_{k}", "m", -ends.bias, ends.bias, 0.0, ends.shift) for k in "xy"),
-                 put("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
+                 set_camera("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
         )  # fmt: skip
     return terms + _oblique_terms(positions) + _lens_terms(cases)
 

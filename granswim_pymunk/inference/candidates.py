@@ -21,7 +21,7 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import Case, with_gravity
+from .data import Case, falls, with_gravity
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
@@ -45,13 +45,8 @@ def _driven(scene: Scene) -> set[str]:
 
 
 def weighed(cases: Sequence[Case]) -> bool:
-    """Whether gravity moves a body that no joint, rail or spring holds."""
-    return any(
-        any(case.recording.scene.gravity) and not any(
-            case.recording.scene.laws_as(role) for role in ("pendulum", "pivot", "guide", "bar", "tether", "command")
-        )
-        for case in cases
-    )  # fmt: skip
+    """Whether gravity moves a body that nothing holds, in any of the recordings."""
+    return any(falls(case.recording.scene) for case in cases)
 
 
 def lightest() -> float:

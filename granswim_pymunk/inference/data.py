@@ -14,6 +14,7 @@ from .. import distributions as stats
 from ..errors import InputError
 from ..joints import hinged
 from ..recording import Recording
+from ..scene import Scene
 from ..walls import gap_to_wall
 from .criteria import current
 from .linking import linked
@@ -126,6 +127,12 @@ class Case:
 def with_gravity(cases: Sequence[Case]) -> bool:
     """Whether gravity acts in the scene of any of the recordings."""
     return any(any(case.recording.scene.gravity) for case in cases)
+
+
+def falls(scene: Scene) -> bool:
+    """Whether gravity moves a body that no joint, rail, spring or command holds."""
+    held = ("pendulum", "pivot", "guide", "bar", "tether", "command")
+    return any(scene.gravity) and not any(scene.laws_as(role) for role in held)
 
 
 def left_out(count: int, why: str) -> str:
@@ -269,11 +276,26 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
 def _without_caught(
     recording: Recording, t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
 ) -> list[str]:  # fmt: skip
-    """Frames of ``values`` (T, c) in which a body rests at the end as if held become NaN; what is said of them."""
-    notes, bodies = list[str](), [channel.body for channel in channels]
-    for body, row in caught(recording, t, values, bodies, sigmas).items():
+    """Frames of ``values`` (T, c) in which a body rests at the end as if held become NaN; what is said of them.
+
+    Not where the scene has what may hold it: walls, bodies that never move, or a law that acts on single bodies and is
+    no drag, such as friction on a slope.
+    """
+    scene, notes = recording.scene, list[str]()
+    holding = any(
+        item.law.kind == "body" and item.law.parameters and item.law.role not in ("drag", "medium")
+        for item in scene.laws
+    )
+    if not falls(scene) or scene.walls or holding or any(not b.mobile for b in scene.bodies):
+        return notes
+    gravity = float(np.hypot(*scene.gravity))
+    for body in dict.fromkeys(channel.body for channel in channels):
+        own = [k for k, channel in enumerate(channels) if channel.body == body]
+        row = caught(t, values[:, own], [sigmas[k] for k in own], gravity)
+        if row is None:
+            continue
         # when it came to rest is known to a frame
-        values[max(row - 1, 0) :, [b == body for b in bodies]] = np.nan
+        values[max(row - 1, 0) :, own] = np.nan
         notes.append(
             f"{recording.name}: {body} rests from t = {t[row]:.4g} s on, where nothing that the scene has holds it "
             "against gravity, as if it was caught, or lay on something: left out from then"

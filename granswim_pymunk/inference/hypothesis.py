@@ -215,6 +215,16 @@ def set_numbers(names: Sequence[str], bodies: tuple[str, ...] | None = None) -> 
     return apply
 
 
+def set_camera(key: str) -> Apply:
+    """Puts the value, or the values, in the place of one of the camera's (``NO_CAMERA``)."""
+
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        value = float(values[0]) if len(values) == 1 else tuple(float(v) for v in values)
+        return scene, {**camera, key: value}
+
+    return apply
+
+
 def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> str:
     """An equation with its numbers: (name, value, unit) each."""
 

@@ -42,34 +42,37 @@ def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: 
     return 0
 
 
-def caught(
-    recording: Recording, t: np.ndarray, values: np.ndarray, bodies: Sequence[str], sigmas: Sequence[float]
-) -> dict[str, int]:
-    """Bodies that rest at the end though nothing that the scene has holds them up, each with its first such frame.
+def caught(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], gravity: float) -> int | None:
+    """The first frame from which a falling body rests to the end, as if it was caught; None where it was not.
 
-    values : (T, c) measured numbers;  bodies, sigmas : (c,) whose they are, one standard deviation of each
-    A ball that was caught, or that lies on a floor that the scene has not: gravity would move it by far. Where there
-    are walls, or bodies that never move, it may lie on them.
+    values : (T, c) measured numbers of one body;  sigmas : (c,) one standard deviation of each
+    gravity : [m/s^2], which would move it by far meanwhile
+    A body that is stopped goes on at its speed until then: what friction brings to rest slows down to it. Both are
+    compared by chi2 over the frames about the stop, a parabola from the rest on with a speed at the stop and without.
     """
-    c, scene = current().release, recording.scene
-    gravity, sigma = float(np.hypot(*scene.gravity)), np.asarray(sigmas, float)
-    if not gravity or scene.walls or any(not b.mobile for b in scene.bodies) or not (sigma > 0).all():
-        return {}
-    held = {"constraint", "chain"}
-    tied = [item for item in scene.laws if item.law.kind in held or item.law.role == "tether"]
-    found = {}
-    for body in dict.fromkeys(bodies):
-        own = np.array([b == body for b in bodies])
-        seen = np.flatnonzero(np.isfinite(values[:, own]).all(axis=1))
-        if len(seen) < 2 * c.still or any(item.bodies is None or body in item.bodies for item in tied):
-            continue
-        z = values[np.ix_(seen, own)] / sigma[own]
-        away = np.abs(z - np.median(z[-c.still :], axis=0)).max(axis=1) > c.away
-        running = np.flatnonzero(away[:-2] & away[1:-1] & away[2:])  # a single one is off by chance
-        rest = seen[int(running[-1]) + 3 :] if len(running) else seen[:0]
-        if len(rest) >= c.still and gravity * np.ptp(t[rest]) ** 2 / 2 > c.falls * sigma[own].max():
-            found[body] = int(rest[0])
-    return found
+    c, sigma = current().release, np.asarray(sigmas, float)
+    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if len(seen) < 2 * c.still or not (sigma > 0).all():
+        return None
+    z = values[seen] / sigma
+    away = np.abs(z - np.median(z[-c.still :], axis=0)).max(axis=1) > c.away
+    running = np.flatnonzero(away[:-2] & away[1:-1] & away[2:])  # a single one is off by chance
+    first = int(running[-1]) + 3 if len(running) else 0
+    rest = t[seen[first:]]
+    if first < c.after or len(rest) < c.still or gravity * np.ptp(rest) ** 2 / 2 <= c.falls * sigma.max():
+        return None
+    about = slice(first - c.after, first + c.still)
+    sudden, gentle = (_stopped(t[seen[about]], z[about], powers) for powers in ((1, 2), (2, 3)))
+    return int(seen[first]) if gentle - sudden > c.sure else None
+
+
+def _stopped(t: np.ndarray, z: np.ndarray, powers: Sequence[int]) -> float:
+    """What is left of chi2 of numbers (T, c) that rest from the best moment on, these powers of the time until then."""
+    left = []
+    for end in np.linspace(t[len(t) // 2], t[-1], current().release.tried):
+        until = np.minimum(t - end, 0.0) / (t[-1] - t[0])
+        left.append(_left(np.column_stack([np.ones(len(t)), *(until**k for k in powers)]), z))
+    return min(left)
 
 
 def _held_until(t: np.ndarray, z: np.ndarray, gone: int) -> int:

@@ -16,7 +16,7 @@ from ...laws import Law, Parameter, all_laws
 from ...scene import Scene, use
 from ..candidates import applies, lightest
 from ..criteria import current
-from ..hypothesis import NO_CAMERA, Free, Term, set_numbers
+from ..hypothesis import NO_CAMERA, Free, Term, set_camera, set_numbers
 from ..swimmer_terms import swimmer_terms, tried_below
 from ..trial import Tried
 from .summaries import Condition, Shim
@@ -113,12 +113,6 @@ def packings_for(candidates: Iterable[Candidate], usual: int) -> int:
 
 
 def _camera(conditions: Sequence[Condition]) -> list[Candidate]:
-    def put(key: str):
-        def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-            return scene, {**camera, key: float(values[0])}
-
-        return apply
-
     first, ends = current().packings.amounts, current().apparatus
     rows = [("camera_scale", "scale", "1", *first.widest, 1.0, first.scale, "seen = s true", "s")]
     if any(not c.any_view.curve for c in conditions):
@@ -129,7 +123,7 @@ def _camera(conditions: Sequence[Condition]) -> list[Candidate]:
         ]  # fmt: skip
     return [
         Candidate(
-            Term(name, name, (Free(f"camera.{key}", unit, low, high, neutral, scale, None, neutral),), put(key),
+            Term(name, name, (Free(f"camera.{key}", unit, low, high, neutral, scale, None, neutral),), set_camera(key),
                  expression=expression, groups=((said, (0,)),)),
             np.zeros((0, 0)), (),
         )

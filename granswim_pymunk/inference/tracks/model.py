@@ -86,7 +86,7 @@ from .study import (
     without_outliers,
     without_single_ones,
 )
-from .undeclared import CLOCK, Instead, declared, instead_of
+from .undeclared import Instead, declared, instead_of
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
@@ -699,7 +699,7 @@ def diagnose_tracks(
     began = time.monotonic()
     model = Tracks(training, held, minutes=minutes, seed=seed, progress=progress)
     found = diagnose_by(model, seed)
-    number = next((n for n in model.undeclared if n.term.mechanism != CLOCK and n.makes_room), None)
+    number = next((n for n in model.undeclared if n.of_the_scene and n.makes_room), None)
     budget = current().budget
     long = len(names_of(model.study.cases)) > budget.bodies or model.study.late(budget.again)
     if number is None or found.verdict["complete"] or long:

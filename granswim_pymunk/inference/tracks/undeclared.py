@@ -17,7 +17,7 @@ from ...recording import Recording
 from ...scene import Adjustable, Scene
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Failed, Free, Term, adjustable_term
+from ..hypothesis import Failed, Free, Term, adjustable_term, set_camera
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial
@@ -30,8 +30,8 @@ class Instead:
     """A number of the scene that does what ``replaced`` laws do, or where nothing was named most of what is missing.
 
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
-    then : what may be done about it;  term : by which it was fitted
-    makes_room : with fewer numbers than it replaces, or where nothing was named, so that other laws may have a place
+    term : by which it was fitted;  makes_room : with fewer numbers than it replaces, or where
+        nothing was named, so that other laws may have a place
     """
 
     name: str
@@ -42,9 +42,13 @@ class Instead:
     high: float
     replaced: tuple[str, ...]
     left: float
-    then: str
     term: Term
     makes_room: bool
+
+    @property
+    def of_the_scene(self) -> bool:
+        """Whether it is a number of the scene, which may be declared adjustable; else it is the film's clock."""
+        return self.term.mechanism != CLOCK
 
     def __str__(self) -> str:
         half = 0.5 * (self.high - self.low)
@@ -55,7 +59,8 @@ class Instead:
         if not self.replaced:
             does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
         return (
-            f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: {self.then}"
+            f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: "
+            + ("it may be declared adjustable" if self.of_the_scene else "look at how the frames got their stamps")
         )
 
 
@@ -88,13 +93,16 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
         if not low <= free.first <= high and free.low < value < free.high:
             fewer = len(fit.values) - len(again.values)
             room = not replaced or (fewer > 0 and (again.chi2 - fit.chi2) / spread < 2 * fewer)
-            name, unit, believed, then = free.name, free.unit, free.first, "it may be declared adjustable"
-            if term.mechanism == CLOCK:
-                believed = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in fitter.cases])))
-                value, low, high = believed / value, believed / high, believed / low
-                name, unit, then = "frame rate", "1/s", "look at how the frames got their stamps"
-            found.append((again.chi2, Instead(name, unit, believed, value, low, high, names, left, then, term, room)))
+            number = Instead(free.name, free.unit, free.first, value, low, high, names, left, term, room)
+            found.append((again.chi2, number if number.of_the_scene else _as_rate(number, fitter.cases)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def _as_rate(number: Instead, cases: Sequence[Case]) -> Instead:
+    """The stretch of a clock as the frame rate of the films that it stretches."""
+    rate = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in cases])))
+    value, low, high = rate / number.value, rate / number.high, rate / number.low
+    return replace(number, name="frame rate", unit="1/s", believed=rate, value=value, low=low, high=high)
 
 
 def declared(recordings: Sequence[Recording], number: Instead) -> list[Recording]:
@@ -102,17 +110,14 @@ def declared(recordings: Sequence[Recording], number: Instead) -> list[Recording
     law, _, parameter = number.name.partition(".")
     free = number.term.free[0]
     more = Adjustable(law, parameter, free.low, free.high)
-    return [replace(r, scene=replace(r.scene, adjustable=(*r.scene.adjustable, more))) for r in recordings]
+    return [replace(r, scene=r.scene.add(more)) for r in recordings]
 
 
 def frame_rate() -> Term:
     """A film whose stamps run slow or fast: a frame stamped t shows the state at rate t."""
 
-    def apply(scene, camera, values):
-        return scene, {**camera, "rate": float(values[0])}
-
     free = Free("camera.rate", "1", 0.5, 2.0, 1.0, current().apparatus.scale, neutral=1.0)
-    return Term(CLOCK, CLOCK, (free,), apply, expression="a frame stamped t shows the state at rate t")
+    return Term(CLOCK, CLOCK, (free,), set_camera("rate"), expression="a frame stamped t shows the state at rate t")
 
 
 def _numbers(cases: Sequence[Case]) -> list[Term]:
