@@ -41,7 +41,7 @@ FULL = {
     "small-curve": range(1002, 1018),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(2398, 2568), "real-life-bed": range(1010, 1022)}
+FULL_REAL = {"real-life": range(2556, 2726), "real-life-bed": range(1010, 1022)}
 
 
 @dataclass(frozen=True)
