@@ -275,6 +275,16 @@ def test_prove_scores_a_seed_once_and_goes_on_where_it_stopped(tmp_path, monkeyp
         prove([6])
 
 
+@pytest.mark.parametrize("code", [130, 143, -15])
+def test_a_diagnosis_that_somebody_stopped_is_no_result(code, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "_run", lambda *given: (code, "granswim diagnose: interrupted"))
+    with pytest.raises(InputError, match="stopped"):
+        prove_cases([("bodies", 6)], tmp_path)
+    assert not list(tmp_path.glob("results/*"))
+    monkeypatch.setattr(runner, "_run", lambda *given: (2, "granswim diagnose: no frames"))
+    assert prove_cases([("bodies", 6)], tmp_path)[0].failed == "granswim diagnose: no frames"
+
+
 def test_seeds_are_ranges_and_numbers():
     assert parse_seeds("1000-1003,1010") == [1000, 1001, 1002, 1003, 1010]
     with pytest.raises(InputError, match="1000-1019"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -466,6 +467,28 @@ def test_a_run_that_fails_is_a_reason():
     burst = Job(condition, "burst", lambda s: s.with_parameter("union.damping", 1e9), 0, True)
     runner.do([burst])
     assert (condition.name, "burst", True) in runner.failures and not runner.tracks
+
+
+def test_runs_under_way_are_given_up_at_ctrl_c(tmp_path, monkeypatch):
+    monkeypatch.setattr("granswim_pymunk.inference.packings.runs.cache_folder", lambda: tmp_path)
+    condition = replace(conditions_of([recording(swimming(T), toy_scene(F))], [], 0)[0], frames=T[:16])
+    sample, looks = Simulation.sample, []
+
+    def slowly(self, times, rows=None):
+        looks.append(len(times))
+        time.sleep(0.05)
+        return sample(self, times, rows)
+
+    def interrupted(done, of):
+        if done:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Simulation, "sample", slowly)
+    runner = Runner(workers=1)
+    with pytest.raises(KeyboardInterrupt):
+        runner.do([Job(condition, "naive", lambda scene: scene, k, True) for k in (0, 1)], interrupted)
+    assert list(runner.tracks[condition.name, "naive", True]) == [0] and not runner.failures
+    assert 16 <= len(looks) < 32
 
 
 # ---- what is refused ------------------------------------------------------------------------------------

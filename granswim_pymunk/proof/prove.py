@@ -7,11 +7,12 @@ import io
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from .seal import opened
 FIRST_SCORED = 1000
 DEVELOPMENT_SECRET = b"the secret of the development seeds"
 LONGEST = 7200.0  # s, after which a diagnosis has failed
+STOPPED = {130, 143, -signal.SIGINT, -signal.SIGTERM}  # exit codes of a diagnosis that somebody ended
 REAL = ("pendulum", "falling_balls", "two_disk_spin")
 # development cases, small, and of every sort; the mix of the full form, 36 full seen beds among them
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
@@ -42,6 +44,8 @@ FULL = {
 }
 # under real-life conditions: three in ten of the bodies are nulls
 FULL_REAL = {"real-life": range(2556, 2726), "real-life-bed": range(1010, 1022)}
+
+_RUNNING: set[subprocess.Popen[str]] = set()  # diagnoses under way
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ def diagnose_alone(recordings: Sequence[str | Path], keep: Path | None, minutes:
     """Run ``granswim diagnose`` in another process, in an empty folder that holds copies of the recordings only.
 
     Names of shipped recordings are passed on as they are. ``keep``: where verdict and report are left.
-    Returns verdict (or None), seconds, failed (a reason, or empty).
+    Returns verdict (or None), seconds, failed (a reason, or empty). Raises InputError where it was stopped.
     """
     with tempfile.TemporaryDirectory(prefix="granswim-") as folder:
         given = []
@@ -84,11 +88,11 @@ def diagnose_alone(recordings: Sequence[str | Path], keep: Path | None, minutes:
         began = time.monotonic()
         failed, verdict = "", None
         try:
-            done = subprocess.run(
-                command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
-            )
-            if done.returncode:
-                failed = (done.stderr.strip().splitlines() or ["?"])[-1][:300]
+            code, said = _run(command, folder, environment)
+            if code in STOPPED:  # no result: it is begun again another time
+                raise InputError("the diagnosis was stopped; the same command goes on with it", where=given[0])
+            if code:
+                failed = (said.strip().splitlines() or ["?"])[-1][:300]
         except subprocess.TimeoutExpired:
             failed = f"not done after {LONGEST:.0f} s"
         seconds = time.monotonic() - began
@@ -103,6 +107,21 @@ def diagnose_alone(recordings: Sequence[str | Path], keep: Path | None, minutes:
                 if (out / name).exists():
                     shutil.copy(out / name, keep / name)
         return {"verdict": verdict, "seconds": seconds, "failed": failed}
+
+
+def _run(command: Sequence[str], folder: str, environment: Mapping[str, str]) -> tuple[int, str]:
+    """Exit code of a command and what it said on stderr. Raises TimeoutExpired after ``LONGEST``."""
+    how: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=folder, env=environment, **how) as process:
+        _RUNNING.add(process)
+        try:
+            said = process.communicate(timeout=LONGEST)[1]
+            return process.returncode, said
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            _RUNNING.discard(process)
 
 
 def run_task(task: Task) -> str:
@@ -161,6 +180,10 @@ def prove_cases(
         else:
             for n, future in enumerate(waiting):
                 progress(future.result(), n + 1, len(tasks))
+    except BaseException:
+        for process in tuple(_RUNNING):
+            process.terminate()
+        raise
     finally:
         if own is not None:
             own.shutdown(wait=True, cancel_futures=True)

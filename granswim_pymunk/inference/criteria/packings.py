@@ -54,6 +54,7 @@ class RunCriteria:
         spread between packings is some per cent
     first_seed : of the packings. Choice: unlikely to be that of a simulated recording
     apart : of the sum of radii, between which linked disks keep their distance in a run that counts. Choice
+    parts : of a run, after each of which it may be given up. Choice
     """
 
     softer: float = 25.0
@@ -64,6 +65,7 @@ class RunCriteria:
     coarser: float = 4.0
     first_seed: int = 700_001
     apart: tuple[float, float] = (0.7, 1.5)
+    parts: int = 40
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,10 @@ Key = TypeVar("Key")
 Value = TypeVar("Value")
 
 
+class GivenUp(Exception):
+    """Nobody waits for a run any more."""
+
+
 @dataclass(frozen=True)
 class Job:
     """One run: a condition under a change of its scene, in one packing. ``label`` names the change.
@@ -73,6 +77,7 @@ class Runner:
     runs: int = 0
     cached: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock)
+    _gone: threading.Event = field(default_factory=threading.Event)  # nobody waits for the runs under way
     _packed: dict[tuple[str, int], Scene] = field(default_factory=dict)
     _dt: dict[tuple[str, bool], float] = field(default_factory=dict)
     _softness: dict[str, float] = field(default_factory=dict)
@@ -85,7 +90,8 @@ class Runner:
         return work.start_up + work.body_step * len(scene.bodies) * duration / self.time_step(condition, soft)
 
     def do(self, jobs: Sequence[Job], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
-        """Do what is not done yet. Ctrl-C keeps what is finished."""
+        """Do what is not done yet. Ctrl-C keeps what is finished, and ends the runs under way."""
+        self._gone.clear()
         # longer ones last: of a run that is asked for twice they stay
         wanted = sorted((j for j in jobs if not self.done(j)), key=lambda j: not j.part)
         todo = {(*j.key, j.number): j for j in wanted}
@@ -104,6 +110,7 @@ class Runner:
                         done += 1
                     tell(done, len(todo))
             except BaseException:
+                self._gone.set()
                 for future in waiting:
                     future.cancel()
                 raise
@@ -137,8 +144,7 @@ class Runner:
             xy = load_array(file, (len(frames), len(job.condition.rows), 2))
             new = xy is None or not np.isfinite(xy).all()
             if new:
-                with np.errstate(all="ignore"):
-                    xy = Simulation(scene).sample(frames, list(job.condition.rows))
+                xy = self._sampled(scene, frames, list(job.condition.rows))
                 if not np.isfinite(xy).all():
                     raise SimulationError("a position is not finite")
                 store_array(file, xy)
@@ -155,6 +161,16 @@ class Runner:
             self.runs += new
             self.cached += not new
             self.tracks.setdefault(job.key, {})[job.number] = xy
+
+    def _sampled(self, scene: Scene, frames: np.ndarray, rows: list[int]) -> np.ndarray:
+        """(T, n, 2) [m] of a run, looked at now and then whether anybody still waits for it. Raises GivenUp."""
+        simulation, found = Simulation(scene), list[np.ndarray]()
+        for part in np.array_split(frames, min(current().packings.runs.parts, len(frames))):
+            if self._gone.is_set():
+                raise GivenUp
+            with np.errstate(all="ignore"):
+                found.append(simulation.sample(part, rows))
+        return np.concatenate(found)
 
     def packed(self, condition: Condition, number: int) -> Scene:
         """The naive scene of a condition in one of its packings."""
