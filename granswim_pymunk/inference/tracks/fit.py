@@ -553,10 +553,8 @@ class Fitter(Follower):
         def residuals(z):
             if last and self.stop():
                 raise TimeUp
-            values, starts = unpack(z)
-            seen = POOL.spread(
-                lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases
-            )
+            values, at = unpack(z)
+            seen = POOL.spread(lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
             found = seen_of(values)
             if float(found @ found) < best[0]:
