@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -254,7 +253,6 @@ class Backend(ABC):
             raw["spin"][:] = b.turned[:, 1]
         return raw
 
-    @functools.cached_property
     def held_rows(self) -> np.ndarray:
         """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
         held = np.zeros(self.order.n, dtype=bool)

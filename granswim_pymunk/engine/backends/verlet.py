@@ -36,20 +36,6 @@ class Verlet(Native):
         """Address of the constraint's preSolve that gives the forces of a step."""
         return int(kernel.verlet_step.address)
 
-    def rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
-        """See ``Compiled``; where the laws read Chipmunk's memory, a copy of it."""
-        if raw is None and self.in_place and not self.scene.periodic_x:
-            return self.state.bodies.state.copy()
-        return super().rows_of_now(raw)
-
-    def set_velocities(self, vx: np.ndarray, vy: np.ndarray) -> None:
-        """Velocities [engine units] of the mobile bodies."""
-        if not self.in_place:
-            super().set_velocities(vx, vy)
-            return
-        b, m = self.state.bodies, self.order.n_mobile
-        b.row("vx")[:m], b.row("vy")[:m] = vx, vy
-
     def before_steps(self) -> None:
         """What the user put on the bodies goes to the coming force call."""
         if not self.in_place:
