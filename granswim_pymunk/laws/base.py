@@ -42,7 +42,6 @@ Kinds
 
 from __future__ import annotations
 
-import functools
 import importlib
 import inspect
 import math
@@ -288,9 +287,8 @@ class Law:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
 
-    @functools.cached_property
+    @property
     def arguments(self) -> tuple[str, ...]:
-        """Names of what the function is given."""
         return tuple(inspect.signature(self.function).parameters)
 
     @property

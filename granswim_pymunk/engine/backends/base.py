@@ -18,7 +18,9 @@ from ..motion import Motion
 from ..native import Offsets
 from ..order import order_of
 from ..state import (
+    Bodies,
     EngineState,
+    LawTable,
     bodies_of,
     link_arrays,
     lists_of,
@@ -26,7 +28,7 @@ from ..state import (
     numbers_of,
     walls_of,
 )  # fmt: skip
-from ..tables import acting_of, joints_of, law_table, uses_of
+from ..tables import joints_of, law_table, uses_of
 from ..units import Units
 from ..world import World
 
@@ -93,11 +95,7 @@ class Backend(ABC):
             bodies.row("angle")[:], bodies.row("spin")[:] = bodies.turned.T
         self.kernel = self.compiled()
         self.uses = uses_of(scene, self.order)
-        self.acting = acting_of(scene, self.order, bodies, self.uses)
-        averaged = plan.averaged and self.averages
-        laws = law_table(
-            scene, self.order, bodies, self.uses, self.acting, self.joints, self.addresses, self.dt, averaged
-        )
+        laws = self.tables(bodies)
         smallest = float(bodies.radius.min()) if self.order.n else 1.0
         skin = plan.skin if plan.skin is not None else 0.4 * smallest
         reach = self.uses.reach(scene)
@@ -111,6 +109,11 @@ class Backend(ABC):
         self.world = World(scene, self.order, self.units, bodies, self.joints.apart, plan.carried, offsets)
         if self.impulse or self.finds_contacts:
             self.world.add_shapes()
+
+    def tables(self, bodies: Bodies) -> LawTable:
+        """How the laws of the scene act on these bodies."""
+        averaged = self.plan.averaged and self.averages
+        return law_table(self.scene, self.order, bodies, self.uses, self.joints, self.addresses, self.dt, averaged)
 
     # ---- what a mode does in its own way --------------------------------------------------------
 
@@ -182,8 +185,7 @@ class Backend(ABC):
 
     def begin_at(self, t: float) -> None:
         """The scene begins at this time [s]."""
-        if t != self.scene.time.start:
-            self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
+        self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
         self.state.numbers["t_start"] = t
 
     # ---- bodies ---------------------------------------------------------------------------------

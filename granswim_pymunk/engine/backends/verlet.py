@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +13,8 @@ from .. import stepping
 from ..callbacks import KIND_ORDER, Kernel, spins
 from ..motion import Motion
 from ..native import Offsets, column
-from ..tables import close_links, commands_of, law_numbers, uses_of
+from ..state import LawTable
+from ..tables import close_links, uses_of
 from .base import Plan
 from .native import Native
 
@@ -105,15 +106,16 @@ class Verlet(Native):
         uses = uses_of(scene, self.order)
         if uses.reach(scene) != self.uses.reach(self.scene):
             return False
-        known, b = self.state.laws, self.state.bodies
-        if scene.inputs:  # what a motor makes of its commands hangs on its gain
-            t, v, _ = commands_of(scene, self.order)
-            if t.shape != known.input_t.shape:
-                return False
-            known.input_t[...], known.input_v[...] = t, v
+        past = self.scene, self.uses
         self.scene, self.uses = scene, uses
-        known.parameters[...] = law_numbers(scene, self.order, b, uses, self.acting, self.dt)[0]
-        self.world.ease(b, self.offsets)
+        known, tables = self.state.laws, self.tables(self.state.bodies)
+        pairs = [(getattr(known, field.name), getattr(tables, field.name)) for field in fields(LawTable)]
+        if any(old.shape != new.shape for old, new in pairs):
+            self.scene, self.uses = past
+            return False
+        for old, new in pairs:
+            old[...] = new
+        self.world.ease(self.state.bodies, self.offsets)
         return True
 
     def steer(self, v: np.ndarray) -> None:
