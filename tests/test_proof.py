@@ -1,7 +1,11 @@
 """Concealed cases: nothing betrays them, seals bind, strengths are what they say, scores count right."""
 
 import json
+import os
 import re
+import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -283,6 +287,15 @@ def test_a_diagnosis_that_somebody_stopped_is_no_result(code, tmp_path, monkeypa
     assert not list(tmp_path.glob("results/*"))
     monkeypatch.setattr(runner, "_run", lambda *given: (2, "granswim diagnose: no frames"))
     assert prove_cases([("bodies", 6)], tmp_path)[0].failed == "granswim diagnose: no frames"
+
+
+def test_a_diagnosis_that_is_begun_after_all_was_stopped_ends_at_once(tmp_path, monkeypatch):
+    """A case that is still being drawn at SIGTERM goes on to its diagnosis, for which prove would wait."""
+    monkeypatch.setattr(runner, "_GONE", threading.Event())
+    runner._GONE.set()
+    began = time.monotonic()
+    code, _ = runner._run([sys.executable, "-c", "import time; time.sleep(60)"], str(tmp_path), os.environ)
+    assert code in runner.STOPPED and time.monotonic() - began < 30 and not runner._RUNNING
 
 
 def test_seeds_are_ranges_and_numbers():

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -28,7 +29,8 @@ from .seal import opened
 FIRST_SCORED = 1000
 DEVELOPMENT_SECRET = b"the secret of the development seeds"
 LONGEST = 7200.0  # s, after which a diagnosis has failed
-STOPPED = {130, 143, -signal.SIGINT, -signal.SIGTERM}  # exit codes of a diagnosis that somebody ended
+# exit codes of a diagnosis that somebody ended, as the command says it and as the system does
+STOPPED = {code for number in (signal.SIGINT, signal.SIGTERM) for code in (128 + number, -number)}
 REAL = ("pendulum", "falling_balls", "two_disk_spin")
 # development cases, small, and of every sort; the mix of the full form, 36 full seen beds among them
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
@@ -46,6 +48,7 @@ FULL = {
 FULL_REAL = {"real-life": range(2556, 2726), "real-life-bed": range(1010, 1022)}
 
 _RUNNING: set[subprocess.Popen[str]] = set()  # diagnoses under way
+_GONE = threading.Event()  # nobody waits for them any more, nor for those that are begun after it
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,8 @@ def _run(command: Sequence[str], folder: str, environment: Mapping[str, str]) ->
     how: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, cwd=folder, env=environment, **how) as process:
         _RUNNING.add(process)
+        if _GONE.is_set():
+            process.terminate()
         try:
             said = process.communicate(timeout=LONGEST)[1]
             return process.returncode, said
@@ -170,6 +175,7 @@ def prove_cases(
         Task(s, kind, str(out.resolve()), DEVELOPMENT_SECRET if s < FIRST_SCORED else secret or b"", minutes)
         for kind, s in cases
     ]
+    _GONE.clear()
     own = ThreadPoolExecutor(max(workers, 1)) if executor is None else None
     pool: Any = executor or own
     try:
@@ -181,6 +187,7 @@ def prove_cases(
             for n, future in enumerate(waiting):
                 progress(future.result(), n + 1, len(tasks))
     except BaseException:
+        _GONE.set()
         for process in tuple(_RUNNING):
             process.terminate()
         raise
