@@ -130,7 +130,8 @@ os._exit(9)
 
 def test_trajectory_of_a_killed_program_can_be_read(tmp_path):
     path = tmp_path / "t.h5"
-    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=60)
+    # elsewhere than in the clone, whose folder of the package would stand in for an installed one
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=60, cwd=tmp_path)
     assert done.returncode == 9
     back = read_trajectory(path)
     assert len(back) == 7 and back.xy[6].tolist() == [[6, 6], [6, 6]]
