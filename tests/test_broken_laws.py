@@ -238,7 +238,19 @@ def arms(*laws):
     return Scene(bodies, (use("gravity"), *hinges, *laws), gravity=(0.0, -9.81)), 1e-4
 
 
+def cart(*laws):
+    """A cart on a rail that follows commands, as far as its motor does."""
+    bodies = (Body("cart", "free", 0.01, 0.2, initial=(0.0, 0.0, 0.0, 0.0)),)
+    commands = {"cart": ((0.0, 0.1, 0.2, 0.3), (0.0, 1.0, -1.0, 0.0))}
+    return Scene(bodies, (use("rail", bodies=["cart"], direction=(1.0, 0.0)), *laws), inputs=commands), 1e-3
+
+
+def motor(gain):
+    return use("drive", bodies=["cart"], gain=gain)
+
+
 PUSH = use("uniform_force", a=(0.4, 0.1))
+LIMIT = use("actuator_saturation", limit=0.5)
 
 
 @pytest.mark.parametrize(
@@ -248,6 +260,7 @@ PUSH = use("uniform_force", a=(0.4, 0.1))
         (meeting, [PUSH], [use("uniform_force", a=(0.1, -0.3))], True),
         (meeting, [use("contact_friction", mu=0.01)], [use("contact_friction", mu=0.02)], False),
         (meeting, [PUSH, use("added_mass", beta=0.2)], [PUSH, use("added_mass", beta=0.4)], False),
+        (cart, [motor(0.9), LIMIT], [motor(0.7), LIMIT], True),
         (arms, [use("joint_drag", c=1e-3)], [use("joint_drag", c=2e-3)], True),
         (arms, [use("linear_drag", c=0.3, p=1)], [use("linear_drag", c=0.2, p=1)], True),
         (arms, [use("added_mass", beta=0.2)], [use("added_mass", beta=0.4)], False),

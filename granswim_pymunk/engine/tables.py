@@ -123,11 +123,54 @@ def uses_of(scene: Scene, order: Order) -> Uses:
     return Uses(items, TOGETHER if damped and joined else _scheme(items, damped), late, eased)
 
 
+@dataclass(frozen=True)
+class Acting:
+    """The bodies that a use acts on: sorted inner ``rows``, and r_0 [m], their mean radius."""
+
+    rows: np.ndarray
+    mean_radius: float
+
+
+def acting_of(scene: Scene, order: Order, bodies: Bodies, uses: Uses) -> list[Acting]:
+    """Of each use the bodies that it acts on; no number of a law changes that."""
+    found = []
+    for item in uses.items:
+        rows = order.inner[scene.rows(item)]
+        rows = np.sort(rows[rows >= 0])
+        found.append(Acting(rows, _mean_radius(scene, order, bodies, item, rows)))
+    return found
+
+
+def law_numbers(
+    scene: Scene, order: Order, bodies: Bodies, uses: Uses, acting: Sequence[Acting], dt: float
+) -> tuple[np.ndarray, list[int]]:
+    """Of each use r_0 and its parameters, one use behind the other, and where the parameters of each begin.
+
+    ``bodies.ease`` and ``bodies.kick_mass`` are set to what constant drags make of them.
+    """
+    rate = np.zeros(order.n)  # kg/s, sum of the constant drags
+    share = np.ones(order.n)  # of the force that accelerates, where something is carried along
+    numbers, begins = list[float](), list[int]()
+    for item, on in zip(uses.items, acting, strict=True):
+        numbers.append(on.mean_radius)
+        begins.append(len(numbers))
+        numbers += item.law.encode(scene.resolved(item))
+        if uses.eased and item.law.linear:
+            acted = [scene.bodies[i] for i in order.rows_of[on.rows]]
+            answers = _linear_answers(scene, item, on.mean_radius, dt, acted)
+            if item.law.kind == "body":
+                rate[on.rows] += answers
+            else:
+                share[on.rows] *= 1.0 + answers
+    bodies.ease[:] = bodies.mass / (bodies.mass + 0.5 * dt * rate * share)
+    bodies.kick_mass[:] = bodies.inverse_mass * bodies.ease * share  # while constraints have not taken their share yet
+    return np.array(numbers or [0.0], dtype=float), begins
+
+
 @dataclass
 class _Filling:
     """The tables while one use after the other is put into them."""
 
-    parameters: list[float] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     runs: list[np.ndarray] = field(default_factory=list)
     table: list[list[int]] = field(default_factory=list)
@@ -135,46 +178,34 @@ class _Filling:
 
 
 def law_table(
-    scene: Scene, order: Order, bodies: Bodies, uses: Uses, joints: Joints,
+    scene: Scene, order: Order, bodies: Bodies, uses: Uses, acting: Sequence[Acting], joints: Joints,
     compiled: Callable[[Law], Addresses], dt: float, averaged: bool,
 ) -> LawTable:  # fmt: skip
-    """The tables of the laws; ``bodies.ease`` and ``bodies.kick_mass`` are set to what constant drags make of them.
+    """The tables of the laws; ``bodies`` as ``law_numbers`` says.
 
     compiled : where the functions of a law are;  dt [s];  averaged : contacts count by the share of a step they last
     """
     n, blocks = order.n, order.blocks
-    rate = np.zeros(n)  # kg/s, sum of the constant drags
-    share = np.ones(n)  # of the force that accelerates, where something is carried along
     filling = _Filling()
     run_starts = np.zeros((len(uses.items), len(blocks)), dtype=np.int64)
     mask = np.zeros((len(uses.items), n), dtype=np.uint8)
     n_runs = 0
-    for u, item in enumerate(uses.items):
-        chosen = order.inner[scene.rows(item)]
-        chosen = np.sort(chosen[chosen >= 0])
-        own_runs = _runs(chosen, blocks)
+    parameters, begins = law_numbers(scene, order, bodies, uses, acting, dt)
+    for u, (item, on) in enumerate(zip(uses.items, acting, strict=True)):
+        own_runs = _runs(on.rows, blocks)
         run_starts[u] = n_runs + np.searchsorted(own_runs[:, 0], blocks)
         filling.runs.append(own_runs)
         n_runs += len(own_runs)
-        mean_radius = _mean_radius(scene, order, bodies, item, chosen)
         kind = compiled(item.law), id(item) in uses.damped
-        _fill(filling, scene, order, joints, item, chosen, mean_radius, kind)
-        if uses.eased and item.law.linear:
-            answers = _linear_answers(scene, item, mean_radius, dt, [scene.bodies[i] for i in order.rows_of[chosen]])
-            if item.law.kind == "body":
-                rate[chosen] += answers
-            else:
-                share[chosen] *= 1.0 + answers
-        mask[u, chosen] = 1
+        _fill(filling, scene, order, joints, item, on.rows, begins[u], kind)
+        mask[u, on.rows] = 1
         if item.law.kind == "chain":
             for first, last in order.spans:  # a law acts on whole swimmers: on those of which it names a disk
                 mask[u, first:last] = mask[u, first:last].any()
-    bodies.ease[:] = bodies.mass / (bodies.mass + 0.5 * dt * rate * share)
-    bodies.kick_mass[:] = bodies.inverse_mass * bodies.ease * share  # while constraints have not taken their share yet
-    input_t, input_v, input_at = _commands(scene, order)
+    input_t, input_v, input_at = commands_of(scene, order)
     return LawTable(
         uses=np.array(filling.table, dtype=np.int64).reshape(-1, len(USE_COLUMNS)),
-        parameters=np.array(filling.parameters or [0.0], dtype=float),
+        parameters=parameters,
         rows=np.array(filling.rows or [0], dtype=np.int64),
         runs=np.concatenate([np.zeros((0, 2), dtype=np.int64), *filling.runs]),
         run_starts=run_starts, mask=mask, blocks=blocks, chains=order.spans, joints=joints.joints, joint_at=joints.at,
@@ -184,20 +215,18 @@ def law_table(
 
 
 def _fill(
-    to: _Filling, scene: Scene, order: Order, joints: Joints, item: LawUse, chosen: np.ndarray, mean_radius: float,
+    to: _Filling, scene: Scene, order: Order, joints: Joints, item: LawUse, rows: np.ndarray, begins: int,
     kind: tuple[Addresses, bool],
 ) -> None:  # fmt: skip
-    """Add one use: its line of the table, its bodies ``chosen`` or joints, r_0 and its parameters."""
-    to.parameters.append(mean_radius)
+    """Add one use: its line of the table, its bodies ``rows`` or joints, and where its parameters begin."""
     acts = _joints_under(scene, order, joints, item) if item.law.kind == "joint" else []
-    first, count = (len(to.joint_of), len(acts)) if item.law.kind == "joint" else (len(to.rows), len(chosen))
+    first, count = (len(to.joint_of), len(acts)) if item.law.kind == "joint" else (len(to.rows), len(rows))
     where, damped = kind
     code = 1 + KIND_ORDER[item.law.kind]
-    masked = int(len(chosen) < order.n)  # laws of pairs ask it, others have rows
-    to.table.append([code, len(to.parameters), first, first + count, masked, int(damped), *where])
+    masked = int(len(rows) < order.n)  # laws of pairs ask it, others have rows
+    to.table.append([code, begins, first, first + count, masked, int(damped), *where])
     to.joint_of += acts
-    to.rows += chosen.tolist()
-    to.parameters += item.law.encode(scene.resolved(item))
+    to.rows += rows.tolist()
 
 
 def _mean_radius(scene: Scene, order: Order, bodies: Bodies, item: LawUse, chosen: np.ndarray) -> float:
@@ -207,7 +236,7 @@ def _mean_radius(scene: Scene, order: Order, bodies: Bodies, item: LawUse, chose
     return float(np.mean([scene.bodies[i].radius for i in scene.rows(item)] or [1.0]))
 
 
-def _commands(scene: Scene, order: Order) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def commands_of(scene: Scene, order: Order) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times [s] and values of all commands, and (n, 2) each body's part of them. Raises InputError where one lacks."""
     commands = scene.commands
     times: list[float] = []

@@ -42,6 +42,7 @@ Kinds
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import math
@@ -287,8 +288,9 @@ class Law:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
 
-    @property
+    @functools.cached_property
     def arguments(self) -> tuple[str, ...]:
+        """Names of what the function is given."""
         return tuple(inspect.signature(self.function).parameters)
 
     @property

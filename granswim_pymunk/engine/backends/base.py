@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -18,9 +19,7 @@ from ..motion import Motion
 from ..native import Offsets
 from ..order import order_of
 from ..state import (
-    Bodies,
     EngineState,
-    LawTable,
     bodies_of,
     link_arrays,
     lists_of,
@@ -28,7 +27,7 @@ from ..state import (
     numbers_of,
     walls_of,
 )  # fmt: skip
-from ..tables import joints_of, law_table, uses_of
+from ..tables import acting_of, joints_of, law_table, uses_of
 from ..units import Units
 from ..world import World
 
@@ -95,7 +94,11 @@ class Backend(ABC):
             bodies.row("angle")[:], bodies.row("spin")[:] = bodies.turned.T
         self.kernel = self.compiled()
         self.uses = uses_of(scene, self.order)
-        laws = self.tables(bodies)
+        self.acting = acting_of(scene, self.order, bodies, self.uses)
+        averaged = plan.averaged and self.averages
+        laws = law_table(
+            scene, self.order, bodies, self.uses, self.acting, self.joints, self.addresses, self.dt, averaged
+        )
         smallest = float(bodies.radius.min()) if self.order.n else 1.0
         skin = plan.skin if plan.skin is not None else 0.4 * smallest
         reach = self.uses.reach(scene)
@@ -109,11 +112,6 @@ class Backend(ABC):
         self.world = World(scene, self.order, self.units, bodies, self.joints.apart, plan.carried, offsets)
         if self.impulse or self.finds_contacts:
             self.world.add_shapes()
-
-    def tables(self, bodies: Bodies) -> LawTable:
-        """How the laws of the scene act on these bodies."""
-        averaged = self.plan.averaged and self.averages
-        return law_table(self.scene, self.order, bodies, self.uses, self.joints, self.addresses, self.dt, averaged)
 
     # ---- what a mode does in its own way --------------------------------------------------------
 
@@ -185,7 +183,8 @@ class Backend(ABC):
 
     def begin_at(self, t: float) -> None:
         """The scene begins at this time [s]."""
-        self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
+        if t != self.scene.time.start:
+            self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
         self.state.numbers["t_start"] = t
 
     # ---- bodies ---------------------------------------------------------------------------------
@@ -255,6 +254,7 @@ class Backend(ABC):
             raw["spin"][:] = b.turned[:, 1]
         return raw
 
+    @functools.cached_property
     def held_rows(self) -> np.ndarray:
         """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
         held = np.zeros(self.order.n, dtype=bool)

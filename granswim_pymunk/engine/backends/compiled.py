@@ -48,9 +48,9 @@ class Compiled(Backend):
             state = self.rows_of_now()
         for name in ("fx", "fy", "torque"):
             state[:, c[name]] = 0.0
-        reach = numbers["reach"]
-        x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
         if lists.room:
+            reach = numbers["reach"]
+            x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
             self.fresh_list(x, y, reach)
             neighbours.prune(
                 x, y, b.radius + 0.5 * reach, b.inverse_mass, b.radius, lists.starts, laws.blocks, lists.pair_i,
@@ -87,7 +87,7 @@ class Compiled(Backend):
         weight, turning, c = b.inverse_mass, b.inverse_moment, b.columns
         state = self.rows_of_now()
         start_x, start_y, start_spin = (state[:, c[name]].copy() for name in ("vx", "vy", "spin"))
-        held = self.held_rows()
+        held = self.held_rows
         fx, fy, torque = (f.copy() for f in self.array_forces(True, self.t, state))
         # bodies that no constraint holds: half a kick
         vx, vy = start_x + half * (fx * weight), start_y + half * (fy * weight)

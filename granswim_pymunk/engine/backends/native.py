@@ -114,13 +114,13 @@ class Native(Compiled):
         self, x: np.ndarray, y: np.ndarray, vx: np.ndarray, vy: np.ndarray, angle: np.ndarray, spin: np.ndarray
     ) -> None:
         """Put the bodies there [engine units], free of forces."""
-        o = self.offsets
-        fields = {
-            o.position: x, o.position + 8: y, o.transform: x, o.transform + 8: y, o.velocity: vx, o.velocity + 8: vy,
-            o.angle: angle, o.spin: spin, **dict.fromkeys((o.force, o.force + 8, o.torque), np.zeros(self.order.n)),
-        }  # fmt: skip
-        values = np.ascontiguousarray(np.stack(list(fields.values())))
-        stepping.write_fields(self.state.bodies.bodies, np.array(list(fields)), values)
+        o, values = self.offsets, np.zeros((11, self.order.n))
+        values[0] = values[2] = x
+        values[1] = values[3] = y
+        values[4], values[5], values[6], values[7] = vx, vy, angle, spin
+        places = [o.position, o.transform, o.velocity]
+        fields = [at + k for at in places for k in (0, 8)] + [o.angle, o.spin, o.force, o.force + 8, o.torque]
+        stepping.write_fields(self.state.bodies.bodies, np.array(fields), values)
 
     def set_velocities(self, vx: np.ndarray, vy: np.ndarray) -> None:
         """Velocities [engine units] of the mobile bodies."""
@@ -216,7 +216,8 @@ class Native(Compiled):
 
     def _save(self) -> tuple[dict[str, np.ndarray], float] | None:
         # what a neighbour list that overflowed in the middle of a block goes back to
-        if self.state.lists.room >= self.order.n * self.order.n:
+        room = self.state.lists.room
+        if not room or room >= self.order.n * self.order.n:
             return None
         return self.raw(), self.state.numbers["step"]
 

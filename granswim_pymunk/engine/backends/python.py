@@ -365,7 +365,7 @@ class Python(Backend):
         touching = self._touching()
         start = np.array([(*body.velocity, body.angular_velocity) for body in self.world.bodies[:n]]).reshape(n, 3)
         start *= [unit, unit, 1 / self.units.time]
-        held = self.held_rows()[:n, None]
+        held = self.held_rows[:n, None]
 
         def set_state(v: np.ndarray) -> None:
             for body, (vx, vy, w) in zip(self.world.bodies, v / [unit, unit, 1 / self.units.time], strict=False):

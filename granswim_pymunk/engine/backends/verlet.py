@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,8 +13,7 @@ from .. import stepping
 from ..callbacks import KIND_ORDER, Kernel, spins
 from ..motion import Motion
 from ..native import Offsets, column
-from ..state import LawTable
-from ..tables import close_links, uses_of
+from ..tables import close_links, commands_of, law_numbers, uses_of
 from .base import Plan
 from .native import Native
 
@@ -36,6 +35,20 @@ class Verlet(Native):
     def step_function(self, kernel: Kernel) -> int:
         """Address of the constraint's preSolve that gives the forces of a step."""
         return int(kernel.verlet_step.address)
+
+    def rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
+        """See ``Compiled``; where the laws read Chipmunk's memory, a copy of it."""
+        if raw is None and self.in_place and not self.scene.periodic_x:
+            return self.state.bodies.state.copy()
+        return super().rows_of_now(raw)
+
+    def set_velocities(self, vx: np.ndarray, vy: np.ndarray) -> None:
+        """Velocities [engine units] of the mobile bodies."""
+        if not self.in_place:
+            super().set_velocities(vx, vy)
+            return
+        b, m = self.state.bodies, self.order.n_mobile
+        b.row("vx")[:m], b.row("vy")[:m] = vx, vy
 
     def before_steps(self) -> None:
         """What the user put on the bodies goes to the coming force call."""
@@ -106,16 +119,15 @@ class Verlet(Native):
         uses = uses_of(scene, self.order)
         if uses.reach(scene) != self.uses.reach(self.scene):
             return False
-        past = self.scene, self.uses
+        known, b = self.state.laws, self.state.bodies
+        if scene.inputs:  # what a motor makes of its commands hangs on its gain
+            t, v, _ = commands_of(scene, self.order)
+            if t.shape != known.input_t.shape:
+                return False
+            known.input_t[...], known.input_v[...] = t, v
         self.scene, self.uses = scene, uses
-        known, tables = self.state.laws, self.tables(self.state.bodies)
-        pairs = [(getattr(known, field.name), getattr(tables, field.name)) for field in fields(LawTable)]
-        if any(old.shape != new.shape for old, new in pairs):
-            self.scene, self.uses = past
-            return False
-        for old, new in pairs:
-            old[...] = new
-        self.world.ease(self.state.bodies, self.offsets)
+        known.parameters[...] = law_numbers(scene, self.order, b, uses, self.acting, self.dt)[0]
+        self.world.ease(b, self.offsets)
         return True
 
     def steer(self, v: np.ndarray) -> None:

@@ -91,7 +91,7 @@ class WorkCriteria:
     body_step [s] : of a core, that a step of one body takes. Measured: full beds (benchmarks/speed.py)
     body_start [s] : of a core, that a body's start takes: estimated, drawn, taken apart from its neighbours. Measured
     start_up [s] : of a core, that a run takes to begin. Measured
-    predictions [bytes] : that are kept in memory. Choice
+    predictions [bytes] : that are kept in memory. Choice;  stretches : of recordings that a fit keeps cut up. Choice
     least : of a budget, that each further look at a kind of recording gets where nothing is left of it. Choice
     """
 
@@ -100,6 +100,7 @@ class WorkCriteria:
     body_start: float = 1e-5
     start_up: float = 0.15
     predictions: int = 2**25
+    stretches: int = 64
     least: float = 0.1
 
 

@@ -174,7 +174,8 @@ class FitCriteria:
     ends : of chi2, a fall at which least squares end where nothing else is said
     steps : of the engine between two frames, at the least, and ``steps_met`` where bodies collide. Choices: in the end
         numbers are held against half the step (``shift``)
-    begun : simulations that a thread keeps to begin again. Choice: some of each of the fits that go on side by side
+    begun : simulations that a thread keeps to begin again. Choice: of as many recordings as are fitted together mostly,
+        in some of the fits that go on side by side
     swings : of a believed amplitude, from which the start of a pendulum is looked for;  grid : of the way between its
         bounds, from which a declared number is, where tracks are followed in segments. Choices
     """
@@ -215,7 +216,7 @@ class FitCriteria:
     steps_met: int = 20
     swings: tuple[float, ...] = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
     grid: tuple[float, ...] = (0.15, 0.5, 0.85)
-    begun: int = 8
+    begun: int = 40
 
 
 @dataclass(frozen=True)

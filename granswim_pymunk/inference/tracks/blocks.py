@@ -326,7 +326,7 @@ def _predicted(
         along = [errors @ axes[0], -errors @ axes[0]]
         along += list((errors @ rng.normal(size=(errors.shape[1], criteria.starts))).T)
         with np.errstate(over="ignore", invalid="ignore"):
-            bent = np.mean(list(POOL.map(bend, along)), axis=0)
+            bent = np.mean(POOL.spread(bend, along), axis=0)
         bent = np.where(np.isfinite(bent), bent, np.inf)
     raw = case.raw(here, block.frames)
     masked = (np.where(seen[rest], part[rest], np.nan) for part in (here, raw))

@@ -21,7 +21,7 @@ from ..data import Case
 from ..hypothesis import Free, Hypothesis, Predictor
 from ..linear import errors_of
 from ..start import Pendulum
-from ..threads import ContextPool
+from ..threads import ContextPool, at_work
 from .fitted import Fit, huber, information_of, weight_roots
 from .follow import POOL, Follower, Slow
 from .segments import Segment, find_cuts, limits_of
@@ -98,7 +98,8 @@ def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> l
     def done(job: Callable[[Fitter], Found]) -> Found:
         own = fitter.apart()
         own.stop = stop
-        return job(own)
+        with at_work():
+            return job(own)
 
     try:
         return list(_FITS.map(done, jobs))
@@ -487,7 +488,7 @@ class Fitter(Follower):
             beginnings += [(v, dict(base.starts)) for v in grid]
         jobs: list[Callable[[Fitter], Fit]] = [gradually]
         if len(beginnings) > 1:
-            chi2 = list(POOL.map(lambda b: self._chi2(hypothesis, *b), beginnings))
+            chi2 = POOL.spread(lambda b: self._chi2(hypothesis, *b), beginnings)
             nearest = [beginnings[k] for k in np.argsort(chi2)[:3]]
             jobs += [partial(begun, values=values, starts=starts) for values, starts in nearest]
         return min(side_by_side(self, jobs), key=lambda fit: fit.chi2)
@@ -552,8 +553,8 @@ class Fitter(Follower):
         def residuals(z):
             if last and self.stop():
                 raise TimeUp
-            values, starts = unpack(z)
-            seen = POOL.map(lambda c: self.innovations(c, hypothesis, values, starts[c.name], parts[c.name])[0], cases)
+            values, at = unpack(z)
+            seen = POOL.spread(lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
             found = seen_of(values)
             if float(found @ found) < best[0]:

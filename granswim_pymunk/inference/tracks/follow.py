@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -37,6 +37,28 @@ class Part:
     frames: np.ndarray
     follower: tuple[float, Segment, np.ndarray] | None
     spin: np.ndarray | None = None
+
+
+class Stretches:
+    """Which frames each segment of a recording is followed over, as far as ``frames`` (T,) ask for: those of its parts.
+
+    of : the segments;  sizes : how many numbers the start of each has
+    frames, until : of each that is followed, its frames (T,), and where the next one that is followed begins [s]
+    """
+
+    def __init__(self, segments: tuple[Segment, ...], case: Case, frames: np.ndarray) -> None:
+        self.of, self.sizes = segments, [segment.size for segment in segments]
+        self.frames, self.until = list[np.ndarray](), list[float | None]()
+        last = case.t[frames][-1]
+        for k, segment in enumerate(segments):
+            begin = case.t[segment.frames][0]
+            if k and begin > last:
+                break
+            wanted = frames & (case.t >= begin) if k else frames.copy()
+            if segment.until is not None:
+                wanted &= case.t < segment.until
+            self.frames.append(wanted)
+            self.until.append(segment.until if segment.until is not None and segment.until <= last else None)
 
 
 @dataclass(frozen=True)
@@ -89,6 +111,7 @@ class Follower:
         self.cases = [c for c in cases if (frames[c.name] if frames else c.training).any()]
         self.frames = {c.name: (frames[c.name] if frames else c.training) for c in self.cases}
         self.predictor = predictor
+        self._stretches: dict[tuple[str, bytes], Stretches] = {}
         criteria = replace(current().segments, frames=10**9) if whole else current().segments
         self.segments = {c.name: self._segments(c, criteria, whole) for c in self.cases}
 
@@ -128,23 +151,19 @@ class Follower:
         return full, np.concatenate([steps, hypothesis.priors(case, values)])
 
     def _parts(self, case: Case, numbers: np.ndarray, frames: np.ndarray) -> list[Part]:
-        segments = self.segments[case.name]
-        last = case.t[frames][-1]
-        parts, at = [], 0
-        for k, segment in enumerate(segments):
-            mine = numbers[at : at + segment.size]
-            at += segment.size
-            begin = case.t[segment.frames][0]
-            if k and begin > last:
-                break
-            wanted = frames & (case.t >= begin) if k else frames.copy()
-            if segment.until is not None:
-                wanted &= case.t < segment.until
+        key = case.name, frames.tobytes()
+        segments, known = self.segments[case.name], self._stretches.get(key)
+        if known is None or known.of is not segments:
+            if len(self._stretches) >= current().work.stretches:
+                self._stretches.clear()
+            known = self._stretches[key] = Stretches(segments, case, frames)
+        ends = np.cumsum([0, *known.sizes])
+        parts = []
+        for k, (segment, wanted, until) in enumerate(zip(segments, known.frames, known.until, strict=False)):
             follower = None
-            if segment.until is not None and segment.until <= last:
-                nxt = segments[k + 1]
-                follower = (segment.until, nxt, numbers[at : at + nxt.size])
-            parts.append(Part(k, segment, mine, wanted, follower))
+            if until is not None:
+                follower = until, segments[k + 1], numbers[ends[k + 1] : ends[k + 2]]
+            parts.append(Part(k, segment, numbers[ends[k] : ends[k + 1]], wanted, follower))
         return parts
 
     def _through(
@@ -152,7 +171,7 @@ class Follower:
     ) -> list[Run]:
         """All segments in turn, or ``together``; each begins with the spins that the one before it ends with."""
         if not hypothesis.turns(case):
-            how = POOL.map if together else map
+            how: Callable[..., Iterable[Run]] = POOL.spread if together else map
             return list(how(lambda part: self._follow(case, hypothesis, values, part), parts))
         runs: list[Run] = []
         spin = self.spin.get(case.name)
@@ -272,7 +291,7 @@ class Follower:
             columns.append(-k - 1)
             changes.append((np.asarray(values, dtype=float), moved, current().fits.step * scale))
         # the compiled loops release the GIL; threads change no bit of the result
-        found = list(POOL.map(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes))
+        found = POOL.spread(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes)
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
     def _value_steps(
@@ -430,7 +449,7 @@ class _Moved:
     def _all(self, groups: Sequence[list[Move]]) -> Iterator[tuple[Move, dict[int, Run]]]:
         """Every move with its runs by segment; one by one where a run of several fails."""
         # the compiled loops release the GIL; threads change no bit of the result
-        for group, runs in zip(groups, POOL.map(self._run, groups), strict=True):
+        for group, runs in zip(groups, POOL.spread(self._run, groups), strict=True):
             lost = len(group) > 1 and any(run.predicted is None for run in runs.values())
             for move in group:
                 yield move, self._run([move]) if lost else runs
