@@ -6,7 +6,7 @@ the classes below. n bodies, b blocks of bodies, u uses of laws, room: how many 
 
 from __future__ import annotations
 
-import functools
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -30,22 +30,17 @@ Short = NDArray[np.uint32]
 Marks = NDArray[np.uint8]
 
 
-@functools.cache
-def _places(names: tuple[str, ...]) -> dict[str, int]:
-    return {name: k for k, name in enumerate(names)}
-
-
 class Slots:
     """An array whose places have names: how compiled callbacks read single numbers."""
 
     def __init__(self, names: Sequence[str], kind: type) -> None:
         self.values: np.ndarray = np.zeros(len(names), dtype=kind)
-        self._at = _places(tuple(names))
+        self._at = {name: k for k, name in enumerate(names)}
 
     def copy(self) -> Slots:
         """The same names with numbers of its own."""
-        other = Slots.__new__(Slots)
-        other.values, other._at = self.values.copy(), self._at
+        other = copy.copy(self)
+        other.values = self.values.copy()
         return other
 
     def at(self, name: str) -> int:

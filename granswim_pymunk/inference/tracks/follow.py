@@ -42,12 +42,12 @@ class Part:
 class Stretches:
     """Which frames each segment of a recording is followed over, as far as ``frames`` (T,) ask for: those of its parts.
 
-    of : the segments;  sizes : how many numbers the start of each has
+    of : the segments;  ends : where among the numbers of all their starts those of each begin, and the last ends
     frames, until : of each that is followed, its frames (T,), and where the next one that is followed begins [s]
     """
 
     def __init__(self, segments: tuple[Segment, ...], case: Case, frames: np.ndarray) -> None:
-        self.of, self.sizes = segments, [segment.size for segment in segments]
+        self.of, self.ends = segments, np.cumsum([0, *(segment.size for segment in segments)])
         self.frames, self.until = list[np.ndarray](), list[float | None]()
         last = case.t[frames][-1]
         for k, segment in enumerate(segments):
@@ -157,8 +157,7 @@ class Follower:
             if len(self._stretches) >= current().work.stretches:
                 self._stretches.clear()
             known = self._stretches[key] = Stretches(segments, case, frames)
-        ends = np.cumsum([0, *known.sizes])
-        parts = []
+        ends, parts = known.ends, []
         for k, (segment, wanted, until) in enumerate(zip(segments, known.frames, known.until, strict=False)):
             follower = None
             if until is not None:
