@@ -37,10 +37,10 @@ class Native(Compiled):
         self._event_time: float | None = None  # where steps end at impacts, time is not a number of steps
         self.context = context_of(self.state, self.order, self.kernel, self.from_list, plan.skin is not None)
         self._space = address(self.world.space._space)
-        # the constraint holds two private bodies together with a spring of no strength: only its
-        # preSolve matters, which comes after collision detection and before any kick
+        # the constraint is a motor at rest between two private bodies: only its preSolve matters, which comes after
+        # collision detection and before any kick. Of Chipmunk's constraints it asks least of the solver
         anchors = [lib.cpBodyNew(1.0, 1.0), lib.cpBodyNew(1.0, 1.0)]
-        hook = lib.cpDampedSpringNew(anchors[0], anchors[1], (0, 0), (0, 0), 1.0, 0.0, 0.0)
+        hook = lib.cpSimpleMotorNew(anchors[0], anchors[1], 0.0)
         lib.cpConstraintSetPreSolveFunc(hook, ffi.cast("cpConstraintPreSolveFunc", self.step_function(self.kernel)))
         lib.cpConstraintSetUserData(hook, ffi.cast("void *", self.context.values.ctypes.data))
         lib.cpSpaceAddConstraint(self.world.space._space, hook)
