@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from ..compiled import njit
-from .native import call_step, load_float, store_float
+from .native import call_step, load_float, store_float, store_int32
 from .neighbours import together
 
 # short steps across an impact: after so many the disks are clear of one another, and what hangs on velocities is found
@@ -31,17 +31,27 @@ CLOSER = 0.2
 
 
 @njit(cache=True, nogil=True)
+def _clear_for(gap, speed):
+    """How long a gap stays open where it closes by no more than ``speed``."""
+    if gap <= 0.0:
+        return 0.0
+    return gap / speed if speed > 0.0 else math.inf
+
+
+@njit(cache=True, nogil=True)
 def _ahead(
     addresses, radius, group, apart, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, most
 ):  # fmt: skip
     """Shortest time [engine units] below ``most`` until two disks touch, and the least |gap|/speed of all pairs.
+
+    The third is how long none can touch, whatever acts in a step of at most ``most``; zero where two do.
 
     A step of s moves a body by s (v + (s - last) a/2), v the velocity of the middle of the last step: the time of
     contact is the root of that gap, so that the step which goes there ends at contact whatever acts.
     kick : turns force over mass into velocity over time, engine units
     """
     n = addresses.shape[0]
-    soonest, room = most, math.inf
+    soonest, room, free = most, math.inf, math.inf
     for i in range(n):
         if not touching[i]:
             continue
@@ -55,8 +65,12 @@ def _ahead(
             touch = radius[i] + radius[j]
             square, speed = dx * dx + dy * dy, ux * ux + uy * uy
             c = square - touch * touch
+            gap = math.sqrt(square) - touch
             if speed > 0.0:
-                room = min(room, abs(math.sqrt(square) - touch) / math.sqrt(speed))
+                room = min(room, abs(gap) / math.sqrt(speed))
+            ax = kick * (fx[j] * inverse_mass[j] * mobile[j] - fx[i] * inverse_mass[i] * mobile[i])
+            ay = kick * (fy[j] * inverse_mass[j] * mobile[j] - fy[i] * inverse_mass[i] * mobile[i])
+            free = min(free, _clear_for(gap, math.sqrt(speed) + most * math.sqrt(ax * ax + ay * ay)))
             b = dx * ux + dy * uy
             # touching already, and Chipmunk has seen it, or moving apart
             if b >= 0.0 or c <= 0.0:
@@ -67,8 +81,6 @@ def _ahead(
             when = c / (-b + math.sqrt(root))
             if when > 2.0 * soonest:
                 continue
-            ax = kick * (fx[j] * inverse_mass[j] * mobile[j] - fx[i] * inverse_mass[i] * mobile[i])
-            ay = kick * (fy[j] * inverse_mass[j] * mobile[j] - fy[i] * inverse_mass[i] * mobile[i])
             vx, vy = ux - 0.5 * last * ax, uy - 0.5 * last * ay
             for _ in range(ROUNDS):
                 x, y = dx + when * (vx + 0.5 * when * ax), dy + when * (vy + 0.5 * when * ay)
@@ -78,7 +90,7 @@ def _ahead(
                 when -= (x * x + y * y - touch * touch) / slope
             if 0.0 <= when < soonest:
                 soonest = when
-    return soonest, room
+    return soonest, room, free
 
 
 @njit(cache=True, nogil=True)
@@ -119,7 +131,8 @@ def _time_to_wall(px, py, ux, uy, along_x, along_y, touch):
 
 @njit(cache=True, nogil=True)
 def _ahead_of_walls(
-    addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, walls, soonest, room
+    addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, walls, most, soonest, room,
+    free,
 ):  # fmt: skip
     """As ``_ahead``, with what that found: the straight ``walls`` (W, 5) taken in."""
     for i in range(addresses.shape[0] if walls.shape[0] > 0 else 0):
@@ -138,6 +151,7 @@ def _ahead_of_walls(
             gap = math.sqrt((px - foot * walls[k, 2]) ** 2 + (py - foot * walls[k, 3]) ** 2) - touch
             if speed > 0.0:
                 room = min(room, abs(gap) / speed)
+            free = min(free, _clear_for(gap, speed + most * math.sqrt(ax * ax + ay * ay)))
             when = _time_to_wall(px, py, ux, uy, walls[k, 2], walls[k, 3], touch)
             for _ in range(ROUNDS):
                 if when > 2.0 * soonest:
@@ -146,17 +160,19 @@ def _ahead_of_walls(
                 shift = 0.5 * (when - last)
                 when = _time_to_wall(px, py, ux + shift * ax, uy + shift * ay, walls[k, 2], walls[k, 3], touch)
             soonest = min(soonest, when)
-    return soonest, room
+    return soonest, room, free
 
 
 @njit(cache=True, nogil=True)
 def advance_to(
-    step_address, space, last_step, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
+    step_address, space, last_step, iterations, rounds, idle, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
     slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
     last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
+    rounds : of Chipmunk's solver in steps in which something may touch or its joints hold, ``idle`` of others: all of
+        them go over its constraints, and that is most of what a step of a few disks takes
     stretch : how many times longer a step may be where disks are far from one another
     joints : addresses of the largest forces of Chipmunk's joints, which hold bodies in very short steps, as across an
         impact, in place of the forces that do so otherwise;  constrained : slot of whether those act
@@ -171,13 +187,14 @@ def advance_to(
             if t - begun >= dt:
                 begun, within = t, 0
             within += 1
-            until, room = _ahead(
+            until, room, free = _ahead(
                 addresses, radius, group, apart, touching, mobile, position, velocity, fx, fy, inverse_mass,
                 time_unit / velocity_unit, last / time_unit, stretch * dt / time_unit,
             )
-            until, room = _ahead_of_walls(
+            until, room, free = _ahead_of_walls(
                 addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass,
-                time_unit / velocity_unit, last / time_unit, walls, until, room,
+                time_unit / velocity_unit, last / time_unit, walls,
+                stretch * dt / time_unit, until, room, free,
             )
             until = until * time_unit if within < CROWDED else math.inf
             step = min(max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t)
@@ -205,12 +222,16 @@ def advance_to(
             # Chipmunk starts a contact from its last impulse times the ratio of the steps, but its bounds on the
             # sum leave the ratio out: equal steps for it, else a resting disk is thrown
             store_float(space + last_step, step / time_unit)
+            jointed = False
             if joints.shape[0] > 0:
                 jointed = met or across or step < TOO_SHORT * dt
                 ints[constrained] = 0 if jointed else 1
                 for k in range(joints.shape[0]):
                     store_float(joints[k], math.inf if jointed else 0.0)
+            alone = step / time_unit < 0.9 * free and not jointed  # less by what rounding may do
+            store_int32(space + iterations, idle if alone else rounds)
             call_step(step_address, space, step / time_unit)
+            store_int32(space + iterations, rounds)
             t += step
             last = step
             if ints[status] != 0:

@@ -127,16 +127,23 @@ def step_address() -> int:
 
 
 @functools.cache
-def last_step_offset() -> int:
-    """Byte offset in a cpSpace of the length of its last step. Raises ProbeError where it is not found."""
-    space = pymunk.Space()
-    memory = ffi.cast("char *", space._space)
-    space.step(1.2345e-7)
-    found = _find(memory, _SPACE_BYTES, struct.pack("d", 1.2345e-7), "the last step of a space")
-    space.step(2.5e-3)
-    if found != _find(memory, _SPACE_BYTES, struct.pack("d", 2.5e-3), "the last step of a space"):
-        raise ProbeError("the last step of a space moves")
-    return found
+def space_offsets() -> tuple[int, int]:
+    """Byte offsets in a cpSpace of the length of its last step and of its iterations. Raises ProbeError where unknown.
+
+    The length is a float, the iterations are an int of 32 bits.
+    """
+    found: set[tuple[int, int]] = set()
+    for dt, iterations in ((1.2345e-7, 0x5A5A123), (2.5e-3, 0x1B2C3D4)):
+        space = pymunk.Space()
+        memory = ffi.cast("char *", space._space)
+        space.iterations = iterations
+        at = _find(memory, _SPACE_BYTES, struct.pack("i", iterations), "the iterations of a space")
+        space.iterations = 1
+        space.step(dt)
+        found.add((_find(memory, _SPACE_BYTES, struct.pack("d", dt), "the last step of a space"), at))
+    if len(found) > 1:
+        raise ProbeError("the fields of a space move")
+    return found.pop()
 
 
 def address(pointer: Any) -> int:
@@ -248,16 +255,23 @@ def load_int(typingctx, where):
     return types.int64(types.int64), generate
 
 
-@intrinsic
-def store_byte(typingctx, where, value):
-    """Write one byte at an address."""
+def _store_int(bits):
+    @intrinsic
+    def store_int(typingctx, where, value):
+        """Write the lowest bits of an int64 at an address."""
 
-    def generate(context, builder, signature, args):
-        pointer = builder.inttoptr(args[0], cgutils.ir.IntType(8).as_pointer())
-        builder.store(builder.trunc(args[1], cgutils.ir.IntType(8)), pointer)
-        return context.get_dummy_value()
+        def generate(context, builder, signature, args):
+            kind = cgutils.ir.IntType(bits)
+            builder.store(builder.trunc(args[1], kind), builder.inttoptr(args[0], kind.as_pointer()))
+            return context.get_dummy_value()
 
-    return types.void(types.int64, types.int64), generate
+        return types.void(types.int64, types.int64), generate
+
+    return store_int
+
+
+store_byte = _store_int(8)
+store_int32 = _store_int(32)
 
 
 @intrinsic

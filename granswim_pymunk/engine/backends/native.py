@@ -13,7 +13,7 @@ from ...errors import SimulationError
 from .. import events, neighbours, stepping
 from ..callbacks import INTS, Kernel
 from ..motion import NUMBERS, OWN_ROW, Motion
-from ..native import ROW, Offsets, address, column, last_step_offset, step_address
+from ..native import ROW, Offsets, address, column, space_offsets, step_address
 from ..state import Slots, context_of
 from .base import Plan
 from .compiled import Compiled
@@ -193,7 +193,7 @@ class Native(Compiled):
         touching = np.array([circle.filter.mask != 0 for circle in self.world.circles], dtype=np.uint8)
         out = np.full((len(ends), len(rows), 2), np.nan)
         reached, last = events.advance_to(
-            step_address(), self._space, last_step_offset(), self.t, ends, self.dt, u.time, context.values,
+            step_address(), self._space, *space_offsets(), *self.world.rounds(), self.t, ends, self.dt, u.time, context.values,
             context.at("status"), numbers.values, numbers.at("t_start"), numbers.at("dt"), numbers.at("step"),
             numbers.at("lasts"), b.bodies, b.radius / u.length, b.group, self.state.links.apart, touching, b.mobile,
             self.offsets.position, self.offsets.velocity, u.length, u.velocity, self._last_step,
