@@ -131,8 +131,8 @@ def _time_to_wall(px, py, ux, uy, along_x, along_y, touch):
 
 @njit(cache=True, nogil=True)
 def _ahead_of_walls(
-    addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, walls, most, soonest, room,
-    free,
+    addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass, kick, last, walls, most, soonest,
+    room, free,
 ):  # fmt: skip
     """As ``_ahead``, with what that found: the straight ``walls`` (W, 5) taken in."""
     for i in range(addresses.shape[0] if walls.shape[0] > 0 else 0):
@@ -165,9 +165,9 @@ def _ahead_of_walls(
 
 @njit(cache=True, nogil=True)
 def advance_to(
-    step_address, space, last_step, iterations, rounds, idle, start, ends, dt, time_unit, ints, status, floats, slot_start, slot_dt, slot_step,
-    slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity, length_unit, velocity_unit,
-    last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
+    step_address, space, last_step, iterations, rounds, idle, start, ends, dt, time_unit, ints, status, floats,
+    slot_start, slot_dt, slot_step, slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity,
+    length_unit, velocity_unit, last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
     """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 

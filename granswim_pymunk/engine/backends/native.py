@@ -193,10 +193,10 @@ class Native(Compiled):
         touching = np.array([circle.filter.mask != 0 for circle in self.world.circles], dtype=np.uint8)
         out = np.full((len(ends), len(rows), 2), np.nan)
         reached, last = events.advance_to(
-            step_address(), self._space, *space_offsets(), *self.world.rounds(), self.t, ends, self.dt, u.time, context.values,
-            context.at("status"), numbers.values, numbers.at("t_start"), numbers.at("dt"), numbers.at("step"),
-            numbers.at("lasts"), b.bodies, b.radius / u.length, b.group, self.state.links.apart, touching, b.mobile,
-            self.offsets.position, self.offsets.velocity, u.length, u.velocity, self._last_step,
+            step_address(), self._space, *space_offsets(), *self.world.rounds(), self.t, ends, self.dt, u.time,
+            context.values, context.at("status"), numbers.values, numbers.at("t_start"), numbers.at("dt"),
+            numbers.at("step"), numbers.at("lasts"), b.bodies, b.radius / u.length, b.group, self.state.links.apart,
+            touching, b.mobile, self.offsets.position, self.offsets.velocity, u.length, u.velocity, self._last_step,
             self.state.walls.walls / u.length, context.at("constrained"), self.world.joint_limits, b.fx, b.fy,
             b.inverse_mass, self.plan.stretch, b.bodies[rows].copy(), out,
         )  # fmt: skip
