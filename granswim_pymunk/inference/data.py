@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -72,6 +74,11 @@ class Case:
     noise: Noise = field(default_factory=Noise)
     late: np.ndarray | None = None
     kicks: tuple[Kick, ...] = ()
+
+    @functools.cached_property
+    def told(self) -> dict[Any, Any]:
+        """What was found in the recording, by what it was asked for: it takes long, and is asked again and again."""
+        return {}
 
     @property
     def numbers(self) -> np.ndarray:

@@ -232,7 +232,13 @@ def find_cuts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impac
 
 def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
     """Where bodies met, told from the tracks: their gap has a minimum near zero and their velocities change there."""
-    criteria = criteria or current().segments
+    asked = "impacts", criteria or current().segments, current().segments
+    if asked not in case.told:
+        case.told[asked] = _found_impacts(case, asked[1])
+    return list(case.told[asked])
+
+
+def _found_impacts(case: Case, criteria: SegmentCriteria) -> list[Impact]:
     scene = case.recording.scene
     if not scene.laws_as("contact") or len(case.t) < 2 * criteria.around + 2:
         return []
@@ -246,13 +252,17 @@ def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Im
             near += 4 * spread
             met += [(row, _apart(gap, last, 2 * spread), (a, b), size) for row, last in _minima(gap, near, spread)]
     met.sort(key=lambda m: m[:2])
+    meetings: dict[str, list[tuple[int, int]]] = {}
+    for row, apart, pair, _ in met:
+        for b in pair:
+            meetings.setdefault(b, []).append((row, apart))
     found = []
     for row, apart, pair, size in met:
         bodies = tuple(b for b in pair if b in paths)
         told = {}
         for b in bodies:
-            mine = [(m[0], m[1]) for m in met if b in m[2]]
-            told[b] = _kick(case.t, *paths[b], _span(mine, (row, apart), len(case.t), criteria), criteria)
+            span = _span(meetings[b], (row, apart), len(case.t), criteria)
+            told[b] = _kick(case.t, *paths[b], span, criteria)
         kick = {b: size for b, (size, _) in told.items()}
         if len(bodies) > 1 and any(kick.values()):
             # of one that meets others just then, by what the partner's momentum changes
