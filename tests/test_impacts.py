@@ -1,12 +1,15 @@
 """Friction of the impulse, beside contact_elastic."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pymunk
 import pytest
 
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.advice import advise_dt
+from granswim_pymunk.engine.world import World
 from granswim_pymunk.scene import Body, Scene, Time, Wall, use
 from granswim_pymunk.validation.hard_disks import Physics, Table, run
 from granswim_pymunk.validation.reference import Reference
@@ -186,3 +189,36 @@ def test_a_clump_that_meets_without_end_comes_to_an_end():
     xy = simulation.sample(np.linspace(0.0, 0.03, 3))
     assert np.isfinite(xy).all()
     assert np.abs(xy).max() < 0.4
+
+
+def lively():
+    """Disks in a box that meet one another and the walls, fall, come to rest on the floor and rub."""
+    rng = np.random.default_rng(3)
+    places = [(0.05 + 0.06 * i, 0.05 + 0.07 * j) for i in range(3) for j in range(2)]
+    bodies = tuple(
+        Body(f"d{k}", "free", 0.02 + 0.001 * k, MASS, initial=(*place, *rng.normal(size=2)))
+        for k, place in enumerate(places)
+    )
+    laws = (use("contact_elastic", restitution=0.6), use("contact_friction", mu=0.2))
+    scene = Scene.box(0.25, 0.2).add(*bodies, *laws)
+    return replace(scene, gravity=(0.0, -9.81), time=Time(dt=1e-3))
+
+
+def test_steps_in_which_nothing_touches_need_no_rounds(monkeypatch):
+    """Once through Chipmunk's solver, or a hundred times: the same bits, through impacts and at rest."""
+    times = np.linspace(0.0, 1.5, 151)
+    once = Simulation(lively())
+    assert once.backend.world.rounds() == (100, 1)
+    found = once.sample(times)
+    assert once.state().xy[:, 1].min() < 0.03  # some lie on the floor
+    monkeypatch.setattr(World, "rounds", lambda self: (100, 100))
+    np.testing.assert_array_equal(found, Simulation(lively()).sample(times))
+
+
+def test_what_a_user_puts_into_the_space_is_solved_in_all_rounds():
+    run = Simulation(lively())
+    floor = pymunk.Segment(run.space.static_body, (-1e3, -1e3), (-1e3, -2e3), 0.0)
+    run.space.add(floor)
+    assert run.backend.world.rounds() == (100, 100)
+    run.advance(10)
+    assert run.space.iterations == 100

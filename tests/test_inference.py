@@ -277,6 +277,9 @@ def test_tracks_are_cut_where_bodies_met_and_joined_there():
     film = filmed(collision(0.75), collision(1.0), SHORT, np.random.default_rng(6))
     case = prepare(film, held_out=False, split=True)
     (impact,) = find_impacts(case)
+    # kept with the recording that it was found in, and with no other one
+    assert find_impacts(case)[0] is impact
+    assert not find_impacts(replace(case, values=np.full_like(case.values, np.nan)))
     assert impact.bodies == ("a", "b") and 0.1 < case.t[impact.row] < 0.2
     first, second = make_segments(case, case.training)
     assert first.until == pytest.approx(case.t[second.frames][0])
