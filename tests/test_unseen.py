@@ -42,6 +42,7 @@ from granswim_pymunk.inference.packings.conclude import (
     both_earned,
     by_themselves,
     plainer,
+    within_absence,
 )
 from granswim_pymunk.inference.packings.local import near, scatter_of, wilder_there
 from granswim_pymunk.inference.packings.model import planned_sizes
@@ -630,6 +631,24 @@ def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
     alone = by_themselves(f)
     assert [t.mechanism for t in alone] == [t.mechanism for t in f.found]
     assert all(t.refitted and len(t.fit.u) == len(f.revised.u) - 1 for t in alone)
+
+
+def test_a_law_whose_number_may_as_well_be_none_is_not_named(world, monkeypatch):
+    """Packings that differ widely under a law come near whatever was seen; what they tell of its number is nothing."""
+    films, wide = filmed({"linear_drag": [2.0 * world["linear_drag"].design[0, 0]]}, 4), [False]
+
+    def confirmed(f, near):
+        confirm(f, near)
+        if wide[0] and f.found:
+            f.revised = replace(f.revised, scatter=np.full(len(f.revised.u), 1e6))
+
+    monkeypatch.setattr("granswim_pymunk.inference.packings.model.confirm", confirmed)
+    named = diagnose_unseen(films)
+    assert [m["name"] for m in named.verdict["mechanisms"]] == ["linear_drag"] and not within_absence(named.evidence)
+    wide[0] = True
+    verdict = diagnose_unseen(films).verdict
+    assert verdict["verdict"] == "unmodelled" and "linear_drag" not in {m["name"] for m in verdict["mechanisms"]}
+    assert verdict["rivals"][0]["name"] == "linear_drag" and verdict["rivals"][0]["share"] > 0.5
 
 
 @pytest.mark.parametrize("fallen", ["linear_drag", "weak_joint"])

@@ -93,9 +93,9 @@ def _to_the_end(s: Search, fitted: Fit, laws: Sequence[Trial]) -> list[Job]:
 
 
 def _by_fit(laws: Sequence[Trial]) -> list[tuple[Fit, list[Trial]]]:
-    """Laws with the fit that they share, those without one left out."""
+    """Laws with the fit that they share, those without one left out; one that is asked for twice is there once."""
     found: dict[int, tuple[Fit, list[Trial]]] = {}
-    for t in laws:
+    for t in {(t.label, id(t.fit)): t for t in laws}.values():
         if t.fit is not None:
             found.setdefault(id(t.fit), (t.fit, []))[1].append(t)
     return list(found.values())

@@ -15,7 +15,7 @@ from ..explained import Explained
 from ..flow import flow_of
 from ..mechanisms import UNKNOWN
 from ..significance import at_alarm, price
-from ..simpler import all_absent, ended_at_bound, special_cases
+from ..simpler import all_absent, by_chance, ended_at_bound, special_cases
 from ..trial import Tried, best_of_each, pair_gains, rows_of
 from .candidates import Candidate
 from .refitting import arrived, refit
@@ -25,6 +25,7 @@ from .state import NAIVE, Search, Trial, base_point, extra_at, rounded
 from .summaries import fastest_of
 
 BY_CHANCE = "with the scene's own contacts it is not beyond chance"
+NOT_TOLD = "packings under it differ so widely that its numbers may as well be none"
 
 
 @dataclass(frozen=True)
@@ -401,6 +402,17 @@ def both_earned(f: Finding) -> bool:
     far = _from_absence(s, both, f.revised, f.revised.told)
     sound = [_sound(s, *law) for law in _own(s, both, f.revised)]
     return all(sound) and min(far) >= price(s.looked)
+
+
+def within_absence(f: Finding) -> bool:
+    """Whether the numbers of a law that was found alone may as well be none in the scene as it is given to the user.
+
+    Packings that differ widely under a law tell little of its numbers, however much nearer their mean comes.
+    """
+    if len(f.found) != 1:
+        return False
+    law = f.found[0].candidate
+    return by_chance(_from_absence(f.search, [law], f.revised, f.revised.told)[0], law.numbers)
 
 
 def by_themselves(f: Finding) -> list[Trial]:

@@ -14,7 +14,7 @@ from ..criteria import current
 from ..criteria.packings import Sizes
 from ..explained import Explained
 from ..hypothesis import Free
-from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge
+from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge, not_named
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
 from ..places import Place
@@ -36,7 +36,18 @@ from .checks import (
     rest_of,
     shifted,
 )
-from .conclude import BY_CHANCE, Curve, Finding, both_earned, by_themselves, explained, in_reach, named_laws
+from .conclude import (
+    BY_CHANCE,
+    NOT_TOLD,
+    Curve,
+    Finding,
+    both_earned,
+    by_themselves,
+    explained,
+    in_reach,
+    named_laws,
+    within_absence,
+)
 from .recalibrate import begin, recalibrate
 from .refitting import goodness
 from .response import fit
@@ -138,6 +149,9 @@ class Packings(ObservationModel):
         if not both_earned(finding):
             claim = self._alone(finding)
             return self.settle(judge(claim, self.weigh(claim), self.mismatch(claim), self.plain, self.notes))
+        if within_absence(finding):
+            s.notes.append(f"{judged.claim.label} is not named: {NOT_TOLD}")
+            return self.settle(not_named(judged.claim, self.weigh(judged.claim), self.plain))
         if finding.found:
             self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)
         return judged
