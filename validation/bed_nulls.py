@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +42,9 @@ ABOUT = (
 
 def page(
     results: Mapping[str, Mapping[str, Any]], title: str = TITLE, module: str = "bed_nulls",
-    about: Sequence[str] = ABOUT,
+    about: Sequence[str] = ABOUT, searched: Collection[str] | None = None,
 ) -> str:  # fmt: skip
+    """``searched``: of which results p is that of the search, None: of all."""
     lines = [
         f"# {title}",
         "",
@@ -55,9 +56,10 @@ def page(
         "|---|---|---|---|---|---|---|---|",
     ]
     for label, key in (("full", "full"), ("small", "small"), ("all", "")):
-        mine = [r["verdict"] for name, r in results.items() if name.startswith(key) and "verdict" in r]
+        mine = {name: r["verdict"] for name, r in results.items() if name.startswith(key) and "verdict" in r}
+        p = [_p(v) for name, v in mine.items() if searched is None or name in searched]
         if mine:
-            lines.append(_line(label, mine))
+            lines.append(_line(label, list(mine.values()), np.array(p)))
     wrong = [
         f"- {name}: {', '.join(m['name'] for m in r['verdict']['mechanisms'])} (p = {_p(r['verdict']):.3f})"
         for name, r in results.items()
@@ -78,17 +80,17 @@ def _p(verdict: Mapping[str, Any]) -> float:
     return float(verdict["null"]["p_false_alarm"])
 
 
-def _line(label: str, verdicts: Sequence[Mapping[str, Any]]) -> str:
+def _line(label: str, verdicts: Sequence[Mapping[str, Any]], p: np.ndarray) -> str:
     said = [v["verdict"] for v in verdicts]
     count = len(said)
     alarms = said.count("missing_physics")
     high = float(stats.beta.ppf(0.975, alarms + 1, count - alarms)) if alarms < count else 1.0
     low = float(stats.beta.ppf(0.025, alarms, count - alarms + 1)) if alarms else 0.0
-    p = np.array([_p(v) for v in verdicts])
-    uniform = f"p = {stats.kstest(p, 'uniform').pvalue:.2g}" if count > 4 else "–"
+    uniform = f"p = {stats.kstest(p, 'uniform').pvalue:.2g}" if len(p) > 4 else "–"
+    low_p = f"{int(np.sum(p < 0.05))}" + (f" of {len(p)}" if len(p) < count else "")
     return (
         f"| {label} | {count} | {alarms} ({100 * low:.0f} to {100 * high:.0f} %) | {said.count('measurement')} | "
-        f"{said.count('recalibrate')} | {said.count('unmodelled')} | {int(np.sum(p < 0.05))} | {uniform} |"
+        f"{said.count('recalibrate')} | {said.count('unmodelled')} | {low_p} | {uniform} |"
     )
 
 

@@ -35,18 +35,25 @@ TITLE = "False alarms where only the swimmer is seen"
 ABOUT = (
     f"In none of these beds is anything missing. Small ones: {PACKINGS} packings of each, two films of 0.5 s; full:",
     "packings of one bed, one film of 0.8 s of each. The stiffness is believed 4 % too high, of every third bed a",
-    "fifth off. A false alarm is a named law; a false clock or scale is counted apart. p is that of the search, its",
-    "uniform spread is tested by Kolmogorov and Smirnov. Packings of one bed share the runs of their diagnosis.",
+    "fifth off. A false alarm is a named law; a false clock or scale is counted apart. p is that of the verdict: of",
+    "the recalibration where that is told. Where no stiffness is off it is that of the search, and its uniform",
+    "spread is tested by Kolmogorov and Smirnov. Packings of one bed share the runs of their diagnosis.",
 )
+
+
+def row_of(small: bool, k: int) -> Row:
+    """The k-th null: nothing is missing, and in some the stiffness is off."""
+    if not small:
+        return [row for row in unseen_effects.ROWS if row.name == "nothing" or row in unseen_effects.NULLS][k]
+    moved = (("bending.stiffness", 1.2 if k % 2 else 0.8),) if k % 3 == 2 else ()
+    return Row("nothing", {}, "no_mismatch", moved=moved)
 
 
 def films(small: bool, k: int, folder: Path) -> list[Path]:
     """The recordings of a null, written where they are not there."""
+    row = row_of(small, k)
     if not small:
-        rows = [row for row in unseen_effects.ROWS if row.name == "nothing" or row in unseen_effects.NULLS]
-        return unseen_effects.make(rows[k], unseen_effects.ROWS.index(rows[k]), folder / "full", False, 2)
-    moved = (("bending.stiffness", 1.2 if k % 2 else 0.8),) if k % 3 == 2 else ()
-    row = Row("nothing", {}, "no_mismatch", moved=moved)
+        return unseen_effects.make(row, unseen_effects.ROWS.index(row), folder / "full", False, 2)
     return unseen_effects.make(row, 1000 + k, folder / "small", True, bed=FIRST + k // PACKINGS)
 
 
@@ -66,7 +73,8 @@ def diagnosed(recordings: Sequence[Path], minutes: float) -> dict[str, Any]:
 
 
 def page(results: dict[str, dict[str, Any]]) -> str:
-    text = bed_nulls.page(results, TITLE, "unseen_nulls", ABOUT).rstrip("\n")
+    right = {n: r for n, r in results.items() if not row_of(n.startswith("small"), int(n[-2:])).moved}
+    text = bed_nulls.page(results, TITLE, "unseen_nulls", ABOUT, right).rstrip("\n")
     commits = ", ".join(sorted({str(r["commit"]) for r in results.values()}))
     lines = [text, "", f"Code: {commits}.", "", *place_nulls.ABOUT, "", *place_nulls.HEADER]
     for kind in ("full", "small"):
