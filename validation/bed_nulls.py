@@ -42,9 +42,9 @@ ABOUT = (
 
 def page(
     results: Mapping[str, Mapping[str, Any]], title: str = TITLE, module: str = "bed_nulls",
-    about: Sequence[str] = ABOUT, searched: Collection[str] | None = None,
+    about: Sequence[str] = ABOUT, tested: Collection[str] | None = None,
 ) -> str:  # fmt: skip
-    """``searched``: of which results p is that of the search, None: of all."""
+    """``tested``: of which results the spread of p is told, None: of all."""
     lines = [
         f"# {title}",
         "",
@@ -57,7 +57,7 @@ def page(
     ]
     for label, key in (("full", "full"), ("small", "small"), ("all", "")):
         mine = {name: r["verdict"] for name, r in results.items() if name.startswith(key) and "verdict" in r}
-        p = [_p(v) for name, v in mine.items() if searched is None or name in searched]
+        p = [_p(v) for name, v in mine.items() if tested is None or name in tested]
         if mine:
             lines.append(_line(label, list(mine.values()), np.array(p)))
     wrong = [

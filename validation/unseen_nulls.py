@@ -36,8 +36,8 @@ ABOUT = (
     f"In none of these beds is anything missing. Small ones: {PACKINGS} packings of each, two films of 0.5 s; full:",
     "packings of one bed, one film of 0.8 s of each. The stiffness is believed 4 % too high, of every third bed a",
     "fifth off. A false alarm is a named law; a false clock or scale is counted apart. p is that of the verdict: of",
-    "the recalibration where that is told. Where no stiffness is off it is that of the search, and its uniform",
-    "spread is tested by Kolmogorov and Smirnov. Packings of one bed share the runs of their diagnosis.",
+    "the search, or of the recalibration where that is told; its uniform spread is tested by Kolmogorov and Smirnov",
+    "over beds whose stiffness is not a fifth off. Packings of one bed share the runs of their diagnosis.",
 )
 
 

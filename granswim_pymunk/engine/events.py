@@ -180,7 +180,7 @@ def advance_to(
     Positions of the bodies at ``chosen`` addresses are written to ``out`` (T, k, 2) [m]. Returns the time reached
     and the length of the last step [s].
     """
-    t, met = start, False
+    t, met, longest = start, False, stretch * dt / time_unit
     begun, within = start, 0
     for s in range(ends.shape[0]):
         while ends[s] - t > 1e-12 * dt + 1e-15 * abs(t):
@@ -189,12 +189,11 @@ def advance_to(
             within += 1
             until, room, free = _ahead(
                 addresses, radius, group, apart, touching, mobile, position, velocity, fx, fy, inverse_mass,
-                time_unit / velocity_unit, last / time_unit, stretch * dt / time_unit,
+                time_unit / velocity_unit, last / time_unit, longest,
             )
             until, room, free = _ahead_of_walls(
                 addresses, radius, touching, mobile, position, velocity, fx, fy, inverse_mass,
-                time_unit / velocity_unit, last / time_unit, walls,
-                stretch * dt / time_unit, until, room, free,
+                time_unit / velocity_unit, last / time_unit, walls, longest, until, room, free,
             )
             until = until * time_unit if within < CROWDED else math.inf
             step = min(max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t)

@@ -232,9 +232,10 @@ def find_cuts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impac
 
 def find_impacts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impact]:
     """Where bodies met, told from the tracks: their gap has a minimum near zero and their velocities change there."""
-    asked = "impacts", criteria or current().segments, current().segments
+    criteria = criteria or current().segments
+    asked = "impacts", criteria, current().segments
     if asked not in case.told:
-        case.told[asked] = _found_impacts(case, asked[1])
+        case.told[asked] = _found_impacts(case, criteria)
     return list(case.told[asked])
 
 
