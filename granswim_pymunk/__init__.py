@@ -32,6 +32,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from .beside import find_beside
+
 __version__ = "0.1.0"
 
 __all__ = [
@@ -73,6 +75,8 @@ _PLACES = {
     "trajectory": ("read_trajectory",),
 }
 _MODULE = {name: module for module, names in _PLACES.items() for name in names}
+
+find_beside(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:

@@ -169,6 +169,24 @@ def test_compiled_functions_of_the_package_are_kept_in_the_cache():
     assert seen > 10
 
 
+def test_folders_beside_the_package_are_found_from_a_copy_of_the_repository():
+    """Where it is plainly installed, too: started there, Python takes the copy's package, which has no such folder."""
+    code = """
+import sys
+sys.meta_path[:] = [m for m in sys.meta_path if "editable" not in f"{m} {getattr(m, '__module__', '')}"]
+sys.path.insert(0, ".")
+import importlib.util
+import granswim_pymunk.validation.output
+found = [importlib.util.find_spec(f"granswim_pymunk.{n}") for n in ("scenarios.swim", "benchmarks", "tests", "docs")]
+print(granswim_pymunk.__file__, *(f is not None for f in found))
+"""
+    root = Path(__file__).parent.parent
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    place, *found = done.stdout.split()
+    assert Path(place).resolve() == (root / "granswim_pymunk/__init__.py").resolve()
+    assert found == ["True", "True", "False", "False"]
+
+
 def test_command(fresh, capsys):
     assert main(["cache"]) == 0
     assert "nothing" in capsys.readouterr().out
