@@ -705,14 +705,21 @@ def test_an_interrupted_diagnosis_goes_on_with_the_same_bits(tmp_path, monkeypat
 
 def test_replicates_have_bodies_that_are_off_as_the_recording_says():
     recording = replace(small("small_nothing"), radius_error=0.02, mass_error=0.03)
-    scene = off_by(recording.scene, recording, np.random.default_rng(1))
+    bed = bed_case(recording)
+    scene = off_by(bed, recording.scene, np.random.default_rng(1))
     pairs = [(a, b) for a, b in zip(recording.scene.bodies, scene.bodies, strict=True) if a.role == "grain"]
-    for what, error in (("radius", 0.02), ("mass", 0.03)):
+    # those of grains were put right as far as they touch; what is left of their error is known
+    left = bed.recording.radius_error
+    assert 0 < left < 0.01
+    for what, error in (("radius", left), ("mass", 0.03)):
         away = np.array([getattr(b, what) / getattr(a, what) - 1 for a, b in pairs])
         assert away.std() == pytest.approx(error, rel=0.15) and abs(away.mean()) < 0.4 * error
     disks = [(recording.scene.bodies[k], scene.bodies[k]) for k in recording.scene.swimmer]
-    assert all(a.radius == b.radius and a.mass != b.mass for a, b in disks)
-    assert off_by(scene, small("small_nothing"), np.random.default_rng(1)) is scene
+    assert all(a.radius != b.radius and a.mass != b.mass for a, b in disks)
+    # the links stay as long as they are seen, whatever the disks
+    assert {b.resolved(item)["length"] for b in (bed.scene, replace(bed.scene, bodies=scene.bodies))
+            for item in b.laws_as("link")} == {bed.scene.laws_as("link")[0].values["length"]}  # fmt: skip
+    assert off_by(bed_case(small("small_nothing")), scene, np.random.default_rng(1)) is scene
     # overlaps of other radii are no forces: such a film begins as calmly as one of the bodies that are believed
     predictors = [BedPredictor(bed_case(r)) for r in (small("small_nothing"), recording)]
     calm, other = (p.of(p.replicate(Hypothesis(), np.zeros(0), 0)) for p in predictors)
@@ -798,6 +805,26 @@ def test_radii_follow_from_who_touches_whom(stated):
     assert bed_case(replace(whole, xy=1.01 * whole.xy)).resized is None
     rows = [k for k, b in enumerate(bed.scene.bodies) if b.role != "grain"]
     assert all(bed.scene.bodies[k] == wrong.scene.bodies[k] for k in rows)
+
+
+@pytest.mark.parametrize("stated", [0.02, None])
+def test_links_that_follow_from_a_radius_that_is_off_are_as_long_as_they_are_seen(stated):
+    """The first disk is believed 2 % too small, and with it all links: no scale of the picture."""
+    whole = small("small_joint")
+    (link,) = whole.scene.laws_as("link")
+    assert not isinstance(link.values["length"], float)  # follows from the first disk
+    true = whole.scene.resolved(link)["length"]
+    first = whole.scene.swimmer[0]
+    wrong = replace(measured(whole, 5), radius_error=stated)
+    bodies = list(wrong.scene.bodies)
+    bodies[first] = replace(bodies[first], radius=0.98 * bodies[first].radius)
+    wrong = replace(wrong, scene=replace(wrong.scene, bodies=tuple(bodies)))
+    bed = bed_case(wrong)
+    assert bed.scene.resolved(bed.scene.laws_as("link")[0])["length"] == pytest.approx(true, rel=1e-3)
+    assert not picture_scale([bed.case]).wrong
+    # where all grains are as far apart as the links are long, it is the picture
+    bed = bed_case(replace(wrong, xy=1.03 * wrong.xy))
+    assert picture_scale([bed.case]).value == pytest.approx(1.03, abs=0.01)
 
 
 def test_a_law_is_named_though_grains_were_not_found():

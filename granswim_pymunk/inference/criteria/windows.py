@@ -131,6 +131,24 @@ class StartCriteria:
 
 
 @dataclass(frozen=True)
+class StampCriteria:
+    """How uneven moments of frames are told.
+
+    fine : of a frame's time, lateness below which stamps count as even, unless it is said that they are not. Choice:
+        what a swimmer does meanwhile is below what a sighting shows
+    late : of a frame's time, the most that a frame is late by. Theory: half of it would change their order
+    far : standard deviations of a residual, beyond which a sighting is a bad one
+    frames : that tell it, the fewest;  number : of the draw of a film with even frames
+    """
+
+    fine: float = 0.015
+    late: float = 0.4
+    far: float = 6.0
+    frames: int = 20
+    number: int = 91
+
+
+@dataclass(frozen=True)
 class HiddenCriteria:
     """Grains that a film does not show, told from voids among those that it shows.
 
@@ -354,7 +372,8 @@ class WindowCriteria:
     """All that decides where a bed is followed in windows, step by step.
 
     plan : windows, and how much is simulated;  budget : when steps are left out;  cut : what of the bed
-    sums : of grains;  starts : of windows;  hidden : grains;  candidates : how large they are tried
+    sums : of grains;  starts : of windows;  stamps : of frames;  hidden : grains
+    candidates : how large they are tried
     signatures : and spreads;  search : which law stands;  polish : its last fit
     places : where the mismatch is, and the next film
     """
@@ -364,6 +383,7 @@ class WindowCriteria:
     cut: CutCriteria = field(default_factory=CutCriteria)
     sums: SumCriteria = field(default_factory=SumCriteria)
     starts: StartCriteria = field(default_factory=StartCriteria)
+    stamps: StampCriteria = field(default_factory=StampCriteria)
     hidden: HiddenCriteria = field(default_factory=HiddenCriteria)
     candidates: BedCandidateCriteria = field(default_factory=BedCandidateCriteria)
     signatures: BedSignatureCriteria = field(default_factory=BedSignatureCriteria)

@@ -27,6 +27,7 @@ from ..hypothesis import Free, Term, set_numbers
 from ..mechanisms import RESTITUTION
 from ..swimmer_terms import swimmer_terms
 from .hidden import NAME
+from .radii import link_stretch
 
 KINDS = ("body", "pair", "constraint")
 
@@ -81,8 +82,7 @@ class PictureScale:
 def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
     """s = mean of |r_i - r_j|/l over linked disks that are seen, l the length at rest; None where too few are.
 
-    The springs between disks are stiff: what stretches them in a bed is far below what noise shows. The noise across
-    a link lengthens it by sigma^2/|r|, which is taken off.
+    The springs between disks are stiff: what stretches them in a bed is far below what noise shows.
     """
     found = []
     for case in cases:
@@ -94,8 +94,7 @@ def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
             for chain in scene.chains if length > 0 else ():
                 for i, j in itertools.pairwise(chain):
                     if i in column and j in column:
-                        d = np.hypot(*(xy[:, column[j]] - xy[:, column[i]]).T)
-                        found.append((d - sigma**2 / np.maximum(d, 1e-12)) / length)
+                        found.append(link_stretch(xy, column[i], column[j], length, sigma))
     seen = [q[np.isfinite(q)] for q in found]
     seen = [q for q in seen if len(q) > current().windows.candidates.sights]
     term = next((t for t in camera_terms(cases) if t.mechanism == "camera_scale"), None)

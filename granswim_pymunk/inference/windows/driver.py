@@ -38,9 +38,10 @@ from .search import (
     thinned,
 )
 from .signatures import BedSignature, make_signature, off, recombined
+from .stamps import jitter_of, lateness
 from .trial import BedTrial, beyond_nothing, first_order, moved_to
 from .weigh import held_verdict, like_replicates, looks_like, remains_in
-from .windows import BedCase, bed_case
+from .windows import BedCase, BedPredictor, bed_case
 from .work import Work
 
 
@@ -114,6 +115,7 @@ def begin(
         plan = make_plan(cost, windows, training, len(terms), clock.seconds, replicates, whole)
     if plan.windows < max(len(b.starts) for b in beds):
         beds = windows_of(recordings, hold_out, seed, plan.windows)
+    beds = [_timed(bed, hypothesis, values, notes) for bed in beds]
     enough, full = current().windows.plan.usual, Plan.usual(replicates)
     if not given and plan != full and (plan != replace(full, windows=enough) or windows > enough):
         notes.append(
@@ -514,6 +516,32 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
     training, held = divided(recordings, hold_out)
     beds = [bed_case(r, split=not held, seed=seed, most=most) for r in training]
     return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
+
+
+def _timed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: list[str]) -> BedCase:
+    """The recording with the moments of its frames put right, where they are uneven."""
+    criteria, film, told = current().windows.stamps, bed.film, bed.recording.time_noise
+    if told == 0:
+        return bed
+    learnt = len(film.t)
+    if bed.training.any() and not bed.training.all():
+        learnt = int(bed.starts[bed.training][-1] + bed.looks[-1]) + 1
+    seen = lateness(film.t[:learnt], film.xy[:learnt], film.sigma)
+    if not told and seen.size < criteria.fine * float(np.median(np.diff(film.t))):
+        return bed
+    try:
+        even = BedPredictor(bed, cut=False).replicate(hypothesis, values, current().windows.stamps.number)
+    except Failed:
+        return bed
+    jitter = jitter_of(seen, lateness(film.t[:learnt], even.xy[:learnt], film.sigma))
+    if jitter is None:
+        return bed
+    moments = jitter.put_right(film.t, film.xy, film.sigma)
+    notes.append(
+        f"{bed.name}: frames are early or late by {jitter.size:.2g} s (one standard deviation), as all bodies show "
+        "together; their moments were put right as far as that tells, and replicates are as uneven"
+    )
+    return replace(bed, film=replace(film, t=moments), jitter=jitter)
 
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:

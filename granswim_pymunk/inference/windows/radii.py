@@ -2,7 +2,8 @@
 
 Of two grains that touch most of the time the distance is the sum of their radii, whatever the rest of the bed does.
 Each grain has some four such neighbours, and all their radii follow from all those distances together. What is left of
-the error is told, so that replicates are as far off.
+the error is told, so that replicates are as far off. Where links are as long as the first disk is wide, and that is
+unsure, their length is what the film shows.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from ...laws import AUTOMATIC
 from ...recording import Recording
-from ...scene import Body
+from ...scene import Body, Scene
 from ..criteria import current
 
 
@@ -34,12 +37,14 @@ class Touching:
 @dataclass(frozen=True)
 class Sized:
     """change : (n,) relative change of each radius, 0 of those that are known;  off : rms error of what was believed
-    left : rms error that remains, both relative;  told : how many radii the pairs tell"""
+    left : rms error that remains, both relative;  told : how many radii the pairs tell
+    scale : by which all distances are too long, relative: of the picture, if anything"""
 
     change: np.ndarray
     off: float
     left: float
     told: int
+    scale: float
 
 
 def touching(film: np.ndarray, radius: np.ndarray, free: np.ndarray) -> Touching:
@@ -97,35 +102,77 @@ def sized(near: Touching, radius: np.ndarray, free: np.ndarray, sigma: float, st
         prior = np.append(np.full(count, spread**-2), [c.shift_spread**-2, c.alike**-2])
         solver = splu((design.T @ diags(weight) @ design + diags(prior)).tocsc())
         found = solver.solve(design.T @ (weight * gap) + prior * np.append(np.zeros(count), [c.shift, 0.0]))
-        if (k + 1) % c.every == 0:
+        # a stated spread stays as it is: how well radii are known is asked at the end alone
+        if k + 1 == c.rounds or (stated is None and (k + 1) % c.every == 0):
             variance = np.diag(solver.solve(np.eye(count + 2)))[:count]
             told = variance < c.told * spread**2
             if stated is None and told.sum() >= c.many:
                 spread = float(np.sqrt(np.mean(found[:count][told] ** 2 + variance[told])))
     change = np.zeros(len(radius))
     change[free] = found[:count]
-    return Sized(change, spread, float(np.sqrt(variance.mean())), int((variance < c.told * spread**2).sum()))
+    many = int((variance < c.told * spread**2).sum())
+    return Sized(change, spread, float(np.sqrt(variance.mean())), many, float(found[count + 1]))
 
 
 def with_radii(recording: Recording, film: np.ndarray, sigma: float, learnt: int) -> tuple[Recording, Sized | None]:
     """The recording with radii of grains put right, and how far off they were; None where they are as believed.
 
+    Links that are as long as a disk is wide get the length that the film shows, where radii are unsure.
     film : (T, n, 2) in the scene's order [m];  learnt : frames of it that may be looked at
     """
+    stated = recording.radius_error
+    found = None if stated == 0 else _told(recording, film[:learnt], sigma)
+    if found is not None:
+        bodies = _resized(recording.scene.bodies, found.change)
+        recording = replace(recording, scene=replace(recording.scene, bodies=bodies), radius_error=found.left)
+    if found is not None or stated:
+        scale = 1.0 + (found.scale if found is not None and abs(found.scale) > current().radii.scale else 0.0)
+        recording = replace(recording, scene=_linked_as_seen(recording.scene, film[:learnt], sigma, scale))
+    return recording, found
+
+
+def _told(recording: Recording, film: np.ndarray, sigma: float) -> Sized | None:
+    """What the pairs of a film (T, n, 2) say of radii; None where that is too little, or no more than was believed."""
     c = current().radii
     bodies, stated = recording.scene.bodies, recording.radius_error
-    free = np.array([b.role == "grain" for b in bodies]) & (np.isfinite(film[:learnt, :, 0]).sum(axis=0) >= c.fewest)
-    if stated == 0 or free.sum() < c.many:
-        return recording, None
+    free = np.array([b.role == "grain" for b in bodies]) & (np.isfinite(film[:, :, 0]).sum(axis=0) >= c.fewest)
+    if free.sum() < c.many:
+        return None
     radius = np.array([b.radius for b in bodies])
-    near = touching(film[:learnt], radius, free)
+    near = touching(film, radius, free)
     if len(near.i) < free.sum():
-        return recording, None
+        return None
     found = sized(near, radius, free, sigma, stated)
     if found.told < c.many or found.off > c.most or (stated is None and found.off < c.worth):
-        return recording, None
-    scene = replace(recording.scene, bodies=_resized(bodies, found.change))
-    return replace(recording, scene=scene, radius_error=found.left), found
+        return None
+    return found
+
+
+def link_stretch(xy: np.ndarray, i: int, j: int, length: float, sigma: float) -> np.ndarray:
+    """(T,) distances of two linked bodies over their length at rest, NaN where one is not seen.
+
+    xy : (T, n, 2) unwrapped [m].  The noise across a link lengthens it by sigma^2/|r|, which is taken off.
+    """
+    d = np.hypot(*(xy[:, j] - xy[:, i]).T)
+    return (d - sigma**2 / np.maximum(d, 1e-12)) / length
+
+
+def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float, scale: float) -> Scene:
+    """The scene whose links that follow from radii are as long as the film (T, n, 2) shows them, over ``scale``.
+
+    The springs between disks are stiff: their mean length is that at rest.
+    """
+    for item in scene.laws_as("link"):
+        if item.values["length"] is not AUTOMATIC:
+            continue
+        length = float(scene.resolved(item)["length"])
+        ends = [pair for chain in scene.chains for pair in pairwise(chain)]
+        seen = [link_stretch(film, i, j, length, sigma) for i, j in ends]
+        seen = [q[np.isfinite(q)] for q in seen]
+        means = [float(q.mean()) for q in seen if len(q) > current().windows.candidates.sights]
+        if len(means) > 1 and length > 0:
+            scene = scene.with_parameter(f"{item.name}.length", length * float(np.mean(means)) / scale)
+    return scene
 
 
 def _resized(bodies: Sequence[Body], change: np.ndarray) -> tuple[Body, ...]:

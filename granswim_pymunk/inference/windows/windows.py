@@ -29,6 +29,7 @@ from ..threads import ContextPool
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
 from .radii import Sized, with_radii
+from .stamps import Jitter, in_order
 from .starts import Shapes, draw, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 
@@ -58,6 +59,7 @@ class BedCase:
     hidden : (h,) rows of grains that the film does not show, see ``hidden``: they are there, and are not compared
     given : the recording as it was given, without them
     resized : how far off the radii of grains were, which are put right; None where they are as believed
+    jitter : of the frames' moments, which are put right as far as the film tells; None where they are even
     """
 
     case: Case
@@ -74,6 +76,7 @@ class BedCase:
     hidden: np.ndarray
     given: Recording
     resized: Sized | None = None
+    jitter: Jitter | None = None
 
     @property
     def recording(self) -> Recording:
@@ -202,22 +205,23 @@ def placed(scene: Scene, xy: np.ndarray, v: np.ndarray | None) -> Scene:
     return replace(scene, bodies=bodies)
 
 
-def off_by(scene: Scene, recording: Recording, rng: np.random.Generator) -> Scene:
-    """The scene with masses, and the radii of grains, off by as much as the recording says that they may be.
+def off_by(bed: BedCase, scene: Scene, rng: np.random.Generator) -> Scene:
+    """The scene with masses and radii off by as much as the recording says that they may be.
 
-    Each by a factor of its own, exp(s z - s^2/2) with s the relative error and z a normal number within 2.5. The disks
-    of a swimmer hang together at distances that are seen: those stay.
+    Each by a factor of its own, exp(s z - s^2/2) with s the relative error and z a normal number within 2.5. Radii of
+    disks are as far off as those of grains were before these were put right.
     """
-    errors = recording.radius_error or 0.0, recording.mass_error or 0.0
-    if not any(errors):
+    radius, mass = bed.recording.radius_error or 0.0, bed.recording.mass_error or 0.0
+    if not (radius or mass):
         return scene
+    disks = radius if bed.resized is None else bed.resized.off
     z = np.clip(rng.normal(size=(len(scene.bodies), 2)), -2.5, 2.5)
-    factors = np.exp(np.array(errors) * z - 0.5 * np.array(errors) ** 2)
+    errors = np.array([(radius if b.role == "grain" else disks, mass) for b in scene.bodies])
+    factors = np.exp(errors * z - 0.5 * errors**2)
     bodies = tuple(
-        replace(b, radius=b.radius * (float(f[0]) if b.role == "grain" else 1.0), mass=b.mass * float(f[1]))
-        if b.mobile else b
+        replace(b, radius=b.radius * float(f[0]), mass=b.mass * float(f[1])) if b.mobile else b
         for b, f in zip(scene.bodies, factors, strict=True)
-    )  # fmt: skip
+    )
     return replace(scene, bodies=bodies)
 
 
@@ -533,28 +537,33 @@ class BedPredictor:
         """The recording as it would be if the hypothesis were the truth: simulated throughout and filmed.
 
         Its bodies are off as the recording says that radii and masses may be, those of each replicate in another way:
-        what the windows then show is what a scene with the wrong ones leaves.
+        what the windows then show is what a scene with the wrong ones leaves. Its frames are as uneven as the film's,
+        and put right in the same way.
         """
         bed = self.bed
         scene, camera = hypothesis.scene(bed.case, values)
-        scene = off_by(replace(scene, adjustable=()), bed.recording, np.random.default_rng((bed.seed, 8, number)))
+        scene = off_by(bed, replace(scene, adjustable=()), np.random.default_rng((bed.seed, 8, number)))
         shapes = bed.shapes if scene.bodies == bed.scene.bodies else Shapes.of(scene)
         rng = np.random.default_rng((bed.seed, 7, number))
         first = self.start_at(int(bed.starts[0]), (0, 0), shapes=shapes)
         xy, v = self.start_at(bed.half, (3, number), camera, shapes=shapes)
-        t = bed.film.t[bed.half :]
+        t, jitter = bed.film.t[bed.half :], bed.jitter
+        moments = t
+        if jitter is not None:
+            moments = np.maximum(in_order(t, jitter.size * rng.normal(size=len(t))), t[0])
         offset = float(camera["time_offset"])
         try:
             simulation = Simulation(placed(scene, *first), dt=bed.dt)
             simulation.restart(xy, v, float(t[0]) + offset)
-            true = simulation.sample(t + offset)
+            true = simulation.sample(moments + offset)
         except (InputError, SimulationError) as error:
             raise Failed(str(error)) from None
         seen = np.full(bed.film.xy.shape, np.nan)
         seen[bed.half :] = _shown(true, camera)
         seen[bed.half :] += rng.normal(0.0, bed.film.sigma, true.shape)
         seen[~np.isfinite(bed.film.xy)] = np.nan
-        return Film(bed.film.t, seen, bed.film.sigma)
+        told = bed.film.t if jitter is None else jitter.put_right(bed.film.t, seen, bed.film.sigma)
+        return Film(told, seen, bed.film.sigma)
 
 
 @dataclass(frozen=True)
