@@ -844,6 +844,24 @@ def test_a_law_is_named_in_a_film_as_real_ones_are():
     assert verdict["explained"]["share"] > 0.5
 
 
+def test_a_picture_that_no_link_can_tell_the_scale_of_is_told_by_walls_and_period():
+    """Radii off by 2 %, those of disks and with them the links, too, and the picture 0.5 % small, none of it said.
+
+    With the picture as it is everything that acts on grains, a flow or a push, would explain more than the joint.
+    """
+    film = measured(small("small_joint"), 5)
+    bodies = tuple(
+        replace(b, radius=0.98 * b.radius) if b.id == film.scene.swimmer_ids[0] else b for b in film.scene.bodies
+    )
+    film = replace(film, scene=replace(film.scene, bodies=bodies), xy=0.995 * film.xy)
+    found = diagnose_bed([film], plan=PLAN, candidates=(*FEW, "uniform_force", "ambient_flow"), minutes=60.0)
+    (m,) = found.verdict["mechanisms"]
+    assert m["name"] == "weak_joint" and found.verdict["verdict"] == "missing_physics"
+    (note,) = (note for note in found.verdict["notes"] if note.startswith("the picture is"))
+    assert float(note.split()[3]) == pytest.approx(-0.5, abs=0.1)
+    assert not [a for a in found.verdict["recalibrated"] if "radii" in a or "scale" in a]
+
+
 def named(film: tuple[Recording, list[int]]) -> tuple[dict, list[int]]:
     """The verdict on a film in which grains were not found and a joint is weak, after what is the same for all."""
     recording, out = film

@@ -1,4 +1,4 @@
-"""Moments of the frames of a bed, told by all its bodies together."""
+"""What all bodies of a bed tell together: the noise of a sighting, and the moments of the frames."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.inference.hypothesis import Hypothesis
-from granswim_pymunk.inference.windows.driver import _timed
-from granswim_pymunk.inference.windows.stamps import in_order, jitter_of, lateness
+from granswim_pymunk.inference.windows.driver import as_filmed
+from granswim_pymunk.inference.windows.stamps import in_order, jitter_of, lateness, sighting_noise
 from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case
 from granswim_pymunk.recording import read_recording
 
@@ -52,7 +52,7 @@ def test_stamps_keep_their_order():
 def test_a_bed_says_that_its_frames_are_uneven_and_its_replicates_are(bed):
     film, _ = uneven(bed.film)
     notes: list[str] = []
-    timed = _timed(replace(bed, film=film), Hypothesis(), np.zeros(0), notes)
+    timed = as_filmed(replace(bed, film=film), Hypothesis(), np.zeros(0), notes)
     assert timed.jitter is not None and len(notes) == 1 and "early or late" in notes[0]
     assert np.all(np.diff(timed.film.t) > 0) and not np.array_equal(timed.film.t, film.t)
     own = BedPredictor(timed).replicate(Hypothesis(), np.zeros(0), 0)
@@ -63,6 +63,26 @@ def test_a_bed_says_that_its_frames_are_uneven_and_its_replicates_are(bed):
 
 def test_even_frames_stay_as_they_are(bed):
     notes: list[str] = []
-    assert _timed(bed, Hypothesis(), np.zeros(0), notes) is bed and not notes
+    assert as_filmed(bed, Hypothesis(), np.zeros(0), notes) is bed and not notes
     exact = replace(bed, given=bed.given, case=replace(bed.case, recording=replace(bed.recording, time_noise=0.0)))
-    assert _timed(replace(exact, film=uneven(bed.film)[0]), Hypothesis(), np.zeros(0), notes).jitter is None
+    assert as_filmed(replace(exact, film=uneven(bed.film)[0]), Hypothesis(), np.zeros(0), notes).jitter is None
+
+
+def test_noise_is_told_by_what_moves_least(bed):
+    """What bends paths adds a little, single sightings far off and lost ones do not."""
+    film, rng = bed.film, np.random.default_rng(2)
+    assert sighting_noise(film.t, film.xy) == pytest.approx(film.sigma, rel=0.2)
+    bad = film.xy + np.where(rng.random(film.xy.shape) < 0.005, 40 * film.sigma, 0.0)
+    bad[rng.random(bad.shape[:2]) < 0.02] = np.nan
+    assert sighting_noise(film.t, bad) == pytest.approx(sighting_noise(film.t, film.xy), rel=0.1)
+    assert sighting_noise(film.t[:10], film.xy[:10]) == 0.0
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_noise_that_is_not_as_it_is_said_is_told(factor):
+    recording = read_recording(DATA / "small_nothing")
+    true, notes = recording.position_noise, list[str]()
+    said = bed_case(replace(recording, position_noise=factor * true))
+    found = as_filmed(said, Hypothesis(), np.zeros(0), notes)
+    assert found.film.sigma == pytest.approx(true, rel=0.25)
+    assert any("the noise of a sighting is" in note and "as is said" in note for note in notes)

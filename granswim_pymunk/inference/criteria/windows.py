@@ -118,6 +118,7 @@ class StartCriteria:
     rounds : in which overlaps and joint lengths are put right
     room [m] : pairs nearer than this are watched while overlaps are taken out
     lost [m, m/s] : how unsure place and velocity are of a body that is hardly seen at all
+    kept : of cameras and radii, for how many the starts are kept. Choice: a step of least squares asks for six
     """
 
     half: int = 2
@@ -128,17 +129,21 @@ class StartCriteria:
     rounds: int = 400
     room: float = 4.0e-4
     lost: tuple[float, float] = (1e-4, 1e-2)
+    kept: int = 8
 
 
 @dataclass(frozen=True)
 class StampCriteria:
-    """How uneven moments of frames are told.
+    """How the noise of sightings, and uneven moments of frames, are told.
 
     fine : of a frame's time, lateness below which stamps count as even, unless it is said that they are not. Choice:
         what a swimmer does meanwhile is below what a sighting shows
     late : of a frame's time, the most that a frame is late by. Theory: half of it would change their order
     far : standard deviations of a residual, beyond which a sighting is a bad one
     frames : that tell it, the fewest;  number : of the draw of a film with even frames
+    slowest : of the bodies, those that tell the noise
+    refuted : times what is said of the noise, beyond which, and below one over that, what is seen counts. Source: in
+        films of proofs the noise that is seen is 0.98 to 1.15 times the true one
     """
 
     fine: float = 0.015
@@ -146,6 +151,8 @@ class StampCriteria:
     far: float = 6.0
     frames: int = 20
     number: int = 91
+    slowest: float = 0.1
+    refuted: float = 1.3
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from .likelihood import Prediction, WindowLikelihood, Windows, both_sides, check
 from .places import locate, locate_law
 from .plan import Clock, Plan, make_plan
 from .polish import polish, readjusted, widened
+from .radii import unsure_sizes
 from .search import (
     Answer,
     NoiseChi2,
@@ -38,7 +39,7 @@ from .search import (
     thinned,
 )
 from .signatures import BedSignature, make_signature, off, recombined
-from .stamps import jitter_of, lateness
+from .stamps import jitter_of, lateness, sighting_noise
 from .trial import BedTrial, beyond_nothing, first_order, moved_to
 from .weigh import held_verdict, like_replicates, looks_like, remains_in
 from .windows import BedCase, BedPredictor, bed_case
@@ -56,7 +57,10 @@ class Beginning:
     store: Store
     naive: Hypothesis
     naive_values: np.ndarray
-    hypothesis: Hypothesis  # the naive scene, filmed with the scale that the swimmer itself shows where that is wrong
+    # the naive scene, with what is off in the film: the scale that the swimmer shows where that is wrong, or one number
+    # more for radii that are unsure
+    hypothesis: Hypothesis
+    values: np.ndarray
     wrong: PictureScale | None
     terms: list[Term]
 
@@ -93,7 +97,13 @@ def begin(
     picture = picture_scale([b.case for b in beds])
     # a wrong scale is plain in the swimmer itself, and until it is put right windows cannot even be started
     wrong = picture if picture is not None and picture.wrong else None
-    hypothesis = naive if wrong is None else naive.with_term(wrong.held)
+    if wrong is not None:
+        hypothesis = naive.with_term(wrong.held)
+    else:
+        wrong_sizes = [b.name for b in beds if b.recording.radius_error and len(b.grains)]
+        sizes = unsure_sizes([b.given for b in beds], wrong_sizes) if learnt & set(wrong_sizes) else []
+        hypothesis = naive.with_term(*sizes)
+    first = np.concatenate([values, [f.first for f in hypothesis.free[len(values) :]]])
     terms = _wanted_terms(beds, hypothesis, candidates)
     if picture is not None and (picture.wrong or not picture.off):
         terms = [t for t in terms if t.mechanism != "camera_scale"]
@@ -101,7 +111,7 @@ def begin(
     # what a member of a window costs decides how many there are
     likelihood = WindowLikelihood(beds, 1, 1, cut=cut)
     gauge = [w[: current().windows.search.gauge] for w in likelihood.every]
-    check_runs(likelihood.predict([(hypothesis, values)], gauge, 1)[0], f"recording {beds[0].name}")
+    check_runs(likelihood.predict([(hypothesis, first)], gauge, 1)[0], f"recording {beds[0].name}")
     gc.freeze()  # what imports and the compiler left is not walked through again and again
     clock = Clock(minutes, Work())
     windows = sum(len(b.starts) for b in beds)
@@ -115,7 +125,7 @@ def begin(
         plan = make_plan(cost, windows, training, len(terms), clock.seconds, replicates, whole)
     if plan.windows < max(len(b.starts) for b in beds):
         beds = windows_of(recordings, hold_out, seed, plan.windows)
-    beds = [_timed(bed, hypothesis, values, notes) for bed in beds]
+    beds = [as_filmed(bed, hypothesis, first, notes) for bed in beds]
     enough, full = current().windows.plan.usual, Plan.usual(replicates)
     if not given and plan != full and (plan != replace(full, windows=enough) or windows > enough):
         notes.append(
@@ -136,13 +146,13 @@ def begin(
                 f"swimmer (within {1e3 * current().windows.cut.reach:g} mm) were simulated in windows, "
                 f"{len(predictor.cut.wall)} around them carried along as seen"
             )
-    return Beginning(began, likelihood, plan, clock, store, naive, values, hypothesis, wrong, terms)
+    return Beginning(began, likelihood, plan, clock, store, naive, values, hypothesis, first, wrong, terms)
 
 
 def recalibrated(start: Beginning, rng: np.random.Generator, progress: Progress) -> tuple[Search, Prediction]:
     """Adjustables first, with replicates of that scene; also the naive scene's prediction."""
     criteria = current().windows
-    likelihood, hypothesis, values = start.likelihood, start.hypothesis, start.naive_values
+    likelihood, hypothesis, values = start.likelihood, start.hypothesis, start.values
     used = likelihood.training
     progress("recalibrating", 0.04)
     base = check_runs(likelihood.weigh(hypothesis, values), f"recording {likelihood.beds[0].name}")
@@ -156,8 +166,12 @@ def recalibrated(start: Beginning, rng: np.random.Generator, progress: Progress)
         values, base, nuisance = _recalibrate(likelihood, hypothesis, values, base, used)
     left = off(nuisance, likelihood.white(base, used))
     naive_base = base
-    if len(values) and start.wrong is None:
-        naive_base = likelihood.predict_surely([(start.naive, start.naive_values)], used)[0]
+    adjusted = len(start.naive_values)
+    if adjusted and start.wrong is None:
+        # as believed, but for the radii
+        naive_base = likelihood.predict_surely(
+            [(hypothesis, np.concatenate([start.naive_values, values[adjusted:]]))], used
+        )[0]
 
     # where very much is left, fewer windows tell the candidates apart
     chi2 = np.sum(off(nuisance, recombined(likelihood.noises, used, criteria.signatures.replicates, rng)) ** 2, axis=0)
@@ -518,22 +532,39 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
     return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
 
 
-def _timed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: list[str]) -> BedCase:
-    """The recording with the moments of its frames put right, where they are uneven."""
-    criteria, film, told = current().windows.stamps, bed.film, bed.recording.time_noise
-    if told == 0:
-        return bed
+def as_filmed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: list[str]) -> BedCase:
+    """The recording with its noise as it is seen, and the moments of its frames put right where they are uneven.
+
+    Both only by what a film of the scene as believed, with the noise that is said and even frames, does not have.
+    """
+    criteria, film, said = current().windows.stamps, bed.film, bed.recording
     learnt = len(film.t)
     if bed.training.any() and not bed.training.all():
         learnt = int(bed.starts[bed.training][-1] + bed.looks[-1]) + 1
-    seen = lateness(film.t[:learnt], film.xy[:learnt], film.sigma)
-    if not told and seen.size < criteria.fine * float(np.median(np.diff(film.t))):
+    t, xy = film.t[:learnt], film.xy[:learnt]
+    noise, late = sighting_noise(t, xy), lateness(t, xy, film.sigma)
+    uneven = late.size > criteria.fine * float(np.median(np.diff(t)))
+    if said.time_noise is not None:
+        uneven = said.time_noise > 0
+    if said.position_noise and film.sigma != said.position_noise:
+        notes.append(_of_noise(bed, film.sigma))
+    if noise <= criteria.refuted * film.sigma and not uneven:
         return bed
+
+    def simulated(bed: BedCase) -> np.ndarray:
+        return BedPredictor(bed, cut=False).replicate(hypothesis, values, criteria.number).xy[:learnt]
+
     try:
-        even = BedPredictor(bed, cut=False).replicate(hypothesis, values, current().windows.stamps.number)
+        other = simulated(bed)
+        like = sighting_noise(t, other)
+        if noise > criteria.refuted * like > 0:
+            film = replace(film, sigma=float(np.sqrt(film.sigma**2 + noise**2 - like**2)))
+            bed = replace(bed, film=film)
+            notes.append(_of_noise(bed, film.sigma))
+            late, other = lateness(t, xy, film.sigma), simulated(bed)
     except Failed:
         return bed
-    jitter = jitter_of(seen, lateness(film.t[:learnt], even.xy[:learnt], film.sigma))
+    jitter = jitter_of(late, lateness(t, other, film.sigma)) if uneven else None
     if jitter is None:
         return bed
     moments = jitter.put_right(film.t, film.xy, film.sigma)
@@ -542,6 +573,11 @@ def _timed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: list
         "together; their moments were put right as far as that tells, and replicates are as uneven"
     )
     return replace(bed, film=replace(film, t=moments), jitter=jitter)
+
+
+def _of_noise(bed: BedCase, sigma: float) -> str:
+    said = bed.recording.position_noise
+    return f"{bed.name}: the noise of a sighting is {sigma:.2g} m" + (f", not {said:.2g} m as is said" if said else "")
 
 
 def _wanted_terms(beds: Sequence[BedCase], hypothesis: Hypothesis, candidates: Sequence[str] | None) -> list[Term]:

@@ -129,12 +129,12 @@ def noise_floor(likelihood: WindowLikelihood, windows: Windows) -> float:
 
 def moved_away(search: Search, naive_base: Prediction, naive_values: np.ndarray, covariance: np.ndarray) -> bool:
     """Whether adjustables went away from ``naive_values`` by more than chance, and for the better."""
-    likelihood, used, values = search.likelihood, search.used, search.values
+    likelihood, used, values = search.likelihood, search.used, search.values[: len(naive_values)]
     if not len(values):
         return False
     naive, after = likelihood.white(naive_base, used), likelihood.white(search.base, used)
     improved = float(naive @ naive - after @ after)
-    spread = np.sqrt(np.diag(covariance))
+    spread = np.sqrt(np.diag(covariance))[: len(values)]
     moved = float(np.max(np.abs(values - naive_values) / np.maximum(spread, 1e-300)))
     criteria = current().windows.search
     return improved > criteria.sure + 2 * len(values) and moved > criteria.moved

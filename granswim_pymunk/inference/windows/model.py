@@ -104,6 +104,11 @@ class Windows(ObservationModel):
 
     def recalibrate(self) -> None:
         self.state, self.naive_base = recalibrated(self.start, self.rng, self.progress)
+        own = len(self.start.naive_values)
+        for free, value in zip(self.state.hypothesis.free[own:], self.state.values[own:], strict=True):
+            if abs(value - free.neutral) > current().radii.rough:
+                what = "all radii together are" if free.name == "radii" else "the picture is"
+                self.notes.append(f"{what} {100 * (value - free.neutral):+.2g} % off: a number of every fit")
 
     def try_candidates(self) -> None:
         self.signatures = signatures_in_time(self.state, self.start.terms, self.notes)
@@ -265,7 +270,8 @@ class Windows(ObservationModel):
     def revised(self, course: Course) -> dict[str, Scene]:
         values = course.judged.claim.fit.values[: len(self.state.values)]
         laws = course.judged.claim.laws
-        return {bed.name: revised_scene(bed, self.start.naive, values, laws) for bed in self.state.likelihood.beds}
+        believed = self.start.naive if self.start.wrong is not None else self.start.hypothesis
+        return {bed.name: revised_scene(bed, believed, values, laws) for bed in self.state.likelihood.beds}
 
     def used(self) -> tuple[Used, ...]:
         found = []
@@ -279,9 +285,11 @@ class Windows(ObservationModel):
         shown = None
         if judged.verdict != "no_mismatch":
             model = "naive" if judged.verdict == "recalibrate" else "recalibrated"
-            values = self.start.naive_values if model == "naive" else search.values
+            scene = self.start.naive, self.start.naive_values
+            if model != "naive":
+                scene = (self.start.naive if self.start.wrong is not None else search.hypothesis), search.values
             if model in self.predicted:
-                shown = body_map(search.likelihood, self.predicted[model], self.start.naive, values)
+                shown = body_map(search.likelihood, self.predicted[model], *scene)
         return BedFinding(
             search.likelihood, judged.verdict, self.start.naive.terms, list(judged.claim.laws), self.trials,
             self.null.gains,

@@ -9,9 +9,10 @@ unsure, their length is what the film shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags
@@ -22,6 +23,7 @@ from ...laws import AUTOMATIC
 from ...recording import Recording
 from ...scene import Body, Scene
 from ..criteria import current
+from ..hypothesis import Free, Term
 
 
 @dataclass(frozen=True)
@@ -173,6 +175,49 @@ def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float, scale: float) 
         if len(means) > 1 and length > 0:
             scene = scene.with_parameter(f"{item.name}.length", length * float(np.mean(means)) / scale)
     return scene
+
+
+def all_sizes(names: Collection[str]) -> Term:
+    """All radii of what moves, in the recordings of these names, too large or too small by one factor.
+
+    Circles are read off too wide or too narrow, all alike: that is no physics, and the factor a number of every fit.
+    """
+    off = current().radii.all
+    free = Free("radii", "1", 1 - off, 1 + off, 1.0, current().radii.worth, frozenset(names), 1.0)
+
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        bodies = tuple(replace(b, radius=b.radius * float(values[0])) if b.mobile else b for b in scene.bodies)
+        return replace(scene, bodies=bodies), camera
+
+    return Term("radius_error", "radii of all", (free,), apply, expression="radius = s believed")
+
+
+def seen_scale(names: Collection[str], links: Collection[str]) -> Term:
+    """The scale of the picture where links, the laws of these names, have the length that is seen and cannot tell it.
+
+    A period, or walls, tell it, and it is a number of every fit: seen = s true.
+    """
+    off = current().radii.all
+    free = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, current().radii.worth, frozenset(names), 1.0)
+
+    def apply(scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
+        s = float(values[0])
+        for item in scene.laws_as("link"):
+            if item.name in links:
+                scene = scene.with_parameter(f"{item.name}.length", float(item.values["length"]) / s)
+        return scene, {**camera, "scale": s * camera["scale"]}
+
+    return Term("camera_scale", "picture of all", (free,), apply, expression="seen = s true")
+
+
+def unsure_sizes(given: Sequence[Recording], unsure: Collection[str]) -> list[Term]:
+    """Numbers of every fit, of the recordings whose radii are ``unsure``, by their names; ``given`` : as they came."""
+    own = [r for r in given if r.name in unsure]
+    if not own:
+        return []
+    links = {item.name for r in own for item in r.scene.laws_as("link") if item.values["length"] is AUTOMATIC}
+    fixed = all(r.scene.periodic_x or any(not b.mobile for b in r.scene.bodies) for r in own)
+    return [all_sizes(unsure)] + [seen_scale(unsure, links)] * bool(links and fixed)
 
 
 def _resized(bodies: Sequence[Body], change: np.ndarray) -> tuple[Body, ...]:

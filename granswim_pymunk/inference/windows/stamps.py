@@ -1,4 +1,4 @@
-"""Moments of frames that are uneven, told by all bodies together.
+"""What a film of many bodies says of itself: the noise of its sightings, and moments of frames that are uneven.
 
 A frame that is late shows every body a step along its own way. What a body's place is off its path through the frames
 about it, along its velocity, is noise; summed over a bed it tells the lateness to a hundredth of a frame. Slow
@@ -8,13 +8,14 @@ changes of the lateness look like motion: they are not told, and replicates have
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import solveh_banded
 from scipy.sparse import csr_matrix
 
+from ... import distributions as stats
 from ..criteria import current
 
 
@@ -37,6 +38,46 @@ class Lateness:
         return math.sqrt(max(float(np.sum(self.late**2 - self.variance)), 0.0) / spread) if spread else 0.0
 
 
+def _quadratics(t: np.ndarray) -> Iterator[tuple[int, slice, np.ndarray, np.ndarray]]:
+    """Of each frame but the outermost: its number, the frames about it, and what of these (5,) give the residual there,
+    and the slope [1/s], of a quadratic through them."""
+    half = current().windows.starts.half
+    for f in range(half, len(t) - half):
+        near = slice(f - half, f + half + 1)
+        s = t[near] - t[f]
+        inverse = np.linalg.pinv(np.stack([np.ones_like(s), s / s[-1], (s / s[-1]) ** 2], axis=1))
+        residual = -inverse[0]
+        residual[half] += 1.0
+        yield f, near, residual, inverse[1] / s[-1]
+
+
+def sighting_noise(t: np.ndarray, xy: np.ndarray) -> float:
+    """Standard deviation [m] of a coordinate, of the bodies that move least; 0 where too little is seen.
+
+    t : (T,) [s];  xy : (T, n, 2) unwrapped [m], NaN where not seen.  Whatever bends a path within five frames adds to
+    it: it is an upper bound.
+    """
+    criteria = current().windows.stamps
+    found = []
+    for _, near, residual, slope in _quadratics(t):
+        x = xy[near]
+        found.append([np.tensordot(w, x, 1) for w in (residual / math.sqrt(residual @ residual), slope)])
+    if len(found) < criteria.frames:
+        return 0.0
+    rest, speed = np.moveaxis(np.array(found), 1, 0)
+    seen = np.isfinite(rest[..., 0]).sum(axis=0)
+    often = np.flatnonzero(seen >= criteria.frames)
+    if not len(often):
+        return 0.0
+    pace = np.nanmean(np.sum(speed[:, often] ** 2, axis=-1), axis=0)
+    slow = often[np.argsort(pace)[: max(int(criteria.slowest * len(often)), 1)]]
+    values = np.abs(rest[:, slow][np.isfinite(rest[:, slow])])
+    size = float(np.median(values) / stats.norm.ppf(3 / 4)) or float(np.sqrt(np.mean(values**2)))
+    for _ in range(2):  # single sightings far off do not count
+        size = float(np.sqrt(np.mean(values[values <= criteria.far * size] ** 2)))
+    return size
+
+
 def lateness(t: np.ndarray, xy: np.ndarray, sigma: float) -> Lateness:
     """Of frames at t (T,) [s] of bodies at xy (T, n, 2) [m], NaN where not seen; sigma [m] of a sighting.
 
@@ -44,14 +85,8 @@ def lateness(t: np.ndarray, xy: np.ndarray, sigma: float) -> Lateness:
     noise of v and of r is not correlated (least squares).
     """
     criteria = current().windows.stamps
-    half, frames, late, variance = current().windows.starts.half, list[int](), list[float](), list[float]()
-    rows: list[np.ndarray] = []
-    for f in range(half, len(t) - half):
-        near = slice(f - half, f + half + 1)
-        s = t[near] - t[f]
-        inverse = np.linalg.pinv(np.stack([np.ones_like(s), s / s[-1], (s / s[-1]) ** 2], axis=1))
-        residual, slope = -inverse[0], inverse[1] / s[-1]
-        residual[half] += 1.0
+    frames, late, variance, rows = list[int](), list[float](), list[float](), list[np.ndarray]()
+    for f, near, residual, slope in _quadratics(t):
         x = xy[near][:, np.isfinite(xy[near]).all(axis=(0, 2))]
         r, v = np.tensordot(residual, x, 1), np.tensordot(slope, x, 1)
         noise, blur = float(residual @ residual) * sigma**2, 2.0 * float(slope @ slope) * sigma**2

@@ -81,12 +81,12 @@ def place_of(trial: BedTrial, scene: Scene, z: float, p: float) -> list[Place]:
 def revised_scene(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, laws: Sequence[BedTrial]) -> Scene:
     """The scene of a recording with what was found, from a state estimated at its third frame.
 
-    hypothesis : of the adjustables alone, with their values
+    hypothesis : of the adjustables, and of radii where these are unsure, with their values
     """
     for trial in laws:
         hypothesis, values = hypothesis.with_term(trial.term), np.concatenate([values, trial.values])
     scene, camera = hypothesis.scene(bed.case, values)
-    xy, v = BedPredictor(bed, cut=False).start_at(bed.half, (3, 0), camera)
+    xy, v = BedPredictor(bed, cut=False).start_at(bed.half, (3, 0), camera, shapes=bed.shapes_of(scene))
     start = float(bed.film.t[bed.half])
     spacing = float(np.median(np.diff(bed.film.t)))
     return handed_over(
@@ -116,7 +116,7 @@ def body_map(
         simulation, camera = predictor.simulation(hypothesis, values)
         ends = []
         for member in range(criteria.members):
-            xy, v = predictor.start(window, member, camera)
+            xy, v = predictor.start(window, member, camera, simulation.scene)
             simulation.restart(xy, v, float(bed.film.t[frames[0]]))
             ends.append(simulation.sample([float(bed.film.t[frames[-1]])])[0])
     except Failed:

@@ -29,7 +29,7 @@ from ..threads import ContextPool
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
 from .radii import Sized, with_radii
-from .stamps import Jitter, in_order
+from .stamps import Jitter, in_order, sighting_noise
 from .starts import Shapes, draw, local_quadratic, take_apart
 from .sums import Sums, size_of, sums_of
 
@@ -115,6 +115,16 @@ class BedCase:
         """D: how many numbers are compared in a window."""
         return self.swimmer_size + (len(self.looks) - 1) * size_of(len(self.rows)) * bool(len(self.grains))
 
+    def shapes_of(self, scene: Scene) -> Shapes:
+        """Of bodies that may have other radii, or other links; mine where they have mine."""
+        if scene.bodies is self.scene.bodies and scene.laws is self.scene.laws:
+            return self.shapes
+        radius, lengths = np.array([b.radius for b in scene.bodies]), self.shapes.lengths
+        if scene.laws_as("link") != self.scene.laws_as("link"):
+            lengths = Shapes.of(scene).lengths
+        same = np.array_equal(radius, self.shapes.radius) and np.array_equal(lengths, self.shapes.lengths)
+        return self.shapes if same else replace(self.shapes, radius=radius, lengths=lengths)
+
     def frequency(self) -> float | None:
         """Of the drive [Hz]."""
         for item in self.scene.laws_as("stroke"):
@@ -146,7 +156,11 @@ def bed_case(
     if recording.xy.size == 0 or len(recording.t) < plan.frames:
         raise fault("has too few frames for windows in a bed")
     unwrapped = recording.unwrapped().xy
-    sigma = recording.position_noise
+    end = recording.t[0] + current().split.training * (recording.t[-1] - recording.t[0])
+    learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
+    sigma, upper = recording.position_noise, sighting_noise(recording.t[:learnt], unwrapped[:learnt])
+    if upper and (not sigma or sigma > current().windows.stamps.refuted * upper):
+        sigma = upper
     if not sigma:
         columns = [unwrapped[:, k, a] for k in range(min(len(recording.ids), 40)) for a in (0, 1)]
         found = [estimate_noise(recording.t[np.isfinite(c)], c[np.isfinite(c)]) for c in columns]
@@ -154,8 +168,6 @@ def bed_case(
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
     tracks = linked(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = tracks.xy
-    end = recording.t[0] + current().split.training * (recording.t[-1] - recording.t[0])
-    learnt = int(np.sum(recording.t <= end)) if split and not held_out else len(recording.t)
     listed = len(scene.bodies)
     given = recording
     recording, resized = with_radii(recording, full, float(sigma), learnt)
@@ -262,8 +274,7 @@ class BedPredictor:
         self.store = store
         self.members = members or current().windows.plan.members
         self._lock = threading.Lock()
-        self._starts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
-        self._paths: dict[int, np.ndarray] = {}
+        self._starts: dict[tuple[Any, ...], dict[tuple[int, int], Any]] = {}
         self._sums: dict[int, Sums] = {}
         self.weighed = False
         self.runs = 0
@@ -349,23 +360,40 @@ class BedPredictor:
 
     # ---- starts -------------------------------------------------------------------------------
 
-    def start(self, window: int, member: int, camera: Mapping[str, Any] = NO_CAMERA) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (n, 2) of a member at the start of a window [m, m/s]."""
-        key = (window, member, camera["scale"], camera["tilt"], tuple(camera["bias"]))
-        found = self._starts.get(key)
+    def start(
+        self, window: int, member: int, camera: Mapping[str, Any] = NO_CAMERA, scene: Scene | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (n, 2) of a member at the start of a window [m, m/s], of bodies as in ``scene``."""
+        shapes = self.bed.shapes if scene is None else self.bed.shapes_of(scene)
+        kept = self._kept_for(camera, shapes)
+        found = kept.get((window, member))
         if found is None:
             frame, numbers = int(self.bed.starts[window]), (window, member)
             if self.cut is None:
-                found = self.start_at(frame, numbers, camera)
+                found = self.start_at(frame, numbers, camera, shapes=shapes)
             else:
                 wall = self.cut.wall
                 path = self._wall_path(window, camera)
-                found = self.start_at(frame, numbers, camera, self.cut.rows, (wall, path[0]))
+                found = self.start_at(frame, numbers, camera, self.cut.rows, (wall, path[0]), shapes)
                 found[1][wall] = self._wall_velocity(window, path, 0)
-            if _plain(camera):  # other cameras are tried once or twice: not worth the memory
-                with self._lock:
-                    self._starts[key] = found
+            with self._lock:
+                kept[window, member] = found
         return found
+
+    def _kept_for(self, camera: Mapping[str, Any], shapes: Shapes) -> dict[tuple[int, int], Any]:
+        """Starts of windows and members with this camera and bodies of these shapes; those asked for last are kept.
+
+        Under member -1 the path of the wall.
+        """
+        sizes = b"" if shapes is self.bed.shapes else shapes.radius.tobytes() + shapes.lengths.tobytes()
+        key = (camera["scale"], camera["tilt"], tuple(camera["bias"]), sizes)
+        with self._lock:
+            if key not in self._starts:
+                if len(self._starts) >= current().windows.starts.kept:
+                    # the oldest but for the first, which is the scene as believed
+                    del self._starts[list(self._starts)[1]]
+                self._starts[key] = {}
+            return self._starts[key]
 
     def start_at(
         self,
@@ -404,8 +432,9 @@ class BedPredictor:
     def _wall_path(self, window: int, camera: Mapping[str, Any]) -> np.ndarray:
         """(L, k, 2) where the grains that are walls are at the looks [m]."""
         assert self.cut is not None
-        if _plain(camera) and window in self._paths:
-            return self._paths[window]
+        kept = self._kept_for(camera, self.bed.shapes)
+        if (window, -1) in kept:
+            return kept[window, -1]
         bed = self.bed
         first = int(bed.starts[window])
         # a frame more on either side: the path is least sure at its ends
@@ -419,9 +448,8 @@ class BedPredictor:
             for k, track in zip(np.flatnonzero(lost), np.moveaxis(xy, 1, 0), strict=True):
                 known = np.flatnonzero(np.isfinite(track[:, 0]))
                 path[:, k] = track[known[-1]] if len(known) else (0.0, 0.0)
-        if _plain(camera):
-            with self._lock:
-                self._paths[window] = path
+        with self._lock:
+            kept[window, -1] = path
         return path
 
     def _wall_velocity(self, window: int, path: np.ndarray, leg: int) -> np.ndarray:
@@ -457,7 +485,7 @@ class BedPredictor:
         Of the cut where there is one, else of all bodies.
         """
         scene, camera = hypothesis.scene(self.bed.case, values)
-        xy, v = self.start(0, 0)
+        xy, v = self.start(0, 0, scene=scene)
         only, carried = (None, ()) if self.cut is None else (self.cut.rows, self.cut.wall)
         try:
             started = placed(replace(scene, adjustable=()), xy, v)
@@ -501,7 +529,7 @@ class BedPredictor:
         bed = self.bed
         frames = int(bed.starts[window]) + bed.looks
         t = self.film.t[frames] + float(camera["time_offset"])
-        xy, v = self.start(window, number, camera)
+        xy, v = self.start(window, number, camera, simulation.scene)
         rows = np.concatenate([bed.rows, bed.grains[self.free]])
         try:
             simulation.restart(xy, v, float(t[0]))
@@ -543,7 +571,7 @@ class BedPredictor:
         bed = self.bed
         scene, camera = hypothesis.scene(bed.case, values)
         scene = off_by(bed, replace(scene, adjustable=()), np.random.default_rng((bed.seed, 8, number)))
-        shapes = bed.shapes if scene.bodies == bed.scene.bodies else Shapes.of(scene)
+        shapes = bed.shapes_of(scene)
         rng = np.random.default_rng((bed.seed, 7, number))
         first = self.start_at(int(bed.starts[0]), (0, 0), shapes=shapes)
         xy, v = self.start_at(bed.half, (3, number), camera, shapes=shapes)
