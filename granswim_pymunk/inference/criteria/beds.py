@@ -22,9 +22,7 @@ class RadiiCriteria:
     worth : relative error that was not said, below which radii stay as believed. Choice: circles are read off to that
     most : relative error beyond which it is not the radii that are wrong. Choice
     told : posterior over prior variance below which a radius counts as told;  many : radii that have to be
-    scale : relative, beyond which an error that all distances share is the picture's. Measured: films of beds whose
-        radii are off by 1 to 2 % and whose picture is right give up to 0.006
-    all : relative, the most by which all radii together are off. Choice: as a picture's scale that is told by radii
+    all : relative, the most by which all radii together, or a picture that links cannot tell of, are off. Choice
     density : relative scatter of mass over radius cubed below which masses are believed to follow from radii
     """
 
@@ -46,6 +44,5 @@ class RadiiCriteria:
     most: float = 0.05
     told: float = 0.5
     many: int = 20
-    scale: float = 0.01
-    all: float = 0.02
+    all: float = 0.04
     density: float = 2e-3

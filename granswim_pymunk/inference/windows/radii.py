@@ -39,14 +39,12 @@ class Touching:
 @dataclass(frozen=True)
 class Sized:
     """change : (n,) relative change of each radius, 0 of those that are known;  off : rms error of what was believed
-    left : rms error that remains, both relative;  told : how many radii the pairs tell
-    scale : by which all distances are too long, relative: of the picture, if anything"""
+    left : rms error that remains, both relative;  told : how many radii the pairs tell"""
 
     change: np.ndarray
     off: float
     left: float
     told: int
-    scale: float
 
 
 def touching(film: np.ndarray, radius: np.ndarray, free: np.ndarray) -> Touching:
@@ -112,8 +110,7 @@ def sized(near: Touching, radius: np.ndarray, free: np.ndarray, sigma: float, st
                 spread = float(np.sqrt(np.mean(found[:count][told] ** 2 + variance[told])))
     change = np.zeros(len(radius))
     change[free] = found[:count]
-    many = int((variance < c.told * spread**2).sum())
-    return Sized(change, spread, float(np.sqrt(variance.mean())), many, float(found[count + 1]))
+    return Sized(change, spread, float(np.sqrt(variance.mean())), int((variance < c.told * spread**2).sum()))
 
 
 def with_radii(recording: Recording, film: np.ndarray, sigma: float, learnt: int) -> tuple[Recording, Sized | None]:
@@ -128,8 +125,7 @@ def with_radii(recording: Recording, film: np.ndarray, sigma: float, learnt: int
         bodies = _resized(recording.scene.bodies, found.change)
         recording = replace(recording, scene=replace(recording.scene, bodies=bodies), radius_error=found.left)
     if found is not None or stated:
-        scale = 1.0 + (found.scale if found is not None and abs(found.scale) > current().radii.scale else 0.0)
-        recording = replace(recording, scene=_linked_as_seen(recording.scene, film[:learnt], sigma, scale))
+        recording = replace(recording, scene=_linked_as_seen(recording.scene, film[:learnt], sigma))
     return recording, found
 
 
@@ -159,8 +155,8 @@ def link_stretch(xy: np.ndarray, i: int, j: int, length: float, sigma: float) ->
     return (d - sigma**2 / np.maximum(d, 1e-12)) / length
 
 
-def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float, scale: float) -> Scene:
-    """The scene whose links that follow from radii are as long as the film (T, n, 2) shows them, over ``scale``.
+def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float) -> Scene:
+    """The scene whose links that follow from radii are as long as the film (T, n, 2) shows them.
 
     The springs between disks are stiff: their mean length is that at rest.
     """
@@ -173,7 +169,7 @@ def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float, scale: float) 
         seen = [q[np.isfinite(q)] for q in seen]
         means = [float(q.mean()) for q in seen if len(q) > current().windows.candidates.sights]
         if len(means) > 1 and length > 0:
-            scene = scene.with_parameter(f"{item.name}.length", length * float(np.mean(means)) / scale)
+            scene = scene.with_parameter(f"{item.name}.length", length * float(np.mean(means)))
     return scene
 
 

@@ -165,13 +165,15 @@ def bed_case(
         columns = [unwrapped[:, k, a] for k in range(min(len(recording.ids), 40)) for a in (0, 1)]
         found = [estimate_noise(recording.t[np.isfinite(c)], c[np.isfinite(c)]) for c in columns]
         sigma = float(np.median(found))
+    # whether it is what was said that is too little, a simulated film tells later (``as_filmed``)
+    likely = upper if upper > current().windows.stamps.refuted * sigma else float(sigma)
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
-    tracks = linked(recording.t, unwrapped, sigma, scene.periodic_x or 0.0)
+    tracks = linked(recording.t, unwrapped, likely, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = tracks.xy
     listed = len(scene.bodies)
     given = recording
-    recording, resized = with_radii(recording, full, float(sigma), learnt)
-    recording, full = with_hidden(recording, full, float(sigma), learnt)
+    recording, resized = with_radii(recording, full, likely, learnt)
+    recording, full = with_hidden(recording, full, likely, learnt)
     scene = recording.scene
     case = prepare(recording, held_out=held_out, split=split, clean=False)
     spacing = float(np.median(np.diff(recording.t)))
