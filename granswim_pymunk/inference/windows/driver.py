@@ -118,7 +118,7 @@ def begin(
     cost = sum(p.member_cost * len(p.bed.starts) for p in likelihood.predictors) / windows / current().work.cores
     training = sum(int(b.training.sum()) for b in beds)
     given, replicates = plan is not None, current().windows.plan.replicates
-    films = [(b.film.t, b.film.xy, b.scene.hash) for b in beds]
+    films = [(b.film.t, b.film.xy, b.film.sigma, b.recording.time_noise, b.scene.hash) for b in beds]
     store = Store("bed", *films, minutes, seed, replicates, candidates, cut)
     if plan is None:
         whole = max(p.whole for p in likelihood.predictors)

@@ -255,6 +255,9 @@ def _shown(xy: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
     return see(xy, scale=camera["scale"], tilt=camera["tilt"], bias=camera["bias"])
 
 
+Kept = dict[tuple[int, int], Any]  # starts by window and member, and under member -1 the path of the wall
+
+
 class BedPredictor:
     """Predicts windows of one film under a hypothesis; a start is estimated once for each camera.
 
@@ -276,14 +279,17 @@ class BedPredictor:
         self.store = store
         self.members = members or current().windows.plan.members
         self._lock = threading.Lock()
-        self._starts: dict[tuple[Any, ...], dict[tuple[int, int], Any]] = {}
+        self.keeps = current().windows.starts.kept
+        self._starts: dict[tuple[Any, ...], Kept] = {}
         self._sums: dict[int, Sums] = {}
         self.weighed = False
         self.runs = 0
 
     def of(self, film: Film, members: int | None = None) -> BedPredictor:
-        """The same for another film, a replicate's; nothing of it is kept."""
-        return BedPredictor(self.bed, film, members or self.members, cut=self.cuts)
+        """The same for another film, a replicate's; none of its predictions, and few of its starts, are kept."""
+        own = BedPredictor(self.bed, film, members or self.members, cut=self.cuts)
+        own.keeps = 2
+        return own
 
     @property
     def whole(self) -> float:
@@ -375,23 +381,20 @@ class BedPredictor:
                 found = self.start_at(frame, numbers, camera, shapes=shapes)
             else:
                 wall = self.cut.wall
-                path = self._wall_path(window, camera)
+                path = self._wall_path(window, camera, kept)
                 found = self.start_at(frame, numbers, camera, self.cut.rows, (wall, path[0]), shapes)
                 found[1][wall] = self._wall_velocity(window, path, 0)
             with self._lock:
                 kept[window, member] = found
         return found
 
-    def _kept_for(self, camera: Mapping[str, Any], shapes: Shapes) -> dict[tuple[int, int], Any]:
-        """Starts of windows and members with this camera and bodies of these shapes; those asked for last are kept.
-
-        Under member -1 the path of the wall.
-        """
+    def _kept_for(self, camera: Mapping[str, Any], shapes: Shapes) -> Kept:
+        """Starts with this camera and bodies of these shapes; those asked for last are kept."""
         sizes = b"" if shapes is self.bed.shapes else shapes.radius.tobytes() + shapes.lengths.tobytes()
         key = (camera["scale"], camera["tilt"], tuple(camera["bias"]), sizes)
         with self._lock:
             if key not in self._starts:
-                if len(self._starts) >= current().windows.starts.kept:
+                if len(self._starts) >= self.keeps:
                     # the oldest but for the first, which is the scene as believed
                     del self._starts[list(self._starts)[1]]
                 self._starts[key] = {}
@@ -431,10 +434,9 @@ class BedPredictor:
         xy[chosen] = take_apart(xy[chosen], shapes.part(chosen, () if held is None else held[0]))
         return xy, v
 
-    def _wall_path(self, window: int, camera: Mapping[str, Any]) -> np.ndarray:
-        """(L, k, 2) where the grains that are walls are at the looks [m]."""
+    def _wall_path(self, window: int, camera: Mapping[str, Any], kept: Kept) -> np.ndarray:
+        """(L, k, 2) where the grains that are walls are at the looks [m]; ``kept`` for this camera."""
         assert self.cut is not None
-        kept = self._kept_for(camera, self.bed.shapes)
         if (window, -1) in kept:
             return kept[window, -1]
         bed = self.bed
@@ -487,7 +489,7 @@ class BedPredictor:
         Of the cut where there is one, else of all bodies.
         """
         scene, camera = hypothesis.scene(self.bed.case, values)
-        xy, v = self.start(0, 0, scene=scene)
+        xy, v = self.start(0, 0, camera, scene)
         only, carried = (None, ()) if self.cut is None else (self.cut.rows, self.cut.wall)
         try:
             started = placed(replace(scene, adjustable=()), xy, v)
@@ -538,7 +540,8 @@ class BedPredictor:
             if self.cut is None:
                 later = simulation.sample(t[1:], rows)
             else:
-                path, legs = self._wall_path(window, camera), []
+                kept = self._kept_for(camera, bed.shapes_of(simulation.scene))
+                path, legs = self._wall_path(window, camera, kept), []
                 for leg in range(len(t) - 1):
                     v[self.cut.wall] = self._wall_velocity(window, path, leg)
                     simulation.steer(v)
