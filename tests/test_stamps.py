@@ -64,7 +64,7 @@ def test_a_bed_says_that_its_frames_are_uneven_and_its_replicates_are(bed):
 def test_even_frames_stay_as_they_are(bed):
     notes: list[str] = []
     assert as_filmed(bed, Hypothesis(), np.zeros(0), notes) is bed and not notes
-    exact = replace(bed, given=bed.given, case=replace(bed.case, recording=replace(bed.recording, time_noise=0.0)))
+    exact = replace(bed, given=replace(bed.given, time_noise=0.0))
     assert as_filmed(replace(exact, film=uneven(bed.film)[0]), Hypothesis(), np.zeros(0), notes).jitter is None
 
 

@@ -162,7 +162,8 @@ def recalibrated(start: Beginning, rng: np.random.Generator, progress: Progress)
         values, base, _ = _recalibrate(likelihood, hypothesis, values, base, used)
     # replicates of the recalibrated scene: bias, covariance, nulls
     likelihood.make_replicates(hypothesis, values, lambda share: progress("replicates", 0.08 + 0.24 * share))
-    for _ in range(max(steps, 1)):
+    # numbers of the scene that nobody asked for are near enough by then
+    for _ in range(2 if len(start.naive_values) else 1):
         values, base, nuisance = _recalibrate(likelihood, hypothesis, values, base, used)
     left = off(nuisance, likelihood.white(base, used))
     naive_base = base
@@ -537,7 +538,7 @@ def as_filmed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: l
 
     Both only by what a film of the scene as believed, with the noise that is said and even frames, does not have.
     """
-    criteria, film, said = current().windows.stamps, bed.film, bed.recording
+    criteria, film, said = current().windows.stamps, bed.film, bed.given
     learnt = len(film.t)
     if bed.training.any() and not bed.training.all():
         learnt = int(bed.starts[bed.training][-1] + bed.looks[-1]) + 1
@@ -576,7 +577,7 @@ def as_filmed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: l
 
 
 def _of_noise(bed: BedCase, sigma: float) -> str:
-    said = bed.recording.position_noise
+    said = bed.given.position_noise
     return f"{bed.name}: the noise of a sighting is {sigma:.2g} m" + (f", not {said:.2g} m as is said" if said else "")
 
 

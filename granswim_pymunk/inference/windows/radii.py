@@ -25,6 +25,11 @@ from ...scene import Body, Scene
 from ..criteria import current
 from ..hypothesis import Free, Term
 
+# pairs of neighbours make a matrix that is symmetric and nearly planar
+SYMMETRIC: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True},
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Touching:
@@ -89,27 +94,33 @@ def sized(near: Touching, radius: np.ndarray, free: np.ndarray, sigma: float, st
     count = int(free.sum())
     rows = np.arange(len(i))
     entries = [(rows, np.maximum(column[k], 0), free[k] * radius[k] / total) for k in (i, j)]
-    entries += [(rows, np.full(len(i), count), -noise), (rows, np.full(len(i), count + 1), np.ones(len(i)))]
     row, at, v = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    design = csc_matrix((v, (row, at)), shape=(len(i), count + 2))
-    spread, found = stated or c.first, np.zeros(count + 2)
-    found[count] = c.shift
+    sizes = csc_matrix((v, (row, at)), shape=(len(i), count))
+    shared = np.column_stack([-noise, np.ones(len(i))])
+    believed, sure = np.array([c.shift, 0.0]), np.array([c.shift_spread**-2, c.alike**-2])
+    spread, found, both = stated or c.first, np.zeros(count), believed
     variance = np.full(count, spread**2)
     for k in range(c.rounds):
-        rest = gap - design @ found
+        rest = gap - sizes @ found - shared @ both
         wide = c.apart * (1.0 + c.far * max(0.0, 1.0 - k / c.narrowed))
         weight = np.where(rest > 0, 1.0 / (1.0 + (rest / wide) ** 2) ** 2, 1.0) / error**2
-        prior = np.append(np.full(count, spread**-2), [c.shift_spread**-2, c.alike**-2])
-        solver = splu((design.T @ diags(weight) @ design + diags(prior)).tocsc())
-        found = solver.solve(design.T @ (weight * gap) + prior * np.append(np.zeros(count), [c.shift, 0.0]))
+        # what all pairs share would fill the sparse matrix: it is eliminated by hand
+        solver = splu((sizes.T @ diags(weight) @ sizes + diags(np.full(count, spread**-2))).tocsc(), **SYMMETRIC)
+        cross = sizes.T @ (weight[:, None] * shared)
+        apart = solver.solve(cross)
+        own = shared.T @ (weight[:, None] * shared) + np.diag(sure) - cross.T @ apart
+        alone = solver.solve(sizes.T @ (weight * gap))
+        both = np.linalg.solve(own, shared.T @ (weight * gap) + sure * believed - cross.T @ alone)
+        found = alone - apart @ both
         # a stated spread stays as it is: how well radii are known is asked at the end alone
         if k + 1 == c.rounds or (stated is None and (k + 1) % c.every == 0):
-            variance = np.diag(solver.solve(np.eye(count + 2)))[:count]
+            inverse = np.diag(solver.solve(np.eye(count)))
+            variance = inverse + np.sum(apart * np.linalg.solve(own, apart.T).T, axis=1)
             told = variance < c.told * spread**2
             if stated is None and told.sum() >= c.many:
-                spread = float(np.sqrt(np.mean(found[:count][told] ** 2 + variance[told])))
+                spread = float(np.sqrt(np.mean(found[told] ** 2 + variance[told])))
     change = np.zeros(len(radius))
-    change[free] = found[:count]
+    change[free] = found
     return Sized(change, spread, float(np.sqrt(variance.mean())), int((variance < c.told * spread**2).sum()))
 
 

@@ -175,7 +175,8 @@ def bed_case(
     recording, resized = with_radii(recording, full, likely, learnt)
     recording, full = with_hidden(recording, full, likely, learnt)
     scene = recording.scene
-    case = prepare(recording, held_out=held_out, split=split, clean=False)
+    # of a bed one noise is told for all
+    case = prepare(replace(recording, position_noise=likely), held_out=held_out, split=split, clean=False)
     spacing = float(np.median(np.diff(recording.t)))
     reach = max(round(plan.length / spacing), half + 2)
     # a frame that the start is made of says nothing new, but for its place among its neighbours
