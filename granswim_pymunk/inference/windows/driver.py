@@ -97,19 +97,15 @@ def begin(
     picture = picture_scale([b.case for b in beds])
     # a wrong scale is plain in the swimmer itself, and until it is put right windows cannot even be started
     wrong = picture if picture is not None and picture.wrong else None
-    if wrong is not None:
-        hypothesis = naive.with_term(wrong.held)
-    else:
-        wrong_sizes = [b.name for b in beds if b.recording.radius_error and len(b.grains)]
-        sizes = unsure_sizes([b.given for b in beds], wrong_sizes) if learnt & set(wrong_sizes) else []
-        hypothesis = naive.with_term(*sizes)
+    likelihood = WindowLikelihood(beds, 1, 1, cut=cut)
+    more = [wrong.held] if wrong is not None else _of_the_film(likelihood)
+    hypothesis = naive.with_term(*more)
     first = np.concatenate([values, [f.first for f in hypothesis.free[len(values) :]]])
     terms = _wanted_terms(beds, hypothesis, candidates)
     if picture is not None and (picture.wrong or not picture.off):
         terms = [t for t in terms if t.mechanism != "camera_scale"]
 
     # what a member of a window costs decides how many there are
-    likelihood = WindowLikelihood(beds, 1, 1, cut=cut)
     gauge = [w[: current().windows.search.gauge] for w in likelihood.every]
     check_runs(likelihood.predict([(hypothesis, first)], gauge, 1)[0], f"recording {beds[0].name}")
     gc.freeze()  # what imports and the compiler left is not walked through again and again
@@ -531,6 +527,15 @@ def windows_of(recordings: Sequence[Recording], hold_out: Sequence[Recording], s
     training, held = divided(recordings, hold_out)
     beds = [bed_case(r, split=not held, seed=seed, most=most) for r in training]
     return beds + [bed_case(r, held_out=True, seed=seed, most=most) for r in held]
+
+
+def _of_the_film(likelihood: WindowLikelihood) -> list[Term]:
+    """Numbers of every fit that are no physics, where radii are unsure in what is learnt from."""
+    unsure = [b.name for b in likelihood.beds if b.recording.radius_error and len(b.grains)]
+    if not any(b.training.any() for b in likelihood.beds if b.name in unsure):
+        return []
+    whole = all(p.cut is None for p in likelihood.predictors)
+    return unsure_sizes([b.given for b in likelihood.beds], unsure, whole)
 
 
 def as_filmed(bed: BedCase, hypothesis: Hypothesis, values: np.ndarray, notes: list[str]) -> BedCase:

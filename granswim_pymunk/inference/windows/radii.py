@@ -217,13 +217,17 @@ def seen_scale(names: Collection[str], links: Collection[str]) -> Term:
     return Term("camera_scale", "picture of all", (free,), apply, expression="seen = s true")
 
 
-def unsure_sizes(given: Sequence[Recording], unsure: Collection[str]) -> list[Term]:
-    """Numbers of every fit, of the recordings whose radii are ``unsure``, by their names; ``given`` : as they came."""
+def unsure_sizes(given: Sequence[Recording], unsure: Collection[str], whole: bool) -> list[Term]:
+    """Numbers of every fit, of the recordings whose radii are ``unsure``, by their names; ``given`` : as they came.
+
+    ``whole`` : windows have the whole bed. In a part of it, grains about it carried along as seen, the scale of the
+    picture and that of all radii are one.
+    """
     own = [r for r in given if r.name in unsure]
     if not own:
         return []
     links = {item.name for r in own for item in r.scene.laws_as("link") if item.values["length"] is AUTOMATIC}
-    fixed = all(r.scene.periodic_x or any(not b.mobile for b in r.scene.bodies) for r in own)
+    fixed = whole and all(r.scene.periodic_x or any(not b.mobile for b in r.scene.bodies) for r in own)
     return [all_sizes(unsure)] + [seen_scale(unsure, links)] * bool(links and fixed)
 
 
