@@ -25,7 +25,7 @@ def bed():
 
 def uneven(film, size=SIZE):
     """The film with frames taken too early or too late, and by how much."""
-    shift = in_order(np.zeros(len(film.t)) + film.t, size * np.random.default_rng(3).normal(size=len(film.t))) - film.t
+    shift = in_order(film.t, size * np.random.default_rng(3).normal(size=len(film.t))) - film.t
     velocity = np.gradient(film.xy, film.t, axis=0)
     return replace(film, xy=film.xy + velocity * shift[:, None, None]), shift
 

@@ -84,19 +84,13 @@ def picture_scale(cases: Sequence[Case]) -> PictureScale | None:
 
     The springs between disks are stiff: what stretches them in a bed is far below what noise shows.
     """
-    found = []
+    seen: list[np.ndarray] = []
     for case in cases:
         scene, xy = case.recording.scene, case.recording.unwrapped().xy
-        column = {row: k for k, row in enumerate(case.recording.track_rows.tolist())}
+        film = np.full((len(xy), len(scene.bodies), 2), np.nan)
+        film[:, case.recording.track_rows] = xy
         sigma = float(np.nanmean(case.sigma)) if len(case.sigma) else 0.0
-        for item in scene.laws_as("link"):
-            length = float(scene.resolved(item)["length"])
-            for chain in scene.chains if length > 0 else ():
-                for i, j in itertools.pairwise(chain):
-                    if i in column and j in column:
-                        found.append(link_stretch(xy, column[i], column[j], length, sigma))
-    seen = [q[np.isfinite(q)] for q in found]
-    seen = [q for q in seen if len(q) > current().windows.candidates.sights]
+        seen += [q for item in scene.laws_as("link") for q in link_stretch(scene, item, film, sigma)]
     term = next((t for t in camera_terms(cases) if t.mechanism == "camera_scale"), None)
     if len(seen) < 2 or term is None:
         return None

@@ -57,8 +57,8 @@ class Beginning:
     store: Store
     naive: Hypothesis
     naive_values: np.ndarray
-    # the naive scene, with what is off in the film: the scale that the swimmer shows where that is wrong, or one number
-    # more for radii that are unsure
+    # the naive scene, with what is off in the film: the scale that the swimmer shows where that is wrong, or a number
+    # or two more for radii that are unsure
     hypothesis: Hypothesis
     values: np.ndarray
     wrong: PictureScale | None

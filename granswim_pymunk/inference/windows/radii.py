@@ -21,9 +21,9 @@ from scipy.spatial import cKDTree
 
 from ...laws import AUTOMATIC
 from ...recording import Recording
-from ...scene import Body, Scene
+from ...scene import Body, LawUse, Scene
 from ..criteria import current
-from ..hypothesis import Free, Term
+from ..hypothesis import Free, Term, set_camera
 
 # pairs of neighbours make a matrix that is symmetric and nearly planar
 SYMMETRIC: dict[str, Any] = {
@@ -157,13 +157,19 @@ def _told(recording: Recording, film: np.ndarray, sigma: float) -> Sized | None:
     return found
 
 
-def link_stretch(xy: np.ndarray, i: int, j: int, length: float, sigma: float) -> np.ndarray:
-    """(T,) distances of two linked bodies over their length at rest, NaN where one is not seen.
+def link_stretch(scene: Scene, item: LawUse, film: np.ndarray, sigma: float) -> list[np.ndarray]:
+    """Of linked disks that are seen often enough, their distances (k,) over the length of their link at rest.
 
-    xy : (T, n, 2) unwrapped [m].  The noise across a link lengthens it by sigma^2/|r|, which is taken off.
+    film : (T, n, 2) in the scene's order, unwrapped [m], NaN where not seen.  The noise across a link lengthens it by
+    sigma^2/|r|, which is taken off.
     """
-    d = np.hypot(*(xy[:, j] - xy[:, i]).T)
-    return (d - sigma**2 / np.maximum(d, 1e-12)) / length
+    length, found = float(scene.resolved(item)["length"]), list[np.ndarray]()
+    for i, j in (pair for chain in scene.chains for pair in pairwise(chain)) if length > 0 else ():
+        d = np.hypot(*(film[:, j] - film[:, i]).T)
+        d = d[np.isfinite(d)]
+        if len(d) > current().windows.candidates.sights:
+            found.append((d - sigma**2 / np.maximum(d, 1e-12)) / length)
+    return found
 
 
 def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float) -> Scene:
@@ -172,15 +178,10 @@ def _linked_as_seen(scene: Scene, film: np.ndarray, sigma: float) -> Scene:
     The springs between disks are stiff: their mean length is that at rest.
     """
     for item in scene.laws_as("link"):
-        if item.values["length"] is not AUTOMATIC:
-            continue
-        length = float(scene.resolved(item)["length"])
-        ends = [pair for chain in scene.chains for pair in pairwise(chain)]
-        seen = [link_stretch(film, i, j, length, sigma) for i, j in ends]
-        seen = [q[np.isfinite(q)] for q in seen]
-        means = [float(q.mean()) for q in seen if len(q) > current().windows.candidates.sights]
-        if len(means) > 1 and length > 0:
-            scene = scene.with_parameter(f"{item.name}.length", length * float(np.mean(means)))
+        means = [q.mean() for q in link_stretch(scene, item, film, sigma)] if item.values["length"] is AUTOMATIC else []
+        if len(means) > 1:
+            length = float(scene.resolved(item)["length"]) * float(np.mean(means))
+            scene = scene.with_parameter(f"{item.name}.length", length)
     return scene
 
 
@@ -212,7 +213,7 @@ def seen_scale(names: Collection[str], links: Collection[str]) -> Term:
         for item in scene.laws_as("link"):
             if item.name in links:
                 scene = scene.with_parameter(f"{item.name}.length", float(item.values["length"]) / s)
-        return scene, {**camera, "scale": s * camera["scale"]}
+        return set_camera("scale")(scene, camera, values)
 
     return Term("camera_scale", "picture of all", (free,), apply, expression="seen = s true")
 

@@ -542,7 +542,8 @@ class BedPredictor:
                 later = simulation.sample(t[1:], rows)
             else:
                 kept = self._kept_for(camera, bed.shapes_of(simulation.scene))
-                path, legs = self._wall_path(window, camera, kept), []
+                # the start is everybody's: the wall's velocities of a leg are this run's own
+                path, v, legs = self._wall_path(window, camera, kept), v.copy(), []
                 for leg in range(len(t) - 1):
                     v[self.cut.wall] = self._wall_velocity(window, path, leg)
                     simulation.steer(v)
