@@ -15,7 +15,7 @@ from ...laws import all_laws
 from ..criteria import BlockCriteria, current
 from ..data import Case
 from ..explained import Scores
-from ..hypothesis import Failed, Predictor
+from ..hypothesis import Beginning, Failed, Predictor
 from ..linear import project
 from ..noise import LikelyNoise, Noise
 from .fit import Fitter
@@ -165,7 +165,26 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
         return fit.values
     rest = Fitter(cases, predictor, frames, whole=True)
     evaluations, held = current().blocks.evaluations, tuple(int(k) for k in np.flatnonzero(~told))
-    return rest.refitted(fit, evaluations=evaluations, held=held).values
+    try:
+        starts = {case.name: _passed(fit, case, rest, predictor) for case in rest.cases}
+    except Failed:
+        return without(fit, block)
+    return rest.fit(fit.hypothesis, fit.values, starts, evaluations=evaluations, held=held).values
+
+
+def _passed(fit: Fit, case: Case, rest: Fitter, predictor: Predictor) -> np.ndarray:
+    """Numbers of a recording's start where a fit to all of it passes the first frame of ``rest``. Raises Failed.
+
+    Where the first block is left out, what is left begins later.
+    """
+    whole, later = fit.segments[case.name][0], rest.segments[case.name][0]
+    before, after = (float(case.t[segment.frames][0]) for segment in (whole, later))
+    if after == before:
+        return fit.starts[case.name]
+    begin = Beginning(whole.starts, fit.starts[case.name], before, (after, later.starts))
+    end = predictor.run(fit.hypothesis, case, fit.values, begin, np.array([before, after]))[1]
+    assert end is not None
+    return end.numbers
 
 
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
