@@ -28,7 +28,7 @@ from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
 from granswim_pymunk.inference.kept import Store, load_array, store_array
-from granswim_pymunk.inference.linking import linked
+from granswim_pymunk.inference.linking import linked, off_links
 from granswim_pymunk.inference.model import Course, HeldOut, Left, Rival
 from granswim_pymunk.inference.pipeline import verdict_of
 from granswim_pymunk.inference.result import Diagnosis, check_verdict
@@ -157,6 +157,33 @@ def test_swapped_labels_are_put_back_and_wild_sightings_left_out():
     assert (tracks.who[45, [20, 77]] == [77, 20]).all() and (tracks.who[60, [100, 3]] == [3, 100]).all()
     assert tracks.put_back >= 4 and np.isnan(mended[80, 55]).all()
     assert np.allclose(mended[81:, 55] - mended[0, 55], xy[81:, 55] - xy[0, 55])
+
+
+def test_a_wild_sighting_beside_a_lost_one_is_left_out():
+    """It would be taken for the way that a grain goes, and throw the grains about at the start of a window."""
+    recording = small("small_nothing")
+    broken = recording.unwrapped().xy.copy()
+    broken[80, [55, 90]] += (8e-4, 6e-4)
+    broken[81, 55] = broken[81:83, 90] = np.nan
+    tracks = linked(recording.t, broken, NOISE, recording.scene.periodic_x)
+    assert np.isnan(tracks.xy[80, [55, 90]]).all()
+    assert np.isfinite(tracks.xy[[79, 82], 55]).all() and np.isfinite(tracks.xy[83:, 90]).all()
+
+
+def test_what_no_link_allows_is_left_out_though_the_disk_is_fast():
+    recording = small("small_nothing")
+    joints = Shapes.of(recording.scene).joints
+    seen = recording.unwrapped().xy
+    kept, count = off_links(seen, joints, NOISE)
+    assert count == 0 and np.array_equal(kept, seen, equal_nan=True)
+    tail, middle = int(joints[-1][1]), int(joints[2][1])
+    broken = seen.copy()
+    broken[50, middle] += (4e-4, -1e-4)
+    broken[70, tail] += (0.0, 5e-4)
+    broken[71, tail] = np.nan
+    kept, count = off_links(broken, joints, NOISE)
+    assert np.isnan(kept[50, middle]).all() and np.isnan(kept[70, tail]).all()
+    assert count <= 3 and np.isfinite(kept[50, [int(i) for i, _ in joints if i != middle]]).all()
 
 
 @pytest.mark.parametrize("name", ["small_nothing", "small_joint"])

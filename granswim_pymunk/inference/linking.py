@@ -51,6 +51,33 @@ def linked(
     return Linked(linking.out, linking.who, linking.put_back, linking.left_out)
 
 
+def off_links(xy: np.ndarray, joints: np.ndarray, sigma: float) -> tuple[np.ndarray, int]:
+    """Tracks without the sightings of linked disks that no link allows, and how many were left out.
+
+    xy : (T, n, 2) [m], NaN where not seen;  joints : (k, 2) bodies that a link holds at one distance;  sigma [m]
+    A disk may be fast, its links are as long as ever: a length far off its median says that one of the two is not where
+    it was seen, the one that is farther from the middle of the frames before and after. Where neither has both, both.
+    """
+    xy, criteria = np.array(xy), current().linking
+    middle = np.full_like(xy, np.nan)
+    middle[1:-1] = 0.5 * (xy[2:] + xy[:-2])
+    away = np.hypot(*np.moveaxis(xy - middle, -1, 0))
+    wrong = np.zeros(away.shape, dtype=bool)
+    for i, j in joints:
+        length = np.hypot(*np.moveaxis(xy[:, j] - xy[:, i], -1, 0))
+        seen = np.isfinite(length)
+        if seen.sum() <= criteria.sightings:
+            continue
+        off = np.abs(length - np.median(length[seen]))
+        # what a link gives way is in the usual deviation, too
+        usual = max(math.sqrt(2.0) * sigma, float(np.median(off[seen])) / 0.6745)
+        for k in np.flatnonzero(seen & (off > criteria.link * usual)):
+            both = np.nan_to_num(away[k, [i, j]], nan=math.inf)
+            wrong[k, [b for b, a in zip((i, j), both, strict=True) if a == both.max()]] = True
+    xy[wrong] = np.nan
+    return xy, int(wrong.sum())
+
+
 class _Linking:
     """Tracks that are put right frame by frame, see ``linked``.
 
@@ -75,12 +102,14 @@ class _Linking:
         whole = self.period * np.round(np.nan_to_num(away[..., 0]) / self.period)
         return np.stack([whole, np.zeros(away.shape[:-1])], axis=-1)
 
-    def path(self, body: int, label: int, k: int, after: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def path(
+        self, body: int, label: int, k: int, after: int | None = None, ahead: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Times (p,) and places (p, 2): the last two sightings of a body, and three from ``k`` on under a label.
 
-        ``after``: the label of the last two of these, if another.
+        ``after``: the label of the last two of these, if another;  ``ahead``: k and frames after it, if not the next two
         """
-        ahead = np.arange(k, min(k + 3, len(self.t)))
+        ahead = np.arange(k, min(k + 3, len(self.t))) if ahead is None else ahead
         labels = [label, *[label if after is None else after] * (len(ahead) - 1)]
         times = np.array([self.earlier[body], self.when[body], *self.t[ahead]])
         places = np.concatenate([self.before[[body]], self.last[[body]], self.out[ahead, labels]])
@@ -145,7 +174,10 @@ class _Linking:
     def _apart(self, k: int, body: int) -> bool:
         """Whether a body's sighting in frame k is a single one apart from a smooth track."""
         criteria = current().linking
-        times, places = self.path(body, self.column[body], k)
+        label = self.column[body]
+        seen = np.flatnonzero(np.isfinite(self.out[k + 1 : k + 1 + criteria.ahead, label, 0]))
+        # the next two in which it is seen: bad sightings come where a body is hard to see, and lost ones beside them
+        times, places = self.path(body, label, k, ahead=np.concatenate([[k], k + 1 + seen[:2]]))
         rest = times != self.t[k]
         if rest.sum() < criteria.sightings:
             return False

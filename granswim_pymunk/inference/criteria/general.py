@@ -220,11 +220,16 @@ class LinkingCriteria:
     far : standard deviations of a sighting, and times the usual second difference of a motion, from which a body is not
         where its last two sightings lead. Choice
     smoother : of the squares that a smooth motion leaves: what is better than that belongs together. Choice
+    ahead : frames, among which the next two sightings are looked for. Choice: over more a motion is no parabola
+    link : standard deviations from which the length of a link is not that of two sightings. Theory: of 10^5 lengths one
+        is beyond 4.4 by chance, and errors of two sightings are not all normal
     """
 
     sightings: int = 4
     far: tuple[float, float] = (12.0, 5.0)
     smoother: float = 0.2
+    ahead: int = 5
+    link: float = 6.0
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from ..criteria import current
 from ..data import Case, estimate_noise, prepare
 from ..hypothesis import NO_CAMERA, Failed, Hypothesis
 from ..kept import Store, digest
-from ..linking import linked
+from ..linking import linked, off_links
 from ..threads import ContextPool
 from .cut import carried_paths, cut_out
 from .hidden import with_hidden
@@ -170,6 +170,7 @@ def bed_case(
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
     tracks = linked(recording.t, unwrapped, likely, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = tracks.xy
+    full, off = off_links(full, Shapes.of(scene).joints, likely)
     listed = len(scene.bodies)
     given = recording
     recording, resized = with_radii(recording, full, likely, learnt)
@@ -205,7 +206,7 @@ def bed_case(
     steps = max(int(np.ceil(spacing / dt)), current().fits.steps)
     return BedCase(
         case, Film(recording.t, full, float(sigma)), rows, np.array(grains, dtype=np.int64), starts, looks, training,
-        Shapes.of(scene), spacing / steps, seed, (tracks.put_back, tracks.left_out),
+        Shapes.of(scene), spacing / steps, seed, (tracks.put_back, tracks.left_out + off),
         np.arange(listed, len(scene.bodies)), given, resized,
     )  # fmt: skip
 
