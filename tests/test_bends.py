@@ -13,7 +13,7 @@ from granswim_pymunk.inference import pipeline
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Judgement
 from granswim_pymunk.inference.model import Claim, HeldOut
-from granswim_pymunk.inference.pipeline import another_of_the_class
+from granswim_pymunk.inference.pipeline import another_of_the_class, part_that_stands
 from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.choose import searched, worth
 from granswim_pymunk.inference.tracks.name import Trial
@@ -93,6 +93,33 @@ def test_a_bent_picture_takes_no_law_s_place_where_none_is_right(monkeypatch):
     assert end(drag, lens, ahead=False) == "drag" and end(drag, lens) == "lens"
     held |= {"drag": replace(drag_, unlike=False), "lens": lens_}
     assert end(lens, drag, ahead=False) == "drag"
+
+
+def test_of_two_laws_the_one_stands_that_held_out_data_bear_out(monkeypatch):
+    drag, push = trial(term("drag"), 90.0), trial(term("push"), 60.0)
+    monkeypatch.setattr(pipeline, "judge", lambda claim, *a: Judgement("missing_physics", claim, None))
+
+    def end(*holds: str) -> tuple[list[str], list[str]]:
+        def held(judged: Judgement) -> HeldOut:
+            names = {law.mechanism for law in judged.claim.laws}
+            outcome = "holds" if len(names) == 1 and names <= set(holds) else "fails"
+            return HeldOut({}, {}, outcome, 1.0, judged.claim, None)
+
+        stub = SimpleNamespace(
+            notes=["before"], parts=lambda judged: [Claim((t,), t.fit) for t in (drag, push)], plain=None,
+            weigh=lambda claim: stub.notes.append("of what was only tried"), mismatch=lambda claim: None,
+            settle=lambda judged: judged, hold_out=held,
+        )  # fmt: skip
+        both = Judgement("missing_physics", Claim((drag, push), drag.fit), None)
+        judged, found = part_that_stands(stub, both, held(both))  # type: ignore[arg-type]
+        assert found.claim is judged.claim
+        return [law.mechanism for law in judged.claim.laws], stub.notes
+
+    assert end("drag", "push")[0] == ["drag"]
+    names, notes = end("push")
+    assert names == ["push"] and "push alone" in notes[-1] and notes[0] == "before"
+    names, notes = end()
+    assert names == ["drag", "push"] and notes == ["before"]
 
 
 def test_a_flight_too_short_for_a_start_ends_no_segment():

@@ -107,7 +107,7 @@ class _Linking:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Times (p,) and places (p, 2): the last two sightings of a body, and three from ``k`` on under a label.
 
-        ``after``: the label of the last two of these, if another;  ``ahead``: k and frames after it, if not the next two
+        ``after``: the label of the last two of these, if another;  ``ahead``: k and others after it, if not the next
         """
         ahead = np.arange(k, min(k + 3, len(self.t))) if ahead is None else ahead
         labels = [label, *[label if after is None else after] * (len(ahead) - 1)]

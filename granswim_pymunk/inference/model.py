@@ -163,6 +163,10 @@ class ObservationModel(ABC):
         """Laws that training data cannot tell from what was claimed, one or two of them, best first."""
         return ()
 
+    def parts(self, judged: Judgement) -> Sequence[Claim]:
+        """Each law of several that were claimed as a claim of its own, what training data ask for most first."""
+        return ()
+
     def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:
         """Whether one claim predicts held-out data better than another, by paired errors of blocks of frames."""
         return False

@@ -26,6 +26,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     judged = first_that_explains(model, claim)  # enough of data that they were not fitted to
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
+    judged, held = part_that_stands(model, judged, held)
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
     left = model.left(judged)
@@ -110,6 +111,30 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         " data that were learnt from cannot"
     )
     return other, found if last is other else model.hold_out(other)
+
+
+def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
+    """The law of several that held-out data bear out, where they turn the claim down as a whole.
+
+    A law that is strong and right may be claimed with a weak one that is not, which carries later frames away. Alone
+    it has to be named by training data by the same rules, and held-out data have to be predicted better with it.
+    """
+    if held.outcome != "fails" or len(judged.claim.laws) < 2:
+        return judged, held
+    for claim in model.parts(judged):
+        told = len(model.notes)
+        other = model.settle(judged_by_training(model, claim))
+        if other.claim.laws and not other.claim.nameless:
+            found = model.hold_out(other)
+            if found.outcome == "holds":
+                model.notes.append(
+                    f"held-out data are predicted worse with {judged.claim.label} than without, and better with "
+                    f"{other.claim.label} alone: the rest is withdrawn"
+                )
+                return other, found
+        del model.notes[told:]
+    # what the model keeps of its last look belongs to the whole claim again
+    return judged, model.hold_out(judged)
 
 
 def bends(judged: Judgement) -> bool:

@@ -42,6 +42,7 @@ from ..pipeline import diagnose_by
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
+from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, rivals_of, worth
@@ -383,6 +384,16 @@ class Tracks(ObservationModel):
             if not any(absurd(t) for t in pair):
                 found.append(Claim(pair, fit))
         return found
+
+    def parts(self, judged: Judgement) -> Sequence[Claim]:
+        plain, fit, found = self.tried.recalibrated, judged.claim.fit, list[Claim]()
+        for law, rows in zip(judged.claim.laws, rows_of(judged.claim.laws, len(plain.values)), strict=True):
+            values = [*fit.values[: len(plain.values)], *fit.values[rows]]
+            alone = self.fitter.fit(plain.hypothesis.with_term(law.term), values, fit.starts)
+            trial = replace(law, fit=alone, gain=plain.chi2 - alone.chi2)
+            if worth(trial, self.spread) > current().verdict.noticed and not absurd(trial):
+                found.append(Claim((trial,), alone))
+        return sorted(found, key=lambda claim: claim.fit.chi2)
 
     def predicts_better(self, before: HeldOut, after: HeldOut) -> bool:
         return paired_verdict(before.detail, after.detail, self.study.rng) == "holds"
