@@ -15,11 +15,11 @@ from ...laws import all_laws
 from ..criteria import BlockCriteria, current
 from ..data import Case
 from ..explained import Scores
-from ..hypothesis import Beginning, Failed, Predictor
+from ..hypothesis import Failed, Predictor
 from ..linear import project
 from ..noise import LikelyNoise, Noise
 from .fit import Fitter
-from .fitted import Fit, spin_at
+from .fitted import Fit, passed_at, spin_at
 from .follow import POOL
 from .segments import find_impacts, make_segments
 
@@ -166,25 +166,17 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
     rest = Fitter(cases, predictor, frames, whole=True)
     evaluations, held = current().blocks.evaluations, tuple(int(k) for k in np.flatnonzero(~told))
     try:
-        starts = {case.name: _passed(fit, case, rest, predictor) for case in rest.cases}
+        # where the first block is left out, what is left begins later
+        starts = {case.name: _begun(fit, case, rest, predictor) for case in rest.cases}
     except Failed:
         return without(fit, block)
     return rest.fit(fit.hypothesis, fit.values, starts, evaluations=evaluations, held=held).values
 
 
-def _passed(fit: Fit, case: Case, rest: Fitter, predictor: Predictor) -> np.ndarray:
-    """Numbers of a recording's start where a fit to all of it passes the first frame of ``rest``. Raises Failed.
-
-    Where the first block is left out, what is left begins later.
-    """
-    whole, later = fit.segments[case.name][0], rest.segments[case.name][0]
-    before, after = (float(case.t[segment.frames][0]) for segment in (whole, later))
-    if after == before:
-        return fit.starts[case.name]
-    begin = Beginning(whole.starts, fit.starts[case.name], before, (after, later.starts))
-    end = predictor.run(fit.hypothesis, case, fit.values, begin, np.array([before, after]))[1]
-    assert end is not None
-    return end.numbers
+def _begun(fit: Fit, case: Case, fitter: Fitter, predictor: Predictor) -> np.ndarray:
+    """Numbers of the first start of a fitter where a fit passes it. Raises Failed."""
+    first = fitter.segments[case.name][0]
+    return passed_at(predictor, fit, case, float(case.t[first.frames][0]), first.starts)
 
 
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -297,6 +289,23 @@ def _drawn(
     return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
 
 
+def _with_its_start(
+    fit: Fit, values: np.ndarray, fitter: Fitter, case: Case, predictor: Predictor, evaluations: int
+) -> Fit:
+    """The start of a block fitted to its first frames.
+
+    From where the fit passes, and from what these frames show at once: with an impact right behind them, either search
+    may end where the bodies meet too early.
+    """
+    how: dict[str, Any] = {"fixed": True, "evaluations": evaluations}
+    found = fitter.fit(fit.hypothesis, values, None, **how)
+    try:
+        passed = fitter.fit(fit.hypothesis, values, {case.name: _begun(fit, case, fitter, predictor)}, **how)
+    except Failed:
+        return found
+    return min(passed, found, key=lambda f: f.chi2)
+
+
 def _predicted(
     fit: Fit, values: np.ndarray, block: Block, predictor: Predictor, criteria: BlockCriteria, rng: np.random.Generator
 ):
@@ -311,7 +320,7 @@ def _predicted(
     case = block.case
     spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
     fitter = Fitter([case], predictor, {case.name: block.start}, whole=True, spin=spin)
-    found = fitter.fit(fit.hypothesis, values, None, fixed=True, evaluations=criteria.evaluations)
+    found = _with_its_start(fit, values, fitter, case, predictor, criteria.evaluations)
     numbers = found.starts[case.name]
     here, _ = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)
     _, columns = fitter.derivatives(case, fit.hypothesis, values, numbers, block.frames, True, here)

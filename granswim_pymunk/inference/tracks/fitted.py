@@ -157,6 +157,27 @@ def spin_at(predictor: Predictor, fit: Fit, case: Case, t0: float) -> np.ndarray
     return spin
 
 
+def passed_at(predictor: Predictor, fit: Fit, case: Case, t0: float, starts: tuple[StartBody, ...]) -> np.ndarray:
+    """Free numbers (m,) of a start at ``t0`` [s], described by ``starts``, where a fit passes there. Raises Failed.
+
+    The fit is followed from its last segment that begins at ``t0`` or before.
+    """
+    segments, numbers = fit.segments[case.name], fit.starts[case.name]
+    first = 0
+    for segment, after in pairwise(segments):
+        if float(case.t[after.frames][0]) > t0:
+            break
+        numbers, first = numbers[segment.size :], first + 1
+    mine = segments[first]
+    begins = float(case.t[mine.frames][0])
+    if begins >= t0 and len(mine.starts) == len(starts):
+        return numbers[: mine.size]
+    begin = Beginning(mine.starts, numbers[: mine.size], begins, (t0, starts), spin_at(predictor, fit, case, begins))
+    end = predictor.run(fit.hypothesis, case, fit.values, begin, np.array([begins, t0]))[1]
+    assert end is not None
+    return end.numbers
+
+
 def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int) -> np.ndarray:
     """(p, p) of the values, the starts projected out."""
     information = np.zeros((p, p))
