@@ -18,7 +18,7 @@ from ..judge import Remains, paired
 from ..linear import errors_of
 from .blocks import cut
 from .fit import Fitter, side_by_side
-from .fitted import Fit
+from .fitted import Fit, passed_at
 from .innovations import white_sizes
 from .segments import find_impacts, make_segments
 
@@ -154,9 +154,23 @@ def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
 
 
 def _with_its_own_start(training: Fit, fitter: Fitter, begin: Mapping[str, np.ndarray] | None = None) -> Fit:
-    """The numbers of the training fit with starts fitted to the frames of ``fitter``. Raises Failed."""
-    few = current().evaluations.start
-    return fitter.fit(training.hypothesis, training.values, begin, fixed=True, evaluations=few)
+    """The numbers of the training fit with starts fitted to the frames of ``fitter``. Raises Failed.
+
+    They are sought from ``begin``; else from what these frames show at once, and from where the training fit passes: a
+    start whose bodies meet too early is not found again.
+    """
+    how: dict[str, Any] = {"fixed": True, "evaluations": current().evaluations.start}
+    found = fitter.fit(training.hypothesis, training.values, begin, **how)
+    case = fitter.cases[0]
+    first, *more = fitter.segments[case.name]
+    if begin is not None or more or case.name not in training.segments:
+        return found
+    try:
+        numbers = passed_at(fitter.predictor, training, case, float(case.t[first.frames][0]), first.starts)
+    except Failed:
+        return found
+    passed = fitter.fit(training.hypothesis, training.values, {case.name: numbers}, **how)
+    return min(passed, found, key=lambda fit: fit.chi2)
 
 
 def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> float:
