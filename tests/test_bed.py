@@ -925,9 +925,13 @@ def test_the_budget_counts_work_and_not_the_clock(tmp_path, monkeypatch):
     assert all(a < b for a, b in pairwise([0.0, *spent[0]]))
     # two members are looked at in each of five windows, on two cores
     assert DEFAULT.work.cores * spent[0][0] == pytest.approx(2 * 5 * likelihood.predictors[0].member_cost)
-    assert not clock.late(0.9)
+    # what a step is foreseen to take is what it then took
+    views = likelihood.cost_of_views(1, likelihood.training, 1)
+    assert DEFAULT.work.cores * (spent[0][3] - spent[0][2]) == pytest.approx(views)
+    assert not clock.late(0.9) and clock.has_room(views)
     clock.work.seconds += DEFAULT.work.cores * 0.95 * 60.0
-    assert clock.late(0.9)
+    assert clock.late(0.9) and clock.has_room(0.0)
+    assert not clock.has_room(DEFAULT.work.cores * 0.06 * 60.0)
 
 
 def test_a_damaged_file_of_an_interrupted_diagnosis_is_computed_again(tmp_path):

@@ -22,6 +22,10 @@ class Clock:
     def late(self, share: float) -> bool:
         return self.spent > share * self.seconds
 
+    def has_room(self, seconds: float) -> bool:
+        """Whether what takes so many seconds of a core [s] ends within the budget."""
+        return self.spent + seconds / current().work.cores < self.seconds
+
 
 @dataclass(frozen=True)
 class Plan:

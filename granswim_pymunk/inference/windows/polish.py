@@ -59,7 +59,7 @@ def polish(
     try:
         late = search.clock.late(current().windows.budget.told)
         second.make_replicates(full, z)
-        if not late:
+        if not late and search.clock.has_room(second.cost_of_views(2 * len(z), windows)):
             told = _told_by_replicates(second, full, z, steps, windows)
         bias = 0.0 if told is None else told.mean(axis=0)
         for _ in range(criteria.rounds):
