@@ -217,6 +217,10 @@ def test_where_a_law_follows_a_smaller_fault_stands_out():
     assert np.argwhere(single_ones(left, who)).tolist() == [[25, 0], [50, 1], [50, 2]]
     left[40:48, 0] += 9.0  # something that lasts is no fault of a sighting
     assert np.argwhere(single_ones(left, who)).tolist() == [[25, 0], [50, 1], [50, 2]]
+    left[60:62, 0] += [-12.0, 17.0]  # two in a row: what follows is where it was
+    assert np.argwhere(single_ones(left, who)[:, 0]).ravel().tolist() == [25, 60, 61]
+    left[62, 0] += 5.0  # but not where it comes back slowly
+    assert np.argwhere(single_ones(left, who)[:, 0]).ravel().tolist() == [25]
     none = sum(single_ones(rng.normal(size=(200, 2)), ("a", "a")).any() for _ in range(400))
     assert none <= 3  # of 400 films, each with a chance of 1e-3
     assert not single_ones(5 * rng.normal(size=(200, 2)), ("a", "a")).any()  # noise that is larger than was said

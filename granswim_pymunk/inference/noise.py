@@ -514,7 +514,8 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
 
     residuals (T, c) over the noise, NaN where not used; bodies (c,): whose each column is. Of all bodies and
     frames together noise has one so far off with the chance ``single``; both neighbours in time pass for noise
-    (``beside_single``), as they do not where a law is missing, or about an impact.
+    (``beside_single``), as they do not where a law is missing, or about an impact. So it is of a few in a row, no more
+    than ``row``, as where a tracker follows something else for a moment: no force leaves a body and brings it back.
     """
     criteria = criteria or current().noise
     found, columns = np.zeros(residuals.shape, dtype=bool), np.array(bodies)
@@ -527,7 +528,12 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
         own = residuals[np.ix_(rows, mine)]
         chance = np.asarray(stats.chi2.sf(np.sum((own / _larger_by(own)) ** 2, axis=1), len(mine)))
         quiet = np.concatenate([[True], chance > criteria.beside_single, [True]])
-        found[np.ix_(rows[(chance < criteria.single / every) & quiet[:-2] & quiet[2:]], mine)] = True
+        far = np.concatenate([[False], chance < criteria.single / every, [False]]).astype(int)
+        begins, ends = np.flatnonzero(np.diff(far) == 1), np.flatnonzero(np.diff(far) == -1)
+        for begin, end in zip(begins, ends, strict=True):
+            # of the padded marks the one before the first, and the one behind the last
+            if end - begin <= criteria.row and quiet[begin] and quiet[end + 1]:
+                found[np.ix_(rows[begin:end], mine)] = True
     return found
 
 

@@ -27,7 +27,8 @@ class NoiseCriteria:
     outlier_frames : frames on each side that an outlier is held against
     single : chance with which noise has any sighting of a film so far off a law that follows it, below which it is
         none;  beside_single : above which the sightings beside it pass for noise. Choices: one film in a thousand, and
-        three standard deviations
+        three standard deviations;  row : so many in a row. Theory: with one bad sighting in 200, each by itself, three
+        in a row come in one film of 1000 sightings in 8000
     hides : times what the other frames leave of a line, from which a frame among them is no position itself. Choice:
         as ``outlier``
     share_most : of a channel's sightings that may be taken out; beyond it they are no single ones. Choice
@@ -66,6 +67,7 @@ class NoiseCriteria:
     outlier_frames: int = 4
     single: float = 1e-3
     beside_single: float = 0.0027
+    row: int = 2
     hides: float = 6.0
     share_most: float = 0.05
     bands: tuple[int, ...] = (4, 12, 40)
