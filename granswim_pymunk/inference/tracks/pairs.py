@@ -249,7 +249,8 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
     """
     sets = current().sets
     found = [
-        (a, b, fit) for a, b, fit in _from_the_first_third(search) + _beside_each(search, alive)
+        (a, b, fit)
+        for a, b, fit in _to_their_ends(search, _from_the_first_third(search) + _beside_each(search, alive))
         if (search.base.chi2 - fit.chi2) / search.spread(fit) >= sets.both + 2 * len(fit.hypothesis.free)
     ]  # fmt: skip
     scores = search.inner.scores([fit for *_, fit in found])
@@ -262,11 +263,24 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
         if search_nulls(whole, noise, wanted, gain, sets.replicates_pair, search.rng).p > current().verdict.alarm:
             continue
         winner = search.scored(fit, [Trial.untried(pair.a), Trial.untried(pair.b)], pair.score)
-        # strength and shape of a law lie along a valley: walk it to its end
-        enough = current().evaluations.pair_valley
-        fit = search.fitter.refitted(fit, evaluations=enough)
         return _partners(search, search.as_in(fit, winner))
     return []
+
+
+def _to_their_ends(
+    search: SetSearch, pairs: Sequence[tuple[Signature, Signature, Fit]]
+) -> list[tuple[Signature, Signature, Fit]]:
+    """Fits of pairs, gone on with: strength and shape of a law lie along a valley, and are walked to its end.
+
+    Half way along it the right pair may be no better than another one at its end.
+    """
+    enough = current().evaluations.pair_valley
+
+    def walked(own: Fitter, fit: Fit) -> Fit:
+        return own.refitted(fit, evaluations=enough)
+
+    fits = side_by_side(search.fitter, [partial(walked, fit=fit) for *_, fit in pairs])
+    return [(a, b, fit) for (a, b, _), fit in zip(pairs, fits, strict=True)]
 
 
 @dataclass(frozen=True)
