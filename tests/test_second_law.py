@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.tracks import pairs
 from granswim_pymunk.inference.tracks.name import Trial
@@ -53,3 +54,19 @@ def test_a_number_for_each_joint_hides_no_number_for_all(monkeypatch):
     )  # fmt: skip
     _, _, second = pairs._one_more(search, found, base, [both, each])
     assert second is not None and second.label == "joint_drag"
+
+
+def test_pairs_are_compared_at_the_ends_of_their_fits(monkeypatch):
+    """The right one is behind another that cannot be bettered, until its strength and shape are walked to their end."""
+    ends, asked = {400.0: 400.0, 900.0: 90.0}, []
+
+    def refitted(fit, evaluations):
+        asked.append(evaluations)
+        return SimpleNamespace(chi2=ends[fit.chi2])
+
+    monkeypatch.setattr(pairs, "side_by_side", lambda fitter, jobs: [job(fitter) for job in jobs])
+    search = SimpleNamespace(fitter=SimpleNamespace(refitted=refitted))
+    begun = [("push", name, SimpleNamespace(chi2=chi2)) for name, chi2 in (("lens", 400.0), ("repulsion", 900.0))]
+    found = pairs._to_their_ends(search, begun)  # type: ignore[arg-type]
+    assert [(b, fit.chi2) for _, b, fit in found] == [("lens", 400.0), ("repulsion", 90.0)]
+    assert asked == [DEFAULT.evaluations.pair_valley] * 2
