@@ -174,14 +174,16 @@ def test_what_no_link_allows_is_left_out_though_the_disk_is_fast():
     recording = small("small_nothing")
     joints = Shapes.of(recording.scene).joints
     seen = recording.unwrapped().xy
-    kept, count = off_links(seen, joints, NOISE)
+    period = recording.scene.periodic_x
+    kept, count = off_links(seen, joints, NOISE, period)
     assert count == 0 and np.array_equal(kept, seen, equal_nan=True)
     tail, middle = int(joints[-1][1]), int(joints[2][1])
     broken = seen.copy()
     broken[50, middle] += (4e-4, -1e-4)
     broken[70, tail] += (0.0, 5e-4)
     broken[71, tail] = np.nan
-    kept, count = off_links(broken, joints, NOISE)
+    broken[:, tail, 0] += period  # followed across the seam
+    kept, count = off_links(broken, joints, NOISE, period)
     assert np.isnan(kept[50, middle]).all() and np.isnan(kept[70, tail]).all()
     assert count <= 3 and np.isfinite(kept[50, [int(i) for i, _ in joints if i != middle]]).all()
 

@@ -51,10 +51,11 @@ def linked(
     return Linked(linking.out, linking.who, linking.put_back, linking.left_out)
 
 
-def off_links(xy: np.ndarray, joints: np.ndarray, sigma: float) -> tuple[np.ndarray, int]:
+def off_links(xy: np.ndarray, joints: np.ndarray, sigma: float, period: float = 0.0) -> tuple[np.ndarray, int]:
     """Tracks without the sightings of linked disks that no link allows, and how many were left out.
 
-    xy : (T, n, 2) [m], NaN where not seen;  joints : (k, 2) bodies that a link holds at one distance;  sigma [m]
+    xy : (T, n, 2) [m], unwrapped along ``period``, NaN where not seen;  joints : (k, 2) bodies that a link holds at one
+    distance;  sigma [m]
     A disk may be fast, its links are as long as ever: a length far off its median says that one of the two is not where
     it was seen, the one that is farther from the middle of the frames before and after. Where neither has both, both.
     """
@@ -64,7 +65,8 @@ def off_links(xy: np.ndarray, joints: np.ndarray, sigma: float) -> tuple[np.ndar
     away = np.hypot(*np.moveaxis(xy - middle, -1, 0))
     wrong = np.zeros(away.shape, dtype=bool)
     for i, j in joints:
-        length = np.hypot(*np.moveaxis(xy[:, j] - xy[:, i], -1, 0))
+        dx, dy = np.moveaxis(xy[:, j] - xy[:, i], -1, 0)
+        length = np.hypot(dx - period * np.round(dx / period) if period else dx, dy)
         seen = np.isfinite(length)
         if seen.sum() <= criteria.sightings:
             continue

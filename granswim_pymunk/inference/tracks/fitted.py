@@ -12,7 +12,7 @@ import numpy as np
 from ... import distributions as stats
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Beginning, Hypothesis, Predictor
+from ..hypothesis import Beginning, Failed, Hypothesis, Predictor
 from ..linear import project
 from ..significance import half_interval
 from ..start import StartBody
@@ -158,9 +158,9 @@ def spin_at(predictor: Predictor, fit: Fit, case: Case, t0: float) -> np.ndarray
 
 
 def passed_at(predictor: Predictor, fit: Fit, case: Case, t0: float, starts: tuple[StartBody, ...]) -> np.ndarray:
-    """Free numbers (m,) of a start at ``t0`` [s], described by ``starts``, where a fit passes there. Raises Failed.
+    """Free numbers (m,) of a start at ``t0`` [s], described by ``starts``, where a fit passes there.
 
-    The fit is followed from its last segment that begins at ``t0`` or before.
+    The fit is followed from its last segment that begins at ``t0`` or before. Raises Failed where none does.
     """
     segments, numbers = fit.segments[case.name], fit.starts[case.name]
     first = 0
@@ -170,7 +170,9 @@ def passed_at(predictor: Predictor, fit: Fit, case: Case, t0: float, starts: tup
         numbers, first = numbers[segment.size :], first + 1
     mine = segments[first]
     begins = float(case.t[mine.frames][0])
-    if begins >= t0 and len(mine.starts) == len(starts):
+    if begins > t0:
+        raise Failed("the fit begins later")
+    if begins == t0 and len(mine.starts) == len(starts):
         return numbers[: mine.size]
     begin = Beginning(mine.starts, numbers[: mine.size], begins, (t0, starts), spin_at(predictor, fit, case, begins))
     end = predictor.run(fit.hypothesis, case, fit.values, begin, np.array([begins, t0]))[1]

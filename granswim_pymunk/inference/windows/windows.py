@@ -170,7 +170,7 @@ def bed_case(
     full = np.full((len(recording.t), len(scene.bodies), 2), np.nan)
     tracks = linked(recording.t, unwrapped, likely, scene.periodic_x or 0.0)
     full[:, recording.track_rows] = tracks.xy
-    full, off = off_links(full, Shapes.of(scene).joints, likely)
+    full, off = off_links(full, Shapes.of(scene).joints, likely, scene.periodic_x or 0.0)
     listed = len(scene.bodies)
     given = recording
     recording, resized = with_radii(recording, full, likely, learnt)
