@@ -19,9 +19,10 @@ def main() -> int:
     """The console command: as ``cli.main``, and quiet when it is interrupted while it starts."""
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, leave)
+    from .cli import at_the_end
     from .cli import main as command
 
-    return command(ready=_ready)
+    return at_the_end(command(ready=_ready))
 
 
 def _ready() -> None:

@@ -115,5 +115,18 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         warnings.formatwarning = shown
 
 
+def at_the_end(code: int) -> int:
+    """``code``; after an interruption a second signal ends the process at once.
+
+    As an exception it would break off the wait for threads that are in a step, whose Space is then taken apart under
+    them, and Chipmunk aborts.
+    """
+    if code in (128 + signal.SIGINT, 128 + signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, signal.SIG_DFL)
+    return code
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(at_the_end(main()))

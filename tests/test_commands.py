@@ -126,5 +126,25 @@ def test_interrupted_while_it_starts(after: float, number: signal.Signals, tmp_p
     assert "Traceback" not in said + error and "interrupted" in error
 
 
+ENDING = """
+import signal, sys, threading, time
+from granswim_pymunk.cli import _terminate, at_the_end
+signal.signal(signal.SIGTERM, _terminate)
+threading.Thread(target=time.sleep, args=(60,)).start()  # as one that is in the middle of a long run
+print("ending", flush=True)
+sys.exit(at_the_end(143))
+"""
+
+
+def test_a_second_signal_ends_what_is_ending() -> None:
+    """At once, and not by an exception among threads that are still at work."""
+    run = subprocess.Popen([sys.executable, "-c", ENDING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert run.stdout and run.stdout.readline() == "ending\n"
+    time.sleep(0.5)
+    run.send_signal(signal.SIGTERM)
+    said, error = run.communicate(timeout=30)
+    assert run.returncode == -signal.SIGTERM and not said + error
+
+
 def test_a_warning_of_a_command_is_one_line() -> None:
     assert in_one_line(UserWarning("input b is no body"), UserWarning, "a.py", 1) == "granswim: input b is no body\n"
