@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from .criteria import current
+from .noise import larger_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +71,9 @@ def off_links(xy: np.ndarray, joints: np.ndarray, sigma: float, period: float = 
         seen = np.isfinite(length)
         if seen.sum() <= criteria.sightings:
             continue
-        off = np.abs(length - np.median(length[seen]))
+        off = np.abs(length - np.median(length[seen])) / (math.sqrt(2.0) * max(sigma, current().rounding.nothing))
         # what a link gives way is in the usual deviation, too
-        usual = max(math.sqrt(2.0) * sigma, float(np.median(off[seen])) / 0.6745)
-        for k in np.flatnonzero(seen & (off > criteria.link * usual)):
+        for k in np.flatnonzero(seen & (off > criteria.link * larger_by(off))):
             both = np.nan_to_num(away[k, [i, j]], nan=math.inf)
             wrong[k, [b for b, a in zip((i, j), both, strict=True) if a == both.max()]] = True
     xy[wrong] = np.nan

@@ -501,7 +501,7 @@ def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCrit
         off = np.zeros(len(rows))
         for c in mine:
             own = _off_middle(rows.astype(float), residuals[rows, c], half, 1.0, 2)
-            off += (own / _larger_by(own)) ** 2
+            off += (own / larger_by(own)) ** 2
         least = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), len(mine)))
         # of neighbours that accuse one another the worst is the one that is off
         near = np.lib.stride_tricks.sliding_window_view(np.pad(np.nan_to_num(off), half), 2 * half + 1).max(axis=1)
@@ -526,7 +526,7 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
         if len(rows) < 3:
             continue
         own = residuals[np.ix_(rows, mine)]
-        chance = np.asarray(stats.chi2.sf(np.sum((own / _larger_by(own)) ** 2, axis=1), len(mine)))
+        chance = np.asarray(stats.chi2.sf(np.sum((own / larger_by(own)) ** 2, axis=1), len(mine)))
         quiet = np.concatenate([[True], chance > criteria.beside_single, [True]])
         far = np.concatenate([[False], chance < criteria.single / every, [False]]).astype(int)
         begins, ends = np.flatnonzero(np.diff(far) == 1), np.flatnonzero(np.diff(far) == -1)
@@ -537,7 +537,7 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
     return found
 
 
-def _larger_by(off: np.ndarray) -> np.ndarray:
+def larger_by(off: np.ndarray) -> np.ndarray:
     """By how much noise is larger than was believed, of residuals (T, ...) over it: half are beyond its quartile."""
     return np.asarray(np.maximum(np.nanmedian(np.abs(off), axis=0) / float(stats.norm.isf(0.25)), 1.0))
 
