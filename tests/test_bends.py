@@ -120,6 +120,10 @@ def test_of_two_laws_the_one_stands_that_held_out_data_bear_out(monkeypatch):
     assert names == ["push"] and "push alone" in notes[-1] and notes[0] == "before"
     names, notes = end()
     assert names == ["drag", "push"] and notes == ["before"]
+    # where no part is asked, held-out data are not looked at again
+    both = Judgement("missing_physics", Claim((drag, push), drag.fit), None)
+    held = HeldOut({}, {}, "fails", 1.0, both.claim, None)
+    assert part_that_stands(SimpleNamespace(parts=lambda judged: []), both, held) == (both, held)  # type: ignore[arg-type]
 
 
 def test_a_flight_too_short_for_a_start_ends_no_segment():

@@ -82,10 +82,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         return judged, held
     better, last = [], judged
     for claim in model.alike(judged):
-        told = len(model.notes)
-        other = model.settle(judged_by_training(model, claim))
-        found = model.hold_out(other) if other.claim.laws and not other.claim.nameless else None
-        notes, model.notes[told:] = model.notes[told:], []  # of what was only tried
+        other, found, notes = _looked_at(model, claim)
         if found is None:
             continue
         last = other
@@ -121,20 +118,28 @@ def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) 
     """
     if held.outcome != "fails" or len(judged.claim.laws) < 2:
         return judged, held
+    looked = False
     for claim in model.parts(judged):
-        told = len(model.notes)
-        other = model.settle(judged_by_training(model, claim))
-        if other.claim.laws and not other.claim.nameless:
-            found = model.hold_out(other)
-            if found.outcome == "holds":
-                model.notes.append(
-                    f"held-out data are predicted worse with {judged.claim.label} than without, and better with "
-                    f"{other.claim.label} alone: the rest is withdrawn"
-                )
-                return other, found
-        del model.notes[told:]
+        other, found, notes = _looked_at(model, claim)
+        looked |= found is not None
+        if found is not None and found.outcome == "holds":
+            model.notes += notes
+            model.notes.append(
+                f"held-out data are predicted worse with {judged.claim.label} than without, and better with "
+                f"{other.claim.label} alone: the rest is withdrawn"
+            )
+            return other, found
     # what the model keeps of its last look belongs to the whole claim again
-    return judged, model.hold_out(judged)
+    return judged, model.hold_out(judged) if looked else held
+
+
+def _looked_at(model: ObservationModel, claim: Claim) -> tuple[Judgement, HeldOut | None, list[str]]:
+    """The judgement of a claim that is only tried, what held-out data say if it stands, and the notes on it."""
+    told = len(model.notes)
+    judged = model.settle(judged_by_training(model, claim))
+    held = model.hold_out(judged) if judged.claim.laws and not judged.claim.nameless else None
+    notes, model.notes[told:] = model.notes[told:], []
+    return judged, held, notes
 
 
 def bends(judged: Judgement) -> bool:

@@ -19,7 +19,7 @@ from ..hypothesis import Failed, Predictor
 from ..linear import project
 from ..noise import LikelyNoise, Noise
 from .fit import Fitter
-from .fitted import Fit, passed_at, spin_at
+from .fitted import Fit, spin_at
 from .follow import POOL
 from .segments import find_impacts, make_segments
 
@@ -167,16 +167,10 @@ def outside(fit: Fit, block: Block, cases: Sequence[Case], predictor: Predictor)
     evaluations, held = current().blocks.evaluations, tuple(int(k) for k in np.flatnonzero(~told))
     try:
         # where the first block is left out, what is left begins later
-        starts = {case.name: _begun(fit, case, rest, predictor) for case in rest.cases}
+        starts = {case.name: rest.begun(fit, case) for case in rest.cases}
     except Failed:
         return without(fit, block)
     return rest.fit(fit.hypothesis, fit.values, starts, evaluations=evaluations, held=held).values
-
-
-def _begun(fit: Fit, case: Case, fitter: Fitter, predictor: Predictor) -> np.ndarray:
-    """Numbers of the first start of a fitter where a fit passes it. Raises Failed."""
-    first = fitter.segments[case.name][0]
-    return passed_at(predictor, fit, case, float(case.t[first.frames][0]), first.starts)
 
 
 def _step(information: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -289,23 +283,6 @@ def _drawn(
     return drawn[first][seen[block.start]], drawn[rest][seen[block.rest]]
 
 
-def _with_its_start(
-    fit: Fit, values: np.ndarray, fitter: Fitter, case: Case, predictor: Predictor, evaluations: int
-) -> Fit:
-    """The start of a block fitted to its first frames.
-
-    From where the fit passes, and from what these frames show at once: with an impact right behind them, either search
-    may end where the bodies meet too early.
-    """
-    how: dict[str, Any] = {"fixed": True, "evaluations": evaluations}
-    found = fitter.fit(fit.hypothesis, values, None, **how)
-    try:
-        passed = fitter.fit(fit.hypothesis, values, {case.name: _begun(fit, case, fitter, predictor)}, **how)
-    except Failed:
-        return found
-    return min(passed, found, key=lambda f: f.chi2)
-
-
 def _predicted(
     fit: Fit, values: np.ndarray, block: Block, predictor: Predictor, criteria: BlockCriteria, rng: np.random.Generator
 ):
@@ -320,7 +297,7 @@ def _predicted(
     case = block.case
     spin = {case.name: spin_at(predictor, fit, case, float(case.t[block.start][0]))}
     fitter = Fitter([case], predictor, {case.name: block.start}, whole=True, spin=spin)
-    found = _with_its_start(fit, values, fitter, case, predictor, criteria.evaluations)
+    found = fitter.started(fit, values, criteria.evaluations)
     numbers = found.starts[case.name]
     here, _ = fitter.innovations(case, fit.hypothesis, values, numbers, block.frames)
     _, columns = fitter.derivatives(case, fit.hypothesis, values, numbers, block.frames, True, here)

@@ -18,11 +18,11 @@ from scipy.sparse.csgraph import connected_components
 from ...machine import cores
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Free, Hypothesis, Predictor
+from ..hypothesis import Failed, Free, Hypothesis, Predictor
 from ..linear import errors_of
 from ..start import Pendulum
 from ..threads import ContextPool, at_work
-from .fitted import Fit, huber, information_of, weight_roots
+from .fitted import Fit, huber, information_of, passed_at, weight_roots
 from .follow import POOL, Follower, Slow
 from .segments import Segment, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
@@ -332,6 +332,28 @@ class Fitter(Follower):
     def refitted(self, fit: Fit, **how: Any) -> Fit:
         """The same hypothesis fitted once more, from where another fit of it ended; ``how`` as for ``fit``."""
         return self.fit(fit.hypothesis, fit.values, fit.starts, **how)
+
+    def begun(self, fit: Fit, case: Case) -> np.ndarray:
+        """Numbers (m,) of the first start of a recording where a fit to other frames passes it. Raises Failed."""
+        first = self.segments[case.name][0]
+        return passed_at(self.predictor, fit, case, float(case.t[first.frames][0]), first.starts)
+
+    def started(self, fit: Fit, values: np.ndarray, evaluations: int) -> Fit:
+        """The start of the only recording fitted with these numbers of the hypothesis of a fit to other frames.
+
+        It is sought from what its frames show at once, and from where that fit passes: with an impact right behind
+        them, either search may end where bodies meet too early.
+        """
+        (case,) = self.cases
+        found = self.fit(fit.hypothesis, values, None, fixed=True, evaluations=evaluations)
+        if len(self.segments[case.name]) > 1 or case.name not in fit.segments:
+            return found
+        try:
+            begin = {case.name: self.begun(fit, case)}
+        except Failed:
+            return found
+        passed = self.fit(fit.hypothesis, values, begin, fixed=True, evaluations=evaluations)
+        return min(passed, found, key=lambda f: f.chi2)
 
     def beside(
         self, base: Fit, hypothesis: Hypothesis, begin: np.ndarray

@@ -18,7 +18,7 @@ from ..judge import Remains, paired
 from ..linear import errors_of
 from .blocks import cut
 from .fit import Fitter, side_by_side
-from .fitted import Fit, passed_at
+from .fitted import Fit
 from .innovations import white_sizes
 from .segments import find_impacts, make_segments
 
@@ -153,26 +153,6 @@ def fading(case: Case, frames: np.ndarray, memory: float) -> np.ndarray:
     return np.exp(-np.maximum(float(t[-1]) - case.t, 0.0) / (memory * span) / 2)
 
 
-def _with_its_own_start(training: Fit, fitter: Fitter, begin: Mapping[str, np.ndarray] | None = None) -> Fit:
-    """The numbers of the training fit with starts fitted to the frames of ``fitter``. Raises Failed.
-
-    They are sought from ``begin``; else from what these frames show at once, and from where the training fit passes: a
-    start whose bodies meet too early is not found again.
-    """
-    how: dict[str, Any] = {"fixed": True, "evaluations": current().evaluations.start}
-    found = fitter.fit(training.hypothesis, training.values, begin, **how)
-    case = fitter.cases[0]
-    first, *more = fitter.segments[case.name]
-    if begin is not None or more or case.name not in training.segments:
-        return found
-    try:
-        numbers = passed_at(fitter.predictor, training, case, float(case.t[first.frames][0]), first.starts)
-    except Failed:
-        return found
-    passed = fitter.fit(training.hypothesis, training.values, {case.name: numbers}, **how)
-    return min(passed, found, key=lambda fit: fit.chi2)
-
-
 def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool]) -> float:
     """The memory that predicts whole training recordings best from their first 20 %."""
     best, least = np.inf, np.inf
@@ -185,7 +165,7 @@ def learn_memory(training: Fit, cases: Sequence[Case], predictor: Predictor, sto
             weights = {case.name: fading(case, first, memory)}
             fitter = Fitter([case], predictor, {case.name: first}, stop, weights)
             try:
-                fit = _with_its_own_start(training, fitter, training.starts)
+                fit = fitter.refitted(training, fixed=True, evaluations=current().evaluations.start)
                 error = ((case.values - fitter.predict(fit, case, ~first)) / case.sigma)[~first]
             except Failed:
                 squares = np.inf
@@ -312,7 +292,7 @@ def worse_by_chance(
     try:
         for first, rest in _windows(case):
             fitter = Fitter([case], predictor, {case.name: first})
-            fit = _with_its_own_start(training, fitter)
+            fit = fitter.started(training, training.values, current().evaluations.start)
             here = fitter.predict(fit, case, rest)[rest]
             spread = np.linalg.pinv(fit.jacobian[case.name][1].T @ fit.jacobian[case.name][1])
             for k, values in enumerate(np.clip(drawn, low, high)):
@@ -346,7 +326,7 @@ def _by_windows(
     for first, rest in windows:
         fitter = Fitter([case], predictor, {case.name: first}, stop)
         try:
-            fit = _with_its_own_start(training, fitter)
+            fit = fitter.started(training, training.values, current().evaluations.start)
             seen = fitter.predict(fit, case, rest)
         except Failed:
             continue
