@@ -8,6 +8,7 @@ import pytest
 import granswim_pymunk as gs
 from granswim_pymunk.inference.judge import as_large_by_chance
 from granswim_pymunk.inference.tracks.model import Tracks
+from granswim_pymunk.report.sentences import headline
 
 
 def test_an_error_is_held_against_repeats_of_the_right_law():
@@ -45,6 +46,21 @@ def test_complete_is_not_said_where_only_held_out_data_show_more(late):
         left = verdict["remains"]
         assert left["times_floor"] > 5 and left["when"]["t"][0] >= 1.5
         assert left["looks_like"] == "physics that the training part does not show"
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_the_first_screen_says_what_only_held_out_data_show(late):
+    """Nothing is missing in what was learnt from: no law is claimed, and nobody is told that all is well."""
+    t = np.arange(0, 2.0, 0.02)
+    after = np.maximum(t - 1.5, 0.0)
+    xy = np.stack([0.5 * t, late * after**2 / 2], axis=-1)[:, None, :]
+    found = gs.diagnose(t, xy + 3e-4 * np.random.default_rng(7).normal(size=xy.shape), radius=0.01, mass=0.02)
+    verdict = found.to_dict()
+    assert verdict["verdict"] == "no_mismatch" and not verdict["mechanisms"] and verdict["remains"] is None
+    assert verdict["complete"] == (late == 0.0)
+    assert found.found is not None
+    assert ("held-out data are off" in headline(found.found)) == (late > 0)
+    assert any("--hold-out" in note for note in verdict["notes"]) == (late > 0)
 
 
 def test_complete_is_what_the_page_says_beside_it():

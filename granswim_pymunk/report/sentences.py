@@ -75,12 +75,26 @@ def headline(d: Diagnosis) -> str:
         if near is not None:
             text += f"; what comes closest, {spoken(near['name'])}, explains {percent(near['share'])} of it"
         return text + "."
+    later = _off_later(d)
     if v["verdict"] == "recalibrate":
         far = moved(d)
-        return f"Nothing is missing from the scene; {listed(far)} need{'s' if len(far) == 1 else ''} another value."
+        text = f"{listed(far)} need{'s' if len(far) == 1 else ''} another value"
+        return f"Nothing is missing from the scene; {text}." if not later else f"{text}, and {later}."
+    if later:
+        return f"What was learnt from shows no missing law, but {later}."
     if not v["complete"]:
         return "No missing law is claimed, although what the scene leaves over is not noise."
     return "Nothing is missing: what the scene leaves over is noise."
+
+
+def _off_later(d: Diagnosis) -> str:
+    """That held-out data are off by more than the scene leaves in any repeat; empty where they are not."""
+    errors = d.verdict["fit"]["heldout"]
+    if d.verdict["complete"] or d.right_law is None or not errors["revised"] or not errors["noise_floor"]:
+        return ""
+    ratio = errors["revised"] / errors["noise_floor"]
+    text = f"held-out data are off by {times(ratio)} times the noise floor: something is missing that shows there"
+    return text if errors["revised"] > max(d.right_law) else ""
 
 
 def moved(d: Diagnosis) -> list[str]:
