@@ -8,6 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granswim_pymunk.inference.candidates import named_terms
+from granswim_pymunk.inference.tracks.model import Tracks
+from granswim_pymunk.inference.tracks.name import Trial, _from_pieces, refit
+from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.validation import lab
 
@@ -70,6 +74,28 @@ def test_magnets_turn_before_they_touch(made) -> None:
     d = np.hypot(*np.moveaxis(recording.xy[:, 0] - recording.xy[:, 1], -1, 0))
     assert 0.035 < np.nanpercentile(d, 1) < 0.12 and np.nanmax(d) > 0.25
     assert [item.name for item in recording.scene.laws] == ["contact_elastic"]
+
+
+def test_a_repulsion_is_found_from_pieces_where_the_scene_without_it_is_lost() -> None:
+    """Magnets that turn at four radii: without what repels them they collide, and every start goes to where they do."""
+    tracks = Tracks([lab.magnets(np.random.default_rng(2), "magnets-2").recording])
+    tracks.recalibrate()
+    base, fitter = tracks.recalibrated_fit, tracks.study.fitter
+    assert base.chi2 > 100 * base.count and not fitter.segmented
+    terms = [t for t in named_terms(tracks.study.cases) if t.mechanism == "distance_force"]
+    signatures = make_bank(fitter, base, terms).signatures
+
+    def told(trials: list[Trial]) -> tuple[float, float, float]:
+        best = max(trials, key=lambda t: t.gain)
+        s, n = best.values
+        return best.gain / base.chi2, float(s), float(n)
+
+    first = [refit(fitter, base, s, (1.0,)) for s in signatures]
+    trials = [Trial(s, f, base.chi2 - f.chi2, np.inf) for s, f in zip(signatures, first, strict=True)]
+    share, s, _ = told(trials)
+    assert share < 0.2 and s < 0  # an attraction, of all things
+    share, s, n = told(_from_pieces(fitter, base, trials))
+    assert share > 0.6 and s > 0 and n == pytest.approx(4.0, abs=0.8)  # drag and tilt are still missing
 
 
 def test_the_command_writes_and_scores(tmp_path: Path, capsys, monkeypatch) -> None:

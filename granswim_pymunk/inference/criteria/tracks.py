@@ -275,7 +275,8 @@ class RefitCriteria:
     evaluations : of a refit, ``few_evaluations`` of a law of more than ``many`` numbers. Choice
     unstuck : of chi2, by which a scene without a law has to do better from where one ended to have been stuck. Choice
     rounds : in which candidates are tried, where a scene without a law that was stuck got free meanwhile. Choice
-    leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts
+    leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts, or
+        where no law comes near from it: from ``pieces`` of each recording. Choice: a turn lies in one or two
     foreseen : of the fall of chi2 that first order promises, which a good search finds. Choice
     heat : of the frames, over which candidates are compared first;  heat_frames : from which that is worth it. Choice
     heat_won : of the misfit there, that the best has to take away for others to be given up, and of that, what these
@@ -304,6 +305,7 @@ class RefitCriteria:
     unstuck: float = 1.0
     rounds: int = 2
     leaders: int = 4
+    pieces: int = 12
     foreseen: float = 0.5
     heat: float = 0.35
     heat_frames: int = 600
@@ -498,7 +500,7 @@ class LeftCriteria:
     windows: float = 0.05
     touching: float = 4.0
     right: int = 10
-    pieces: int = 8
+    pieces: int = 12
     proposal: int = 400
 
 

@@ -24,7 +24,7 @@ from ..start import Pendulum
 from ..threads import ContextPool, at_work
 from .fitted import Fit, huber, information_of, passed_at, weight_roots
 from .follow import POOL, Follower, Slow
-from .segments import Segment, find_cuts, limits_of
+from .segments import Segment, cut_in_pieces, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
 
 # whole fits side by side; what they simulate goes to the other pool, so that none waits for itself
@@ -182,6 +182,12 @@ class Fitter(Follower):
     def in_one(self) -> Fitter:
         """The same with every recording followed from one start."""
         return Fitter(self.cases, self.predictor, self.frames, self.stop, self.weights, whole=True, spin=self.spin)
+
+    def in_pieces(self, pieces: int) -> Fitter:
+        """The same with every recording cut into pieces whose starts are free of one another."""
+        free = Fitter(self.cases, self.predictor, self.frames, self.stop, self.weights, whole=True, spin=self.spin)
+        free.segments = {c.name: cut_in_pieces(c, self.frames[c.name], pieces) for c in self.cases}
+        return free
 
     def of_all_frames(self, cases: Sequence[Case]) -> Fitter:
         """Of all frames of these recordings, held-out ones too, in segments between all impacts."""

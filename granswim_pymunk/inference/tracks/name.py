@@ -14,14 +14,14 @@ from scipy.linalg import block_diag
 from ...laws import has_role
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Predictor, Term
+from ..hypothesis import Failed, Predictor, Term
 from ..simpler import by_chance, ended_at_bound, special_cases
 from ..trial import Tried
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import inflation
 from .segments import find_cuts
-from .signatures import Bank, Signature
+from .signatures import Bank, Signature, make_bank
 
 
 @dataclass(frozen=True)
@@ -341,6 +341,7 @@ def try_candidates(
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
+        trials = _from_pieces(fitter, base, trials)
         least = current().refits.valley * (math.inf if shortly else max([ahead, *(t.gain for t in trials)]))
         # of a law that is looked for from several exponents or ranges one valley is walked through segments
         leading = {t.term.label: t for t in sorted(trials, key=lambda t: t.gain)} if fitter.segmented else {}
@@ -374,6 +375,44 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
 
     for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
         trials[k] = trial
+    return trials
+
+
+def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Trial]:
+    """The leading laws again with numbers from pieces of the recordings, where no law brings a scene near that is lost.
+
+    Bodies that turn at a distance go on through one another in a scene without what repels them, or collide: all starts
+    and first-order amounts are then those of another motion, and no step leads from there. Over a piece with a start of
+    its own the scene cannot go far astray, and what a law does there is nearly linear in its numbers. Multiple
+    shooting, as a beginning only: see ``segments``.
+    """
+    trials = list(trials)
+    far, refits = current().signatures.far ** 2, current().refits
+    fitted = [k for k, t in enumerate(trials) if t.fit is not None]
+    near = any(t.fit is not None and t.fit.chi2 < far * t.fit.count for t in trials)
+    if fitter.segmented or near or not fitted or base.chi2 < far * base.count:
+        return trials
+    try:
+        pieces = fitter.in_pieces(refits.pieces)
+        plain = pieces.fit(base.hypothesis, base.values)
+        signatures = make_bank(pieces, plain, [trials[k].term for k in fitted]).signatures
+    except Failed:
+        return trials
+    least = current().signatures.surviving
+    order = [k for k in np.argsort([-s.gain for s in signatures]) if signatures[k].surviving > least][: refits.leaders]
+
+    def again(k: int, own: Fitter) -> Trial:
+        trial = trials[fitted[k]]
+        assert trial.fit is not None
+        try:
+            inside = refit(own.in_pieces(refits.pieces), plain, signatures[k], (1.0,))
+            found = own.fit_from(inside)
+        except Failed:
+            return trial
+        return trial if found.chi2 > trial.fit.chi2 else replace(trial, fit=found, gain=base.chi2 - found.chi2)
+
+    for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
+        trials[fitted[k]] = trial
     return trials
 
 

@@ -119,6 +119,25 @@ def shortened(case: Case) -> Case:
     return replace(case, training=case.training & (case.t < until), notes=(*case.notes, note))
 
 
+def cut_in_pieces(case: Case, frames: np.ndarray, pieces: int) -> tuple[Segment, ...]:
+    """The ``frames`` (T,) of a recording in ``pieces`` of as many each, fewer where a start could not be told from one.
+
+    Their starts are free of what comes before.
+    """
+    criteria, rows = current().segments, np.flatnonzero(frames)
+    parts = np.array_split(rows, max(min(pieces, len(rows) // (2 * criteria.frames)), 1))
+    segments = []
+    for k, part in enumerate(parts):
+        mask = np.zeros(len(case.t), dtype=bool)
+        mask[part] = True
+        starts = describe_starts(case, mask)
+        size = sum(int(s.free.sum()) for s in starts) if k else 0
+        until = float(case.t[parts[k + 1][0]]) if k + 1 < len(parts) else None
+        tie = np.full(size, 1e9)
+        segments.append(Segment(mask, starts, until, tie, np.full(size, criteria.robust), np.zeros(size)))
+    return tuple(segments)
+
+
 Follow = Callable[[tuple[StartBody, ...], np.ndarray, np.ndarray], np.ndarray]
 
 
