@@ -90,11 +90,11 @@ def headline(d: Diagnosis) -> str:
 def _off_later(d: Diagnosis) -> str:
     """That held-out data are off by more than the scene leaves in any repeat; empty where they are not."""
     errors = d.verdict["fit"]["heldout"]
-    if d.verdict["complete"] or d.right_law is None or not errors["revised"] or not errors["noise_floor"]:
+    left, floor = errors["revised"], errors["noise_floor"]
+    if d.verdict["complete"] or d.right_law is None or not left or not floor or left <= max(d.right_law):
         return ""
-    ratio = errors["revised"] / errors["noise_floor"]
-    text = f"held-out data are off by {times(ratio)} times the noise floor: something is missing that shows there"
-    return text if errors["revised"] > max(d.right_law) else ""
+    ratio = times(left / floor)
+    return f"held-out data are off by {ratio} times the noise floor: something is missing that shows there"
 
 
 def moved(d: Diagnosis) -> list[str]:

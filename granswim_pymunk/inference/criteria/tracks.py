@@ -82,6 +82,7 @@ class SegmentCriteria:
         that no impact ends. Choice
     narrow : spread of a step where nothing met, of what the first nine frames tell of the start. Choice: a fiftieth
         is, beside what a segment as a whole tells, no freedom
+    untied : spread of a step into a start that is free of what comes before. Choice: far beyond what any film shows
     impulse : of the change of velocity in an impact, what a rigid collision may be off by. Choice: a per cent, as
         radii that are off by half a per cent turn the line of centres by as much
     lateness : s, of an impact: it lasts. Source: discs of plastic or steel touch for 0.05 to 0.2 ms
@@ -118,6 +119,7 @@ class SegmentCriteria:
     frames: int = 4
     start_frames: int = 24
     narrow: float = 0.02
+    untied: float = 1e9
     impulse: float = 0.01
     lateness: float = 1e-4
     depth: float = 0.005
@@ -500,7 +502,7 @@ class LeftCriteria:
     windows: float = 0.05
     touching: float = 4.0
     right: int = 10
-    pieces: int = 12
+    pieces: int = 8
     proposal: int = 400
 
 

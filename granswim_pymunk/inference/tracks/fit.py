@@ -234,7 +234,8 @@ class Fitter(Follower):
                     if hits and min(hits) - rows[0] >= current().segments.frames:
                         seen[min(hits) : rows[-1] + 1, k] = np.nan
             cases.append(replace(case, values=seen))
-            segments[case.name] = tuple(replace(s, tie=np.full(s.tie.shape, 1e9)) for s in self.segments[case.name])
+            untied = current().segments.untied
+            segments[case.name] = tuple(replace(s, tie=np.full(s.tie.shape, untied)) for s in self.segments[case.name])
         free = Fitter(cases, self.predictor, self.frames, self.stop, self.weights, spin=self.spin)
         free.segments = segments
         fit = free.fit(hypothesis, values, fixed=True, evaluations=current().fits.flights)

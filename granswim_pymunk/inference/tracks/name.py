@@ -362,20 +362,16 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
     A scene that cannot follow has had its many starts bent to do what the law does (a swimmer is thrown so that it
     first drifts as it later swims), and no step leads back from there.
     """
-    trials = list(trials)
-    if not fitter.of_many_numbers or fitter.segmented or base.chi2 < current().signatures.far ** 2 * base.count:
-        return trials
+    if not fitter.of_many_numbers or fitter.segmented or not _far_off(base):
+        return list(trials)
     order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][: current().refits.leaders]
 
-    def again(k: int, own: Fitter) -> Trial:
-        trial = trials[k]
-        assert trial.fit is not None
-        found = own.fit(trial.fit.hypothesis, trial.fit.values, None, stages=stages)
-        return trial if found.chi2 > trial.fit.chi2 else replace(trial, fit=found, gain=base.chi2 - found.chi2)
+    def again(k: int, own: Fitter) -> Fit:
+        fit = trials[k].fit
+        assert fit is not None
+        return own.fit(fit.hypothesis, fit.values, None, stages=stages)
 
-    for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
-        trials[k] = trial
-    return trials
+    return _if_better(fitter, base, trials, order, again)
 
 
 def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Trial]:
@@ -386,33 +382,42 @@ def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Tri
     its own the scene cannot go far astray, and what a law does there is nearly linear in its numbers. Multiple
     shooting, as a beginning only: see ``segments``.
     """
-    trials = list(trials)
-    far, refits = current().signatures.far ** 2, current().refits
-    fitted = [k for k, t in enumerate(trials) if t.fit is not None]
-    near = any(t.fit is not None and t.fit.chi2 < far * t.fit.count for t in trials)
-    if fitter.segmented or near or not fitted or base.chi2 < far * base.count:
-        return trials
+    fits = {k: t.fit for k, t in enumerate(trials) if t.fit is not None}
+    if fitter.segmented or not fits or not all(map(_far_off, [base, *fits.values()])):
+        return list(trials)
     try:
-        pieces = fitter.in_pieces(refits.pieces)
+        pieces = fitter.in_pieces(current().refits.pieces)
         plain = pieces.fit(base.hypothesis, base.values)
-        signatures = make_bank(pieces, plain, [trials[k].term for k in fitted]).signatures
+        bank = make_bank(pieces, plain, [trials[k].term for k in fits])
     except Failed:
-        return trials
+        return list(trials)
     least = current().signatures.surviving
-    order = [k for k in np.argsort([-s.gain for s in signatures]) if signatures[k].surviving > least][: refits.leaders]
+    seen = {k: s for k, s in zip(fits, bank.signatures, strict=True) if s.surviving > least}
+    order = sorted(seen, key=lambda k: -seen[k].gain)[: current().refits.leaders]
 
-    def again(k: int, own: Fitter) -> Trial:
-        trial = trials[fitted[k]]
-        assert trial.fit is not None
+    def again(k: int, own: Fitter) -> Fit:
         try:
-            inside = refit(own.in_pieces(refits.pieces), plain, signatures[k], (1.0,))
-            found = own.fit_from(inside)
+            return own.fit_from(refit(own.in_pieces(current().refits.pieces), plain, seen[k], (1.0,)))
         except Failed:
-            return trial
-        return trial if found.chi2 > trial.fit.chi2 else replace(trial, fit=found, gain=base.chi2 - found.chi2)
+            return fits[k]
 
-    for k, trial in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
-        trials[fitted[k]] = trial
+    return _if_better(fitter, base, trials, order, again)
+
+
+def _far_off(fit: Fit) -> bool:
+    """Whether a fit leaves so much that first order means little."""
+    return fit.chi2 >= current().signatures.far ** 2 * fit.count
+
+
+def _if_better(
+    fitter: Fitter, base: Fit, trials: Sequence[Trial], order: Sequence[int], again: Callable[[int, Fitter], Fit]
+) -> list[Trial]:
+    """The trials, those of ``order`` with a fit made ``again`` where it is no worse than the one that they have."""
+    trials = list(trials)
+    for k, found in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
+        fit = trials[k].fit
+        if fit is None or found.chi2 <= fit.chi2:
+            trials[k] = replace(trials[k], fit=found, gain=base.chi2 - found.chi2)
     return trials
 
 

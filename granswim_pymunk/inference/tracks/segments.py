@@ -133,7 +133,7 @@ def cut_in_pieces(case: Case, frames: np.ndarray, pieces: int) -> tuple[Segment,
         starts = describe_starts(case, mask)
         size = sum(int(s.free.sum()) for s in starts) if k else 0
         until = float(case.t[parts[k + 1][0]]) if k + 1 < len(parts) else None
-        tie = np.full(size, 1e9)
+        tie = np.full(size, criteria.untied)
         segments.append(Segment(mask, starts, until, tie, np.full(size, criteria.robust), np.zeros(size)))
     return tuple(segments)
 
