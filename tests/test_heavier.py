@@ -48,3 +48,26 @@ def test_a_force_across_a_rail_is_no_number():
     for signature in make_bank(fitter, naive, places).signatures:
         names = [f.name.rpartition(".")[2] for f in signature.term.free]
         assert any(n.startswith("a") for n in names) and not any(n.startswith("b") for n in names)
+
+
+def loaded_puck(share: float, restitution: float = 0.9):
+    """Two pucks that collide once, believed to be alike; the one that is struck carries a load."""
+    bodies = (
+        Body("a", "free", 0.03, 0.1, initial=(0.0, 0.0, 0.3, 0.01)),
+        Body("b", "free", 0.03, 0.1 * (1 + share), initial=(0.25, 0.02, 0.02, 0.0)),
+    )
+    laws = (use("contact_elastic", restitution=restitution),)
+    t = np.arange(0.0, 2.0, 1 / 240)
+    seen = film(Scene(bodies, laws), t, rng=np.random.default_rng(3), noise=2e-4)
+    believed = tuple(replace(b, mass=0.1, initial=None) for b in bodies)
+    return replace(seen, scene=Scene(believed, laws))
+
+
+def test_one_of_two_pucks_is_heavier():
+    """What it carries is struck, too; and only masses over one another are told, where no force weighs them."""
+    verdict = gs.diagnose(loaded_puck(0.22), seed=1).verdict
+    (entry,) = verdict["mechanisms"]
+    assert (verdict["verdict"], entry["name"], verdict["complete"]) == ("missing_physics", "added_mass", True)
+    beta = entry["parameters"]["beta"]
+    truth = {"b": 0.22, "a": 1 / 1.22 - 1}[entry["bodies"][0]]
+    assert beta["low"] < truth < beta["high"] and beta["high"] - beta["low"] < 0.1

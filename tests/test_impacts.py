@@ -50,6 +50,23 @@ def test_closed_solution(mu):
         np.testing.assert_allclose(state.spin, (spin, spin), rtol=2e-4)
 
 
+@pytest.mark.parametrize("mode", ["verlet", "chipmunk", "python", "batch"])
+@pytest.mark.parametrize("beta", [0.25, -0.4])
+def test_what_a_body_carries_along_is_struck_too(mode, beta):
+    """An impulse is a force for an instant: v_b = (1 + e) v m_a/(m_a + (1 + beta) m_b), and a push is weaker by it."""
+    push, restitution = 0.03, 0.8
+    scene = glancing(0.0, restitution, offset=0.0)
+    laws = (*scene.laws, use("uniform_force", a=(0.0, push)), use("added_mass", beta=beta, bodies=["b"]))
+    scene = replace(scene, laws=laws)
+    u = (1 + restitution) / (2 + beta)
+    before = 0.1 - 2 * RADIUS
+    for code in (Simulation(scene, mode=mode), Reference(scene)):
+        seen = code.sample(np.array([0.05, 0.15, 0.25]))
+        np.testing.assert_allclose(seen[1:, 1, 0], u * (np.array([0.15, 0.25]) - before), atol=1.5e-4)  # v dt
+        np.testing.assert_allclose(np.diff(seen[1:, 0, 0]), 0.1 * (1 - (1 + beta) * u), atol=1e-5)
+        np.testing.assert_allclose(seen[0, :, 1], 0.5 * push * 0.05**2 / np.array([1, 1 + beta]), rtol=5e-3)
+
+
 def test_without_friction_nothing_turns():
     run = Simulation(glancing(0.0))
     run.advance(1500)
@@ -222,3 +239,17 @@ def test_what_a_user_puts_into_the_space_is_solved_in_all_rounds():
     assert run.backend.world.rounds() == (100, 100)
     run.advance(10)
     assert run.space.iterations == 100
+
+
+@pytest.mark.parametrize(("dt", "stretch"), [(0.00041665, 1.0), (0.00041665, 5.0), (1 / 2400, 5.0)])
+def test_a_rail_holds_between_stamps_that_no_number_of_steps_divides(dt, stretch):
+    """What was left of each frame was a step of its own, in which joints held: weight then moved a cart by 7 mm."""
+    bodies = (
+        Body("a", "free", 0.03, MASS, initial=(0.0, 0.0, 0.3, 0.0)),
+        Body("b", "free", 0.03, MASS, initial=(0.5, 0.0, -0.05, 0.0)),
+    )
+    laws = (use("rail", direction=(1.0, 0.0)), use("contact_elastic", restitution=0.9), use("gravity"))
+    run = Simulation(Scene(bodies, laws, gravity=(0.0, -9.81)), dt=dt, averaged=True, stretch=stretch)
+    seen = run.sample(np.arange(0.0, 3.0, 1 / 120))
+    assert np.abs(seen[:, :, 1]).max() < 1e-5
+    np.testing.assert_allclose(seen[-1, :, 0], (0.32077083, 0.92714583), atol=1e-7)

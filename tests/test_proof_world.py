@@ -104,6 +104,16 @@ def differences(make, name, values, dt, t=T, effect_values=None, **kwargs):
     return np.abs(ours - theirs).max(), np.abs(ours - without).max()
 
 
+def test_what_a_body_carries_along_is_struck_too():
+    """An impulse moves what the forces move."""
+    laws, t = (use("contact_elastic", restitution=0.8),), np.arange(0.0, 0.6, 0.05)
+    heavier = World(meeting(*laws), [Effect("added_mass", {"beta": 0.3}, ("a",))], 1e-3).sample(t).xy
+    plain = World(meeting(*laws), [], 1e-3).sample(t).xy
+    theirs = Reference(meeting(*laws, use("added_mass", beta=0.3, bodies=["a"])), dt=1e-3).sample(t)
+    assert np.abs(heavier - plain).max() > 1e-3
+    assert np.abs(heavier - theirs).max() < 1e-9
+
+
 @pytest.mark.parametrize(("make", "name", "values"), SAME)
 def test_laws_of_single_bodies_agree_with_the_reference(make, name, values):
     wrong, moved = differences(make, name, values, 5e-4)

@@ -21,6 +21,7 @@ from granswim_pymunk.inference.tracks.line import strongest_line
 from granswim_pymunk.inference.tracks.undeclared import Instead
 from granswim_pymunk.inference.tracks.verdict import as_the_picture
 from granswim_pymunk.laws import get_law
+from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Body, Scene, use
 from granswim_pymunk.walls import Wall
 
@@ -457,3 +458,20 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
         assert diagnosis.verdict["notes"][0].startswith("pin.length, which nobody declared adjustable, is fitted")
     else:
         assert diagnosis.runs == 1 and diagnosis.verdict["notes"] == ["run 1"]
+
+
+def test_slow_noise_is_not_taken_for_a_force_in_time():
+    """A form with many numbers follows the slow part of the noise, and would leave none to be told: a name tells it."""
+    rng, noise, memory = np.random.default_rng(3), 3e-4, 8.0
+    body = Body("puck", "free", 0.03, 0.05, initial=(0.25, 0.0, -0.02, 0.09))
+    t = np.arange(0.0, 3.0, 1 / 120)
+    seen = film(Scene((body,), (use("uniform_force", a=(-4e-4, -1.8e-3)),)), t, rng=rng, noise=noise)
+    fresh = rng.standard_normal(seen.xy.shape)
+    slow, share = fresh.copy(), np.exp(-1 / memory)
+    for k in range(1, len(t)):
+        slow[k] = share * slow[k - 1] + np.sqrt(1 - share**2) * fresh[k]
+    scene = Scene((replace(body, initial=None),), ())
+    verdict = api.diagnose(replace(seen, xy=seen.xy + 0.5 * noise * slow, scene=scene), seed=1).verdict
+    (entry,) = verdict["mechanisms"]
+    assert (entry["name"], verdict["complete"]) == ("uniform_force", True)
+    assert any("the noise has a slow part" in note for note in verdict["notes"])

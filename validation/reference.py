@@ -446,7 +446,7 @@ class Reference:
         else:
             r = self.laws.pairs.vector(self.xy, np.array([i]), np.array([j]))[0]
         n = r / np.hypot(*r)
-        mobility = self._constraints.mobility()
+        mobility = self._constraints.mobility() / self.laws.inertia[:, None, None]
         ease_j = np.zeros((2, 2)) if straight else mobility[j]
         v_j, a_j = (np.zeros(2), np.zeros(2)) if straight else (self._v[j], self._a[j])
         give = float(n @ (mobility[i] + ease_j) @ n)

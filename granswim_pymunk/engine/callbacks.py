@@ -58,7 +58,7 @@ INTS = (
     "allowance", "reaching", "sorted_x", "sorted_y", "sorted_reach", "starts", "push",
     "heads", "nexts", "chains", "input_t", "input_v", "input_at", "scalars", "floats", "table_keys",
     "table_values", "contact_i", "contact_j", "contact_fx", "contact_fy", "contact_ti", "contact_tj",
-    "order", "listing", "image_shift", "which", "work", "kick_mass", "inverse_moment", "kept",
+    "order", "listing", "image_shift", "which", "work", "kick_mass", "heavier", "inverse_moment", "kept",
     "apart", "joints", "joint_at", "joint_of", "link_kind", "link_first", "link_second", "link_geometry", "linked",
     "mobility", "link_gap", "link_arms", "link_here", "link_there", "link_matrix", "link_push", "link_q", "link_trial",
     "walls", "wall_i", "wall_k", "wall_starts", "wall_met",

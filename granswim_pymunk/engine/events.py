@@ -25,6 +25,9 @@ TOO_SHORT = 0.02
 # presses together meets without end (inelastic collapse, McNamara & Young 1992, Phys. Fluids A 4, 496). Chipmunk then
 # finds the contacts of a whole step by itself
 CROWDED = 100
+# of a step, by which one may be longer: a frame rate of 240 stamped in microseconds divides into no number of steps,
+# and the rest of each frame would be a step of its own, in which joints stand in for the forces that hold bodies
+ROUNDED = 1e-3
 ROUNDS = 4  # of Newton's method for the time of contact
 # of the time to contact, where longer steps are allowed: what acts between near disks changes over their gap
 CLOSER = 0.2
@@ -169,7 +172,7 @@ def advance_to(
     slot_start, slot_dt, slot_step, slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity,
     length_unit, velocity_unit, last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
-    """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
+    """Go on to each of the times ``ends`` [s], in steps of at most ``dt``, give or take ``ROUNDED``, that end at impacts.
 
     rounds : of Chipmunk's solver in steps in which something may touch or its joints hold, ``idle`` of others: all of
         them go over its constraints, and that is most of what a step of a few disks takes
@@ -180,7 +183,7 @@ def advance_to(
     Positions of the bodies at ``chosen`` addresses are written to ``out`` (T, k, 2) [m]. Returns the time reached
     and the length of the last step [s].
     """
-    t, met, longest = start, False, stretch * dt / time_unit
+    t, met, longest = start, False, (1.0 + 2.0 * ROUNDED) * stretch * dt / time_unit
     begun, within = start, 0
     for s in range(ends.shape[0]):
         while ends[s] - t > 1e-12 * dt + 1e-15 * abs(t):
@@ -196,7 +199,9 @@ def advance_to(
                 time_unit / velocity_unit, last / time_unit, walls, longest, until, room, free,
             )
             until = until * time_unit if within < CROWDED else math.inf
-            step = min(max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t)
+            step, left = max(dt, min(stretch * dt, CLOSER * room * time_unit)), ends[s] - t
+            if left < (1.0 + ROUNDED) * step:
+                step = left
             across = met  # Chipmunk may see the contact a step later
             hair = SHORTEST * dt
             if until < step:

@@ -69,6 +69,7 @@ class Bodies:
     inverse_mass, inverse_moment : (n,) [1/kg, 1/(kg m^2)], 0 where it is not mobile
     kick_mass : (n,) [1/kg], what the kick multiplies a force by, before constraints take their share
     ease : (n,) share of the kick that constant drags leave, where they are taken into the mass
+    heavier : (n,) m (1 + beta)/m where Chipmunk's impulses move what a body carries along, else 1
     group : (n,) bodies of one group above zero never touch, those of -1 only with the partners in ``apart``
     push : (n, 3) force and torque that a user put on a body for the coming step
     images : (n,) whole periods, and image_shift : (n,) [m], what was taken off the x of a body in the Space
@@ -92,6 +93,7 @@ class Bodies:
     inverse_moment: Floats
     kick_mass: Floats
     ease: Floats
+    heavier: Floats
     group: Ints
     push: Floats
     images: Floats
@@ -324,9 +326,22 @@ def bodies_of(
         radius=np.array([b.radius for b in bodies]), given_inertia=np.array([b.inertia or 0.0 for b in bodies]),
         mobile=mobile, inverse_mass=np.where(mobile == 1, 1.0 / mass, 0.0),
         inverse_moment=np.array([1.0 / b.moment if f else 0.0 for b, f in zip(bodies, free, strict=True)]),
-        kick_mass=np.zeros(n), ease=np.ones(n), group=group, push=np.zeros((n, 3)), images=np.zeros(n),
-        image_shift=np.zeros(n), place_x=np.zeros(n), place_y=np.zeros(n), kept=np.zeros((n, len(KEPT))),
+        kick_mass=np.zeros(n), ease=np.ones(n), heavier=_heavier(scene)[order.rows_of], group=group,
+        push=np.zeros((n, 3)), images=np.zeros(n), image_shift=np.zeros(n), place_x=np.zeros(n), place_y=np.zeros(n),
+        kept=np.zeros((n, len(KEPT))),
     )  # fmt: skip
+
+
+def _heavier(scene: Scene) -> Floats:
+    """(n,) by how much each body of the scene is heavier to Chipmunk's impulses: they move what it carries along.
+
+    An impulse is a force for an instant; the laws' forces have their share already.
+    """
+    heavier = np.ones(len(scene.bodies))
+    if any(item.law.kind == "impulse" for item in scene.laws):
+        for item in scene.laws_named("added_mass"):
+            heavier[list(scene.rows(item))] *= 1.0 + item.values["beta"]
+    return heavier
 
 
 def _pair_arrays(room: int) -> dict[str, np.ndarray]:

@@ -115,7 +115,8 @@ class World:
             body = self._scene.bodies[row]
             if body.mobile:
                 heavy = IMMOVABLE if row in carried else 1.0
-                own = pymunk.Body(heavy * body.mass / u.mass, heavy * body.moment / u.moment)
+                mass = heavy * float(state.heavier[k]) * body.mass
+                own = pymunk.Body(mass / u.mass, heavy * body.moment / u.moment)
                 own.velocity = (vx / u.velocity, vy / u.velocity)
                 own.angle, own.angular_velocity = float(state.turned[k, 0]), float(state.turned[k, 1] * u.time)
             else:

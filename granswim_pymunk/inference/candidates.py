@@ -306,6 +306,14 @@ def _is_push(law: Law) -> bool:
     return law.kind == "body" and set(law.arguments) <= {"mass"} | own
 
 
+def _is_inertia(law: Law) -> bool:
+    """A fixed share of the force, as by what a body carries: one may be loaded and the others not.
+
+    Where nothing but impacts moves them, only masses over one another are told: a number for each says no more.
+    """
+    return law.kind == "constraint" and law.linear and _is_simple(law)
+
+
 def suited(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a law is declared for an apparatus that a recording has: joint drag for a pin."""
     return any(c.recording.scene.laws_named(name) for c in cases for name in law.preferred_where)
@@ -360,7 +368,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
         terms += [_unlevel(t, law, cases) for t in law_terms(law, cases, each=False)]
         if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):
             terms += law_terms(law, cases, each=True)
-        elif several and each and _is_push(law):
+        if several and each and (_is_push(law) or _is_inertia(law)):
             terms += _on_one_body(law, cases)
     return terms
 
@@ -374,7 +382,7 @@ def _unlevel(term: Term, law: Law, cases: Sequence[Case]) -> Term:
 
 
 def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
-    """A push on a single body, for each of a few."""
+    """A push on a single body, or more inertia, for each of a few."""
     terms = []
     for together in law_terms(law, cases, each=True):
         names = owners(together)

@@ -591,7 +591,7 @@ def run(
                     omega[i] += 0.5 * dt * turning[i]
                     psi[i] += dt * omega[i]
             if contact == ELASTIC:
-                collide(xy, v, spin, kind, mass, moment, radius, base, dt)
+                collide(xy, v, spin, kind, mass * inertia_factor, moment, radius, base, dt)
         # where constraints put their bodies
         for i in range(n):
             ahead[i, 0] = v[i, 0]

@@ -64,8 +64,8 @@ class Batch(Compiled):
                 raise SimulationError(f"a position is not finite after step {self.step} (t = {self.t:.6g} s)")
             self.array_forces(True, self.scene.time.start + (self.step + 1) * self.dt, b.state, in_step=True)
             forces = values[:, 6:9].copy()  # what the user put on the bodies
-            forces[ours, 0] += b.fx[at] / u.force
-            forces[ours, 1] += b.fy[at] / u.force
+            forces[ours, 0] += b.fx[at] * b.heavier[at] / u.force
+            forces[ours, 1] += b.fy[at] * b.heavier[at] / u.force
             forces[ours, :2] *= b.ease[at, None]  # in the other modes the mass does that
             forces[ours, 2] += b.torque[at] / u.torque
             self._in.set_float_buf(np.ascontiguousarray(forces).reshape(-1))

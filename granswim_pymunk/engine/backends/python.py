@@ -90,8 +90,10 @@ class Python(Backend):
             except Exception as error:
                 self._failed = self._failed or error
             u = self.units
-            body.force += pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
-            body.force *= self.state.bodies.ease[k]  # in the compiled modes the mass does that
+            bodies = self.state.bodies
+            law = pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
+            body.force += law * float(bodies.heavier[k])  # which have their share already
+            body.force *= bodies.ease[k]  # in the compiled modes the mass does that
             body.torque += self._torque[k] / u.torque
             pymunk.Body.update_velocity(body, (0.0, 0.0), 1.0, dt)
 

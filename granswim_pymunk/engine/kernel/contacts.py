@@ -151,7 +151,7 @@ def chipmunk_step(constraint, space):
             wall_met[i] = 0
     add_forces(I[FROM_LIST], I[CONSTRAINED], t, dt, context)
     if I[OWN_KICK] == 0:
-        add_to_bodies(n_mobile, bodies, state, motion)
+        add_to_bodies(n_mobile, bodies, state, motion, heavier)
 
 
 @cfunc(types.void(types.int64, types.float64), **CALLBACK)

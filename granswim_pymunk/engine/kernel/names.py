@@ -42,7 +42,7 @@ RENEW_LISTS = ROOM = ROW = SCHEME_CHAINS = SCHEME_HALF_STEP = SCHEME_TOGETHER = 
 TORQUE = USE_BLOCK = USE_CODE = USE_DAMPING = USE_ONE = USE_WALL = VX = VY = WALL_ROW = W_DX = W_DY = W_MASS = 0
 W_PX = W_PY = W_RI = W_RJ = W_TI = W_TJ = W_TOUCH = W_UX = W_UY = W_WI = W_WJ = X = Y = 0
 allowance = apart = blocks = bodies = contact_fx = contact_fy = contact_i = contact_j = contact_ti = _ANY
-contact_tj = group = heads = image_shift = inverse_mass = inverse_moment = kept = kick_mass = link_arms = _ANY
+contact_tj = group = heads = heavier = image_shift = inverse_mass = inverse_moment = kept = kick_mass = link_arms = _ANY
 link_first = link_gap = link_geometry = link_here = link_kind = link_matrix = link_push = link_q = _ANY
 link_second = link_there = link_trial = linked = listing = mask = mass = mobile = mobility = motion = near_i = _ANY
 near_j = near_mass = near_seam = near_shift = near_starts = near_touch = nexts = old_x = old_y = order = _ANY

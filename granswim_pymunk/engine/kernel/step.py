@@ -39,12 +39,16 @@ def fast(n_mobile, state):
 
 
 @njit(**PLAIN)
-def add_to_bodies(n_mobile, bodies, state, motion):
-    """What the kick does first: add the forces to what the user put on the bodies."""
+def add_to_bodies(n_mobile, bodies, state, motion, heavier):
+    """What the kick does first: add the forces to what the user put on the bodies.
+
+    The laws' forces have their share for what a body carries along; Chipmunk divides by all it moves.
+    """
     for i in range(n_mobile):
         at = bodies[i]
-        store_float(at + AT_FORCE, load_float(at + AT_FORCE) + state[i, FX] * motion[M_FORCE_SCALE])
-        store_float(at + AT_FORCE + 8, load_float(at + AT_FORCE + 8) + state[i, FY] * motion[M_FORCE_SCALE])
+        scale = motion[M_FORCE_SCALE] * heavier[i]
+        store_float(at + AT_FORCE, load_float(at + AT_FORCE) + state[i, FX] * scale)
+        store_float(at + AT_FORCE + 8, load_float(at + AT_FORCE + 8) + state[i, FY] * scale)
         if state[i, TORQUE] != 0.0:
             store_float(at + AT_TORQUE, load_float(at + AT_TORQUE) + state[i, TORQUE] * motion[M_TORQUE_SCALE])
 
@@ -130,4 +134,4 @@ def verlet_step(constraint, space):
             state[i, FY] += push[i, 1]
             state[i, TORQUE] += push[i, 2]
     if I[OWN_KICK] == 0:
-        add_to_bodies(n_mobile, bodies, state, motion)
+        add_to_bodies(n_mobile, bodies, state, motion, heavier)

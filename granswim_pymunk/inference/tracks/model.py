@@ -71,7 +71,13 @@ from .line import strongest_line
 from .name import Trial, spread_of
 from .pairs import Exchange
 from .score_test import chance_of_more
-from .settle import apparatus_beside, known_together, with_numbers_that_were_found, within_belief
+from .settle import (
+    apparatus_beside,
+    known_together,
+    that_earn_their_place,
+    with_numbers_that_were_found,
+    within_belief,
+)
 from .signatures import make_bank
 from .study import (
     FittedAlone,
@@ -80,6 +86,7 @@ from .study import (
     calibrated,
     explained_by,
     finely,
+    search_with,
     study_of,
     tried_alone,
     with_close_joints,
@@ -333,6 +340,13 @@ class Tracks(ObservationModel):
         fitter = self._fitter_of(judged.claim.fit)
         fit = with_limits(fitter, judged.claim.fit, count, self.spread, late)
         laws = judged.claim.laws
+        if fit.profiles and len(laws) > 1:
+            # through impacts a number may be known far less well than the curvature at its place says
+            search = search_with(self.study, self.tried, fitter)
+            kept, alone, gone = that_earn_their_place(search, laws, fit)
+            if gone:
+                self.dropped |= gone
+                laws, fit = tuple(kept), with_limits(fitter, alone, count, self.spread, late)
         if loose := known_together(laws, fit, count, self.spread):
             self.notes.append(f"{Claim(tuple(loose), fit).label}: {TOGETHER}")
             return not_named(judged.claim, self.weighed, self.plain)

@@ -330,6 +330,15 @@ def _imitated(found: Sequence[Trial], trial: Trial, revised: Fit, recalibrated: 
     return float(fit.chi2 - revised.chi2)
 
 
+def _away(fit: Fit, k: int, neutral: float, spread: float) -> float:
+    """How many standard errors number k is from where its law is absent: on that side, where it has a profile."""
+    value, error = float(fit.values[k]), math.sqrt(max(float(fit.covariance[k, k]) * spread, 1e-300))
+    if k in fit.profiles:
+        low, high = fit.profiles[k]
+        error = max((value - low if neutral < value else high - value) / current().intervals.normal, 1e-300)
+    return abs(value - neutral) / error
+
+
 def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tuple[int, str, list[int]] | None:
     """The entry that is nearest to absent: its law's place, its body ("" where it is for all) and its numbers.
 
@@ -341,10 +350,8 @@ def _weakest(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> tup
             mine = [n for n, f in enumerate(trial.term.free) if not owner or f.name.endswith(f"[{owner}]")]
             away = 0.0
             for n in mine:
-                free = trial.term.free[n]
-                if not free.inner:
-                    error = float(np.sqrt(max(fit.covariance[rows.start + n, rows.start + n] * spread, 1e-300)))
-                    away = max(away, abs(float(fit.values[rows.start + n]) - free.neutral) / error)
+                if not trial.term.free[n].inner:
+                    away = max(away, _away(fit, rows.start + n, trial.term.free[n].neutral, spread))
             if away < stats.norm.isf(current().verdict.absent / 2) and (nearest is None or away < nearest[0]):
                 nearest = away, k, owner, mine
     return None if nearest is None else nearest[1:]

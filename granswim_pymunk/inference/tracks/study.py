@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ... import distributions as stats
 from ...recording import Recording
 from ..candidates import flexible_terms, named_terms, scaled_like
 from ..criteria import current
@@ -273,7 +274,7 @@ def with_memory(study: Study, tried: FittedAlone, best: Fit | None = None) -> tu
     Where what it leaves has no memory, or that is counted already, both as they were. A slow part is counted as far as
     it passes for noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
-    best = best or tried.best
+    best = best or _left_by_a_name(study, tried)
     # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
     most = 2 * (1 + current().noise.slow_most ** 2)
     counted = any(c.noise.size for c in study.training)
@@ -288,6 +289,28 @@ def with_memory(study: Study, tried: FittedAlone, best: Fit | None = None) -> tu
         f"the noise has a slow part: {noise.size:.2g} times its white part, correlated over {noise.memory:.0f} frames"
     )
     return study, _all_again(study, tried)
+
+
+def _left_by_a_name(study: Study, tried: FittedAlone) -> Fit:
+    """What leaves least of all fits alone; of names alone, where a form is ahead by what slow noise does.
+
+    A form with many numbers, of the time above all, follows the slow part of the noise: it leaves none to be told.
+    Where a name leaves noise with a memory, and with that memory counted the form gains no more than so many numbers
+    do by chance, it is the noise.
+    """
+    named = [t.fit for t in tried.alive if t.fit is not None]
+    plain = min([*named, tried.recalibrated], key=lambda fit: fit.chi2)
+    more = len(tried.best.values) - len(plain.values)
+    if more <= 0 or tried.best.chi2 >= plain.chi2:
+        return tried.best
+    noise = memory_of(plain, study.fitter.cases)
+    if not noise.size:
+        return tried.best
+    fitter = with_cases(study, [replace(c, noise=noise) for c in study.cases]).fitter
+    few = current().evaluations.memory
+    one, other = (fitter.refitted(fit, evaluations=few) for fit in (plain, tried.best))
+    gain = (one.chi2 - other.chi2) / spread_of(other, study.training)
+    return plain if gain < stats.chi2.isf(current().verdict.alarm, more) else tried.best
 
 
 def without_outliers(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlone]:
@@ -407,12 +430,16 @@ class Explanation:
     exchanged: Sequence[Exchange] = ()
 
 
+def search_with(study: Study, tried: FittedAlone, fitter: Fitter) -> SetSearch:
+    """The search of several laws, where segments join as they do for ``fitter``."""
+    base, inner = tried.recalibrated, study.inner
+    return SetSearch(base, fitter, tried.terms, study.training, inner, tried.inner, study.rng, study.notes)
+
+
 def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Explanation:
     """The law that was chosen for the bodies that ask for it, a second one beside it, or two needed together."""
     fitter, inner, recalibrated = study.fitter, study.inner, tried.recalibrated
-    search = SetSearch(
-        recalibrated, fitter, tried.terms, study.training, inner, tried.inner, study.rng, study.notes
-    )
+    search = search_with(study, tried, fitter)
     found: list[Trial] = []
     revised = recalibrated
     dropped: dict[str, str] = {}
