@@ -475,3 +475,20 @@ def test_slow_noise_is_not_taken_for_a_force_in_time():
     (entry,) = verdict["mechanisms"]
     assert (entry["name"], verdict["complete"]) == ("uniform_force", True)
     assert any("the noise has a slow part" in note for note in verdict["notes"])
+
+
+def test_a_bent_picture_is_no_explanation_where_a_plainer_force_does_as_well():
+    """Of a spinning ball a lens and a stream with six numbers were named, and left 64 times the noise of later data."""
+    t, mass, turn = np.arange(0.0, 0.9, 1 / 240), 0.0027, 0.6
+    path = solve_ivp(
+        lambda _, s: [s[2], s[3], -turn * s[3], -9.81 + turn * s[2]], (0.0, t[-1]), [0.0, 1.0, 2.0, 1.5], t_eval=t,
+        rtol=1e-9, atol=1e-11,
+    ).y  # fmt: skip
+    rng, noise = np.random.default_rng(2), 5e-4
+    xy = path[:2].T[:, None] + noise * rng.standard_normal((len(t), 1, 2))
+    verdict = api.diagnose(t, xy, radius=0.02, mass=mass, gravity=GRAVITY, position_noise=noise, seed=1).verdict
+    (entry,) = verdict["mechanisms"]
+    assert (verdict["verdict"], entry["name"]) == ("unmodelled", "unknown")
+    s = entry["parameters"]["s"]
+    assert s["low"] < turn * mass < s["high"]
+    assert verdict["fit"]["heldout"]["revised"] < 1.5 * noise

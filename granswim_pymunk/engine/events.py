@@ -172,7 +172,7 @@ def advance_to(
     slot_start, slot_dt, slot_step, slot_lasts, addresses, radius, group, apart, touching, mobile, position, velocity,
     length_unit, velocity_unit, last, walls, constrained, joints, fx, fy, inverse_mass, stretch, chosen, out,
 ):  # fmt: skip
-    """Go on to each of the times ``ends`` [s], in steps of at most ``dt``, give or take ``ROUNDED``, that end at impacts.
+    """Go on to each of the times ``ends`` [s], in steps of at most ``dt`` that end at impacts.
 
     rounds : of Chipmunk's solver in steps in which something may touch or its joints hold, ``idle`` of others: all of
         them go over its constraints, and that is most of what a step of a few disks takes

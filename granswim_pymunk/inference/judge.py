@@ -144,6 +144,7 @@ class Weighed:
         weighed, none led anywhere
     ahead : chi2 by which the claim is ahead of the best form, numbers paid for (AIC)
     few : the floor is that of few replicates, which know it badly
+    plainer : a form with no more numbers does as well as names with a special fault among them, "" where none does
     """
 
     named: Explained | None = None
@@ -151,6 +152,7 @@ class Weighed:
     possible: bool = False
     ahead: float = 0.0
     few: bool = False
+    plainer: str = ""
 
     @property
     def free_form(self) -> float | None:
@@ -225,6 +227,9 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
     if not forms and (weighed.possible or weighed.forms):
         forms = [replace(named, share=0.0, low=0.0, high=0.0, left=named.left_before, spread=0.0)]
     good, why = accepted(named, forms, weighed.ahead)
+    if weighed.plainer:
+        # a bent picture looks like a little of anything, and hardly any laboratory has one
+        good, why = False, f"{weighed.plainer} does as well with no more numbers, and without a special fault"
     least = current().verdict.share
     if not good and weighed.few and 0 < named.low < named.share < least <= named.high:
         # few replicates know the floor badly: a share that may as well be enough takes no name away

@@ -61,7 +61,7 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
             continue
         mine = fit.values[rows] - np.array([f.neutral for f in trial.term.free])
         others = np.delete(numbers, np.arange(rows.start, rows.stop), axis=1)
-        for term in asked_terms(fitter.cases, owners(trial.term)):
+        for term in (t for t in asked_terms(fitter.cases, owners(trial.term)) if t.mechanism != trial.mechanism):
             columns = columns_of(fitter, fit, term)[0]
             more = basis(whole.beside(columns)).shape[1] - trial.used
             rise = least(left + numbers[:, rows] @ mine, np.hstack([columns, others])) - now

@@ -287,8 +287,17 @@ class Tracks(ObservationModel):
         gain = (tried.recalibrated.chi2 - claim.fit.chi2 + self.tightened) / self.spread
         gain -= 2 * sum(t.used for t in claim.laws)
         ahead = gain - max((worth(f.claim.laws[0], self.spread) for f in forms), default=-np.inf)
-        self.weighed = Weighed(named, tuple(forms), ahead=ahead)
+        self.weighed = Weighed(named, tuple(forms), ahead=ahead, plainer=self._plainer(claim, forms, gain))
         return self.weighed
+
+    def _plainer(self, claim: Claim, forms: Sequence[Form], gain: float) -> str:
+        """The form that does as well as names with a special fault among them and has no more numbers, "" for none."""
+        if not any(t.special for t in claim.laws):
+            return ""
+        numbers, least = sum(t.used for t in claim.laws), gain - current().verdict.same
+        laws = [f.claim.laws[0] for f in forms]
+        does = [t for t in laws if t.used <= numbers and worth(t, self.spread) > least]
+        return max(does, key=lambda t: worth(t, self.spread)).label if does else ""
 
     def completeness(self, fit: Fit) -> Completeness:
         """Whether what a fit leaves of the training part passes for noise, or is less than matters, as no kick does."""
