@@ -208,8 +208,8 @@ def test_a_scale_beside_a_drag_that_leaves_more_than_noise_is_no_fault_that_was_
     """Where the scale leads it stays: its drag is the smaller part."""
     for case, expected in (((0.0, 1e-3, 1.0), ["camera_scale"]), ((2e-4, 1e-5, 1.06), [])):
         fitter, _, base, _, found, revised = fitted(dropped(*case), "linear_drag", "camera_scale")
-        assert [t.mechanism for t in apparatus_beside(found, revised, base, fitter)] == expected
-        assert apparatus_beside(found[:1], revised, base, fitter) == []
+        assert [t.mechanism for t in apparatus_beside(found, revised, base, fitter)[0]] == expected
+        assert apparatus_beside(found[:1], revised, base, fitter) == ([], None)
 
 
 def test_a_joint_that_does_not_drag_gets_no_entry():

@@ -32,6 +32,7 @@ from ..judge import (
     as_large_by_chance,
     best_form,
     completeness,
+    judge,
     not_named,
     remains_of,
 )
@@ -365,11 +366,16 @@ class Tracks(ObservationModel):
             self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
             laws = tuple(t for t in laws if not any(t is a for a in alike))
         plain = self.tried.recalibrated
-        idle = [] if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
-        if idle:
+        idle, alone = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
+        if alone is not None:
+            laws = tuple(t for t in laws if not any(t is a for a in idle))
+            # the names have to explain without what is not named, and better than a form in place of them alone
+            less = Claim(tuple(replace(t, fit=alone, gain=plain.chi2 - alone.chi2) for t in laws), alone)
+            again = judge(less, self.weigh(less), self.mismatch(less), self.plain, self.notes)
+            if again.verdict == "unmodelled":
+                return again
             named = Claim(tuple(idle), fit).label
             self.notes.append(f"{named}, in the revised scene, is not named: {BENDS_AS_WELL}")
-            laws = tuple(t for t in laws if not any(t is a for a in idle))
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(

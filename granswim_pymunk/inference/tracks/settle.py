@@ -244,8 +244,10 @@ def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit
     return found, revised
 
 
-def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter) -> list[Trial]:
-    """Faults of the apparatus beside laws that explain as much as a name has to without them.
+def apparatus_beside(
+    found: Sequence[Trial], revised: Fit, recalibrated: Fit, fitter: Fitter
+) -> tuple[list[Trial], Fit | None]:
+    """Faults of the apparatus beside laws that explain as much as a name has to without them, and the fit without them.
 
     A scale, a tilt or a lens maps the picture smoothly, and so takes a part of any smooth remainder of a few tracks:
     where it leaves more than noise it is a term of a series, not a fault that was found. None where it leads itself.
@@ -253,7 +255,7 @@ def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fi
     faults = [t for t in found if t.apparatus]
     laws = [t for t in found if not t.apparatus]
     if not faults or not laws:
-        return []
+        return [], None
     first = len(recalibrated.values)
     rows = rows_of(found, first)
     kept = [revised.values[r] for t, r in zip(found, rows, strict=True) if not t.apparatus]
@@ -261,7 +263,7 @@ def apparatus_beside(found: Sequence[Trial], revised: Fit, recalibrated: Fit, fi
     begin = np.concatenate([revised.values[:first], *kept])
     alone = fitter.fit(hypothesis, begin, revised.starts, evaluations=current().intervals.refit)
     share = (recalibrated.chi2 - alone.chi2) / max(recalibrated.chi2 - revised.chi2, 1e-300)
-    return faults if share >= current().verdict.share else []
+    return (faults, alone) if share >= current().verdict.share else ([], None)
 
 
 def known_together(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
