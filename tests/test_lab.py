@@ -12,8 +12,8 @@ from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.tracks.name import Trial, _from_pieces, refit
 from granswim_pymunk.inference.tracks.signatures import make_bank
-from granswim_pymunk.recording import read_recording
-from granswim_pymunk.validation import lab
+from granswim_pymunk.recording import read_recording, write_recording
+from granswim_pymunk.validation import lab, school
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +129,45 @@ def test_what_explains_most_is_asked_for(named, verdict, how) -> None:
     said = {"verdict": verdict, "mechanisms": [{"name": n} for n in named], "rivals": []}
     assert lab.judged(truth, said) == how
     assert lab.judged(truth, None) == "none"
+
+
+@pytest.fixture(scope="module")
+def afternoon():
+    return {key: make(np.random.default_rng(5), f"{key}-5") for key, make in school.EXPERIMENTS.items()}
+
+
+def test_all_are_recordings_that_can_be_read(afternoon, tmp_path) -> None:
+    for name, made in afternoon.items():
+        read = read_recording(write_recording(made.recording, tmp_path / name))
+        assert len(read.t) > 50 and made.truth["experiment"] == name
+
+
+def test_energy_is_kept_where_nothing_is_missing(afternoon) -> None:
+    xy = afternoon["still"].recording.xy[:, 0]
+    seen = np.isfinite(xy[:, 0])
+    lowest = xy[seen, 1].reshape(-1)
+    # a bob without friction comes back to where it began, again and again
+    early, late = lowest[: len(lowest) // 2].max(), lowest[len(lowest) // 2 :].max()
+    assert early == pytest.approx(late, abs=4e-3)
+    assert not afternoon["still"].truth["effects"] and not afternoon["quiet"].truth["effects"]
+
+
+def test_pucks_stay_in_their_box_and_apart() -> None:
+    t = np.arange(0.0, 2.0, 1 / 240)
+    rng = np.random.default_rng(1)
+    p = school.boxed(rng, np.array([0.1, 0.1, 0.13, 0.1]), 0.003, 0.9, t)
+    assert p.min() > 0.03 - 1e-4 and p.max() < 0.57 + 1e-4
+    apart = [np.hypot(*(p[:, i] - p[:, j]).T).min() for i in range(4) for j in range(i)]
+    assert min(apart) > 0.06 - 1e-4 and min(apart) < 0.0605
+
+
+def test_nothing_and_what_no_law_is_have_no_name() -> None:
+    def said(verdict: str, *names: str) -> dict:
+        return {"verdict": verdict, "mechanisms": [{"name": n} for n in names]}
+
+    nothing, other = {"effects": []}, {"effects": [{"name": "unknown"}]}
+    assert lab.judged(nothing, said("no_mismatch")) == "all"
+    assert lab.judged(nothing, said("missing_physics", "linear_drag")) == "wrong"
+    assert lab.judged(other, said("unmodelled", "unknown")) == "all"
+    assert lab.judged(other, said("missing_physics", "linear_drag")) == "wrong"
+    assert lab.judged(other, said("no_mismatch")) == "silent"

@@ -24,9 +24,11 @@ from granswim_pymunk.inference.tracks.name import InnerSplit, Trial
 from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
 from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
+    _weakest,
     apparatus_beside,
     in_names_of_apparatus,
     that_earn_their_place,
+    that_may_be_absent,
     without_idle_numbers,
 )
 from granswim_pymunk.inference.tracks.signatures import make_bank
@@ -210,6 +212,30 @@ def test_a_scale_beside_a_drag_that_leaves_more_than_noise_is_no_fault_that_was_
         fitter, _, base, _, found, revised = fitted(dropped(*case), "linear_drag", "camera_scale")
         assert [t.mechanism for t in apparatus_beside(found, revised, base, fitter)[0]] == expected
         assert apparatus_beside(found[:1], revised, base, fitter) == ([], None)
+
+
+def test_a_law_whose_interval_holds_none_may_be_absent():
+    """With doubts added to an interval the second of two is not sure any more; its fit is what it was."""
+    _, _, _, _, found, revised = fitted(dropped(2e-3, 0.0, 1.0), "linear_drag", "uniform_force")
+    drag, push = found
+    assert that_may_be_absent([drag], revised, 1.0) == []
+    rows = {f.name: k for k, f in enumerate(revised.hypothesis.free)}
+    wide = {k: (-1.0, 1.0) for name, k in rows.items() if name.startswith("uniform_force")}
+    doubted = replace(revised, limits={**revised.limits, **wide})
+    assert that_may_be_absent([drag, push], doubted, 1.0) == [push]
+
+
+def test_a_number_is_as_far_from_none_as_its_profile_says():
+    """Through impacts the curvature at a place may be a hundred times that of the valley it lies in."""
+    _, _, base, _, found, revised = fitted(dropped(2e-3, 0.0, 1.0), "linear_drag", "camera_scale")
+    first, k = len(base.values), len(revised.values) - 1
+    value = float(revised.values[k])
+    profiled = {k: (min(value, 1.0) - 0.1, max(value, 1.0) + 0.1)}
+    loose = replace(revised, profiles=profiled, limits=profiled)
+    sure = {k: (value - 1e-9, value + 1e-9)}
+    weakest = _weakest(found, loose, first, 1.0)
+    assert weakest is not None and weakest[0] == 1
+    assert _weakest(found, replace(revised, profiles=sure, limits=sure), first, 1.0) is None
 
 
 def test_a_joint_that_does_not_drag_gets_no_entry():

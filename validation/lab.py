@@ -39,9 +39,10 @@ STEP = 5e-4  # s
 LAG = 0.146  # s
 DRAG = ("linear_drag", "quadratic_drag", "ambient_flow", "joint_drag")
 # what is as good a name for what explains most
+UNKNOWN = "unknown"
 EQUAL = {
     "linear_drag": ("ambient_flow",), "actuator_lag": ("actuator_delay", "time_offset"),
-    "joint_drag": ("linear_drag",), "distance_force": (),
+    "joint_drag": ("linear_drag",),
 }  # fmt: skip
 
 
@@ -74,7 +75,7 @@ def integrated(rate: Rate, start: Sequence[float], times: np.ndarray) -> np.ndar
     return np.array(found)
 
 
-def _recording(
+def as_filmed(
     name: str, scene: Scene, t: np.ndarray, xy: np.ndarray, errors: Errors, rng: np.random.Generator,
     stated: float | None,
 ) -> Recording:  # fmt: skip
@@ -85,7 +86,7 @@ def _recording(
     return Recording(name, scene, np.round(t, 7), ids, seen, title=name, sampling=rate, position_noise=stated)
 
 
-def _film(rng: np.random.Generator, white: float) -> tuple[Errors, float | None]:
+def film_errors(rng: np.random.Generator, white: float) -> tuple[Errors, float | None]:
     """Errors of a tracker: a slow part, pixels, few outliers, jitter; and what is stated of them."""
     errors = Errors(
         white, pixel=white * rng.uniform(0, 2), slow=white * rng.uniform(0.4, 1.0), frames=rng.uniform(5, 25),
@@ -118,12 +119,12 @@ def puck(rng: np.random.Generator, name: str) -> Made:
         return out
 
     path = integrated(motion, start, t)
-    errors, stated = _film(rng, 2.5e-4)
+    errors, stated = film_errors(rng, 2.5e-4)
     bodies = tuple(Body(f"p{k + 1}", "free", 0.03, m) for k, m in enumerate(mass))
     xy = np.stack([path[:, :2], path[:, 4:6]], axis=1)
-    recording = _recording(name, Scene(bodies, ()), t, xy, errors, rng, stated)
+    recording = as_filmed(name, Scene(bodies, ()), t, xy, errors, rng, stated)
     c = damping * mass[0]
-    return Made(recording, _truth(name, [("linear_drag", {"c": c})], "an uneven table", slope_rms=rms))
+    return Made(recording, truth_of(name, [("linear_drag", {"c": c})], "an uneven table", slope_rms=rms))
 
 
 def motor(rng: np.random.Generator, name: str) -> Made:
@@ -142,15 +143,15 @@ def motor(rng: np.random.Generator, name: str) -> Made:
 
     first = np.concatenate([[0.0], t])
     path = integrated(motion, [0.1, command[0]], first)[1:]
-    errors, stated = _film(rng, 4e-4)
+    errors, stated = film_errors(rng, 4e-4)
     scene = Scene(
         (Body("cart", "free", 0.03, 0.4),), (use("rail", direction=(1.0, 0.0), bodies=["cart"]),
                                              use("drive", bodies=["cart"], gain=1.0)),
         inputs={"cart": (tuple(float(f"{x:.4f}") for x in when), tuple(map(float, command)))},
     )  # fmt: skip
     xy = np.column_stack([path[:, 0], np.full(len(t), 0.05)])[:, None]
-    recording = _recording(name, scene, t, xy, errors, rng, stated)
-    return Made(recording, _truth(name, [("actuator_lag", {"tau": LAG})], "a gain and coloured noise", gain=gain))
+    recording = as_filmed(name, scene, t, xy, errors, rng, stated)
+    return Made(recording, truth_of(name, [("actuator_lag", {"tau": LAG})], "a gain and coloured noise", gain=gain))
 
 
 def pendulum(rng: np.random.Generator, name: str) -> Made:
@@ -166,16 +167,16 @@ def pendulum(rng: np.random.Generator, name: str) -> Made:
 
     path = integrated(motion, [rng.uniform(0.4, 0.8), 0.0], t)
     xy = length * np.column_stack([np.sin(path[:, 0]), -np.cos(path[:, 0])])[:, None]
-    errors, stated = _film(rng, 2e-4)
+    errors, stated = film_errors(rng, 2e-4)
     believed = float(f"{length * (1 + 0.002 * rng.choice([-1, 1])):.4g}")
     laws = (use("gravity"), use("pin", anchor=(0.0, 0.0), length=believed, bodies=["bob"]))
     scene = Scene((Body("bob", "free", 0.015, mass),), laws, gravity=(0.0, -G))
-    recording = _recording(name, scene, t, xy, errors, rng, stated)
+    recording = as_filmed(name, scene, t, xy, errors, rng, stated)
     inertia = mass * length**2
     laws_true = [("joint_drag", {"c": damping * inertia}), ("joint_friction", {"torque": dry * inertia})]
     if dry > damping * _mean_rate(path):
         laws_true.reverse()
-    return Made(recording, _truth(name, laws_true, "a length 0.2 % off", length=length))
+    return Made(recording, truth_of(name, laws_true, "a length 0.2 % off", length=length))
 
 
 def _mean_rate(path: np.ndarray) -> float:
@@ -203,31 +204,38 @@ def magnets(rng: np.random.Generator, name: str) -> Made:
         return np.concatenate([y[2:4], a - damping * y[2:4] + tilt, y[6:], b - damping * y[6:] + tilt])
 
     path = integrated(motion, start, t)
-    errors, stated = _film(rng, 2e-4)
+    errors, stated = film_errors(rng, 2e-4)
     bodies = (Body("m1", "free", radius, float(mass[0])), Body("m2", "free", radius, float(mass[1])))
     xy = np.stack([path[:, :2], path[:, 4:6]], axis=1)
-    recording = _recording(name, Scene(bodies, (use("contact_elastic", restitution=0.9),)), t, xy, errors, rng, stated)
+    recording = as_filmed(name, Scene(bodies, (use("contact_elastic", restitution=0.9),)), t, xy, errors, rng, stated)
     laws = [("distance_force", {"s": strength / radius**4, "n": 4.0}), ("linear_drag", {"c": damping * mass.mean()})]
-    return Made(recording, _truth(name, laws, "a tilt, a drag as its mass", tilt=tilt.tolist()))
+    return Made(recording, truth_of(name, laws, "a tilt, a drag as its mass", tilt=tilt.tolist()))
 
 
-def _truth(name: str, laws: Sequence[tuple[str, dict[str, float]]], beside: str, **more: Any) -> dict[str, Any]:
+def truth_of(name: str, laws: Sequence[tuple[str, dict[str, float]]], beside: str, **more: Any) -> dict[str, Any]:
     """The laws, what explains most first, and what else there is."""
     effects = [{"name": n, "values": {k: float(v) for k, v in values.items()}} for n, values in laws]
     return {"name": name, "experiment": name.split("-")[0], "effects": effects, "beside": beside, **more}
 
 
+Experiments = Mapping[str, Callable[[np.random.Generator, str], Made]]
 EXPERIMENTS = {make.__name__: make for make in (puck, motor, pendulum, magnets)}
 
 
 def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> str:
-    """all | right | class | wrong | silent | none: whether what explains most is named, and all of it."""
+    """all | right | class | wrong | silent | none: whether what explains most is named, and all of it.
+
+    Where nothing is missing, or what no law is, no name is right.
+    """
     if verdict is None:
         return "none"
     named = {m["name"] for m in verdict["mechanisms"]} - {"unknown"}
+    wanted = [e["name"] for e in truth["effects"]]
+    if not wanted or wanted[0] == UNKNOWN:
+        silent = ("unmodelled",) if wanted else ("no_mismatch", "recalibrate")
+        return "wrong" if named else "all" if verdict["verdict"] in silent else "silent"
     if verdict["verdict"] not in ("missing_physics", "measurement") or not named:
         return "silent"
-    wanted = [e["name"] for e in truth["effects"]]
     alike = {r["name"] for r in verdict.get("rivals", []) if r.get("indistinguishable")}
     first = {wanted[0], *EQUAL.get(wanted[0], ())}
     drags = named & set(DRAG) and set(wanted) & set(DRAG)
@@ -248,15 +256,21 @@ def score(truths: Sequence[Mapping[str, Any]], verdicts: Path) -> str:
         answer = known["failed"] or f"{said['verdict']} {' + '.join(named)}"
         share = (said.get("explained") or {}).get("share")
         lines.append(
-            f"| {truth['name']} | {' + '.join(e['name'] for e in truth['effects'])}, {truth['beside']} | {answer} | "
+            f"| {truth['name']} | {' + '.join(e['name'] for e in truth['effects']) or 'nothing'}, {truth['beside']} | "
+            f"{answer} | "
             f"{judged(truth, verdict)} | {'' if share is None else f'{share:.2f}'} | {said.get('complete', '')} | "
             f"{said.get('heldout') or ''} |"
         )
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(
+    argv: list[str] | None = None, say: Callable[[str], None] = print, *, of: Experiments | None = None,
+    about: str | None = __doc__, stream: int = 30,
+) -> int:  # fmt: skip
+    """The command; ``of``: the experiments by their names, ``stream``: of the seeds of these."""
+    experiments = EXPERIMENTS if of is None else of
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--count", type=int, metavar="N", help="recordings of each experiment")
@@ -270,8 +284,8 @@ def main(argv: list[str] | None = None, say: Callable[[str], None] = print) -> i
                 raise InputError("needs a count of one or more and a seed of zero or more", where="--count")
             truths = []
             for k in range(args.seed, args.seed + args.count):
-                for n, (key, make) in enumerate(EXPERIMENTS.items()):
-                    made = make(np.random.default_rng((30, n, k)), f"{key}-{k}")
+                for n, (key, make) in enumerate(experiments.items()):
+                    made = make(np.random.default_rng((stream, n, k)), f"{key}-{k}")
                     say(str(write_recording(made.recording, args.out / made.recording.name)))
                     truths.append(made.truth)
             write_json(truths, file)

@@ -76,6 +76,7 @@ from .settle import (
     apparatus_beside,
     known_together,
     that_earn_their_place,
+    that_may_be_absent,
     with_numbers_that_were_found,
     within_belief,
 )
@@ -99,6 +100,7 @@ from .undeclared import Instead, declared, instead_of
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
+MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
 TOGETHER = "only what they do together is known, any strength of one will do with one of the other: neither is named"
 FREED = "which nobody declared adjustable, is fitted: as it is believed more than noise is left, whatever is named"
 SHOWS_LATER = (
@@ -383,6 +385,11 @@ class Tracks(ObservationModel):
             )
         fit = with_doubt(fitter, fit, count, self.spread)
         fit = with_slopes(fitter, fit, count, self.spread, self.tried.terms)
+        doubtful = that_may_be_absent(laws, fit, self.spread)
+        if 0 < len(doubtful) < len(laws):
+            named = Claim(tuple(doubtful), fit).label
+            self.notes.append(f"{named}, in the revised scene, is not named: {MAY_BE_ABSENT}")
+            laws = tuple(t for t in laws if not any(t is d for d in doubtful))
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:

@@ -266,6 +266,18 @@ def apparatus_beside(
     return (faults, alone) if share >= current().verdict.share else ([], None)
 
 
+def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[Trial]:
+    """Laws whose strengths may all be those of no law, with whatever doubt the intervals of a fit were given."""
+    at = {free.name: k for k, free in enumerate(fit.hypothesis.free)}
+    doubtful = []
+    for trial in found:
+        strengths = [(at[f.name], f.neutral) for f in trial.term.free if not f.inner and f.name in at]
+        ends = [(neutral, *fit.interval(k, spread)[1:]) for k, neutral in strengths]
+        if ends and all(low <= neutral <= high for neutral, low, high in ends):
+            doubtful.append(trial)
+    return doubtful
+
+
 def known_together(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
     """Laws of which only a combination is known: two or more whose strengths have no end on one side.
 
