@@ -1,4 +1,4 @@
-"""Medium that is carried along: more inertia, the same forces."""
+"""Medium that is carried along: more inertia, the same forces. Impulses move what is carried, too."""
 
 from .base import Parameter, law
 

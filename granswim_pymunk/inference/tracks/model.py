@@ -368,11 +368,11 @@ class Tracks(ObservationModel):
             self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
             laws = tuple(t for t in laws if not any(t is a for a in alike))
         plain = self.tried.recalibrated
-        idle, alone = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
-        if alone is not None:
+        idle, without = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
+        if without is not None:
             laws = tuple(t for t in laws if not any(t is a for a in idle))
-            # the names have to explain without what is not named, and better than a form in place of them alone
-            less = Claim(tuple(replace(t, fit=alone, gain=plain.chi2 - alone.chi2) for t in laws), alone)
+            # the names have to explain without what is not named, and better than a form in place of them
+            less = Claim(tuple(replace(t, fit=without, gain=plain.chi2 - without.chi2) for t in laws), without)
             again = judge(less, self.weigh(less), self.mismatch(less), self.plain, self.notes)
             if again.verdict == "unmodelled":
                 return again
