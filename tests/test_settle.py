@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from two_arms import two_arms
 
-from granswim_pymunk.inference.candidates import named_terms, scaled_like
+from granswim_pymunk.inference.candidates import named_terms, scaled_like, with_numbers
 from granswim_pymunk.inference.data import Case, prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.inference.start import describe_starts
@@ -20,7 +20,7 @@ from granswim_pymunk.inference.tracks.blocks import _step
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.fitted import Fit
-from granswim_pymunk.inference.tracks.name import InnerSplit, Trial
+from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, _if_better
 from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
 from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
@@ -236,6 +236,16 @@ def test_a_number_is_as_far_from_none_as_its_profile_says():
     weakest = _weakest(found, loose, first, 1.0)
     assert weakest is not None and weakest[0] == 1
     assert _weakest(found, replace(revised, profiles=sure, limits=sure), first, 1.0) is None
+
+
+def test_another_beginning_may_show_fewer_numbers_of_a_law():
+    """On a rail what pushes across it moved nothing from where the law was found, and had a number before."""
+    fitter, _, base, _, found, revised = fitted(dropped(0.0, 0.0, 1.0), "uniform_force")
+    (push,) = found
+    term = with_numbers(push.term, [1])
+    fit = fitter.fit(base.hypothesis.with_term(term), [*base.values, revised.values[-1]], revised.starts)
+    (better,) = _if_better(fitter, base, [replace(push, fit=None)], [0], lambda k, own: fit)
+    assert len(better.values) == len(better.term.free) == better.used == 1
 
 
 def test_a_joint_that_does_not_drag_gets_no_entry():

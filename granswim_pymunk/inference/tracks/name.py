@@ -417,7 +417,10 @@ def _if_better(
     for k, found in zip(order, side_by_side(fitter, [partial(again, int(k)) for k in order]), strict=True):
         fit = trials[k].fit
         if fit is None or found.chi2 <= fit.chi2:
-            trials[k] = replace(trials[k], fit=found, gain=base.chi2 - found.chi2)
+            # another beginning may have shown other numbers of the law to change anything
+            term = next(t for t in found.hypothesis.terms if t.label == trials[k].label)
+            signature = replace(trials[k].signature, term=term)
+            trials[k] = replace(trials[k], signature=signature, fit=found, gain=base.chi2 - found.chi2)
     return trials
 
 
