@@ -155,7 +155,8 @@ def test_energy_is_kept_where_nothing_is_missing(afternoon) -> None:
 def test_pucks_stay_in_their_box_and_apart() -> None:
     t = np.arange(0.0, 2.0, 1 / 240)
     rng = np.random.default_rng(1)
-    p = school.boxed(rng, np.array([0.1, 0.1, 0.13, 0.1]), 0.003, 0.9, t)
+    p, met = school.boxed(rng, np.array([0.1, 0.1, 0.13, 0.1]), 0.003, 0.9, t)
+    assert met and all(0 <= when < 2.0 for when, *_ in met)
     assert p.min() > 0.03 - 1e-4 and p.max() < 0.57 + 1e-4
     apart = [np.hypot(*(p[:, i] - p[:, j]).T).min() for i in range(4) for j in range(i)]
     assert min(apart) > 0.06 - 1e-4 and min(apart) < 0.0605
