@@ -84,6 +84,10 @@ def test_a_law_with_a_shape_keeps_what_only_the_block_tells():
     near = frames & (at >= 40)
     block = Block(cases[0], near & (at < 46), near & (at >= 46), False)
     assert np.array_equal(outside(fit, block, cases, predictor), fit.values)
+    # by one step, as where tracks are cut, only the strength moves: strength and exponent lie along a bent valley
+    early = frames & (at < 40)
+    s, n = without(fit, Block(cases[0], early & (at < 6), early & (at >= 6), False))
+    assert n == fit.values[1] and s != fit.values[0]
 
 
 def test_what_begins_behind_a_block_begins_where_the_fit_passes():

@@ -106,10 +106,10 @@ def without(fit: Fit, block: Block) -> np.ndarray:
     delta = (J'J)^-1 J'r over the other numbers, the starts projected out of both. What only this block tells of a law
     stays. Numbers of a force without a name in place or in time have a Gaussian prior about zero, as wide as the mean
     square of its numbers (ridge regression, Hoerl & Kennard 1970): where only the block tells it, it could follow
-    anything there. One by the speed has the same few numbers everywhere, as a law has. Shapes (an exponent, a range) stay
-    as all data tell them, too: along the tangent of the bent valley in which strength and shape lie a repulsion became an
-    attraction. Masses and radii that are believed stay as all data tell them: they are nuisances of every scene, and with those that were believed all would
-    miss the impacts of the block alike.
+    anything there. One by the speed has the same few numbers everywhere, as a law has. Shapes (an exponent, a range)
+    stay as all data tell them, too: along the tangent of the bent valley in which strength and shape lie a repulsion
+    became an attraction. Masses and radii that are believed stay: they are nuisances of every scene, and with those
+    that were believed all would miss the impacts of the block alike.
     """
     if not len(fit.hypothesis.free):
         return fit.values
