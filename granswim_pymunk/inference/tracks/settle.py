@@ -267,11 +267,17 @@ def apparatus_beside(
 
 
 def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[Trial]:
-    """Laws whose strengths may all be those of no law, with whatever doubt the intervals of a fit were given."""
+    """Laws whose strengths may all be those of no law, with whatever doubt the intervals of a fit were given.
+
+    The strength of a law with a shape lies along a bent valley with it: of these its profile alone says how far it goes.
+    """
     at = {free.name: k for k, free in enumerate(fit.hypothesis.free)}
     doubtful = []
     for trial in found:
         strengths = [(at[f.name], f.neutral) for f in trial.term.free if not f.inner and f.name in at]
+        shaped = any(f.inner for f in trial.term.free)
+        if shaped and not all(k in fit.profiles for k, _ in strengths):
+            continue
         ends = [(neutral, *fit.interval(k, spread)[1:]) for k, neutral in strengths]
         if ends and all(low <= neutral <= high for neutral, low, high in ends):
             doubtful.append(trial)
