@@ -269,7 +269,7 @@ def apparatus_beside(
 def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[Trial]:
     """Laws whose strengths may all be those of no law, with whatever doubt the intervals of a fit were given.
 
-    The strength of a law with a shape lies along a bent valley with it: of these its profile alone says how far it goes.
+    The strength of a law with a shape lies along a bent valley with it: its profile alone says how far that goes.
     """
     at = {free.name: k for k, free in enumerate(fit.hypothesis.free)}
     doubtful = []
