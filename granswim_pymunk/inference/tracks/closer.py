@@ -3,7 +3,8 @@
 A loose joint lets a scene follow that does not yet know what is missing, and hides what an impact shows: a restitution
 that is off by a per cent is less than the joint gives. Masses and radii that are a little off are numbers of every fit,
 so that a scene in which nothing is missing can be joined far more closely; and one that cannot shows by that which law
-of contacts it lacks, where with that law it can.
+it lacks, where with that law it can. A weak drag shows in hardly any flight between two impacts: from flight to flight
+it adds up.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from .signatures import make_bank, stacked
 def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fitter, Fit]:
     """The fitter and the recalibrated fit with steps at impacts as narrow as the recordings allow.
 
-    Allowed is what chance brings, of the scene itself or of the scene with one law that acts where bodies meet: then
-    that law alone takes away what the narrower steps show, its price paid. No further than the scene itself follows:
+    Allowed is what chance brings, of the scene itself or of the scene with one law of one number or two: then that law
+    alone takes away what the narrower steps show, its price paid. No further than the scene itself follows:
     where it is lost, first order says little of any law, and none finds its way from there. What was found is joined
     more closely later (``fit.joined``).
     """
     if not base.ties:
         return fitter, base
-    rivals = [t for t in terms if _of_impacts(t)]
+    rivals = [t for t in terms if len(t.free) <= 2 and (t.law in all_laws() or in_contact_alone(t))]
     loose = base
     for share in current().segments.closer:
         if fitter.stop():
@@ -49,12 +50,6 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
             break
         fitter, base = closer, again
     return fitter, base
-
-
-def _of_impacts(term: Term) -> bool:
-    """Whether a law of one number or two acts on bodies only where they are near each other."""
-    law = all_laws().get(term.law)
-    return (in_contact_alone(term) or (law is not None and law.kind == "pair")) and len(term.free) <= 2
 
 
 def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:
