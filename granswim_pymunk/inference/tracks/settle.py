@@ -267,19 +267,21 @@ def apparatus_beside(
 
 
 def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[Trial]:
-    """Laws whose strengths may all be those of no law, with whatever doubt the intervals of a fit were given.
+    """Laws whose strength may be that of no law, with whatever doubt the intervals of a fit were given.
 
-    The strength of a law with a shape lies along a bent valley with it: its profile alone says how far that goes.
+    Of laws with one strength: components of a push may each be none, and not both. That of a law with a shape lies
+    along a bent valley with it: its profile alone says how far that goes.
     """
     at = {free.name: k for k, free in enumerate(fit.hypothesis.free)}
     doubtful = []
     for trial in found:
         strengths = [(at[f.name], f.neutral) for f in trial.term.free if not f.inner and f.name in at]
         shaped = any(f.inner for f in trial.term.free)
-        if shaped and not all(k in fit.profiles for k, _ in strengths):
+        if len(strengths) != 1 or (shaped and strengths[0][0] not in fit.profiles):
             continue
-        ends = [(neutral, *fit.interval(k, spread)[1:]) for k, neutral in strengths]
-        if ends and all(low <= neutral <= high for neutral, low, high in ends):
+        ((k, neutral),) = strengths
+        _, low, high = fit.interval(k, spread)
+        if low <= neutral <= high:
             doubtful.append(trial)
     return doubtful
 
