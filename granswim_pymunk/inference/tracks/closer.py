@@ -28,14 +28,15 @@ from .signatures import make_bank, stacked
 def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fitter, Fit]:
     """The fitter and the recalibrated fit with steps at impacts as narrow as the recordings allow.
 
-    Allowed is what chance brings, of the scene itself or of the scene with one law of one number or two: then that law
-    alone takes away what the narrower steps show, its price paid. No further than the scene itself follows:
+    Allowed is what chance brings, of the scene itself or of the scene with one law that acts where bodies meet, or one
+    drag or friction for all of them (a push on one of them takes up whatever an impact leaves): then that law alone
+    takes away what the narrower steps show, its price paid. No further than the scene itself follows:
     where it is lost, first order says little of any law, and none finds its way from there. What was found is joined
     more closely later (``fit.joined``).
     """
     if not base.ties:
         return fitter, base
-    rivals = [t for t in terms if len(t.free) <= 2 and (t.law in all_laws() or in_contact_alone(t))]
+    rivals = [t for t in terms if _of_impacts(t) or _adds_up(t)]
     loose = base
     for share in current().segments.closer:
         if fitter.stop():
@@ -50,6 +51,18 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
             break
         fitter, base = closer, again
     return fitter, base
+
+
+def _of_impacts(term: Term) -> bool:
+    """Whether a law of one number or two acts on bodies only where they are near each other."""
+    law = all_laws().get(term.law)
+    return (in_contact_alone(term) or (law is not None and law.kind == "pair")) and len(term.free) <= 2
+
+
+def _adds_up(term: Term) -> bool:
+    """Whether it is a drag or friction with one strength for all."""
+    law = all_laws().get(term.law)
+    return law is not None and law.damping and len(term.free) == 1
 
 
 def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:
