@@ -145,9 +145,9 @@ def test_all_are_recordings_that_can_be_read(afternoon, tmp_path) -> None:
 def test_energy_is_kept_where_nothing_is_missing(afternoon) -> None:
     xy = afternoon["still"].recording.xy[:, 0]
     seen = np.isfinite(xy[:, 0])
-    lowest = xy[seen, 1].reshape(-1)
+    heights = xy[seen, 1]
     # a bob without friction comes back to where it began, again and again
-    early, late = lowest[: len(lowest) // 2].max(), lowest[len(lowest) // 2 :].max()
+    early, late = heights[: len(heights) // 2].max(), heights[len(heights) // 2 :].max()
     assert early == pytest.approx(late, abs=4e-3)
     assert not afternoon["still"].truth["effects"] and not afternoon["quiet"].truth["effects"]
 

@@ -10,8 +10,9 @@ Experiments of an afternoon, with what a film of them has; what is missing in th
 - ``carts``: two carts with magnets on one rail;  ``loaded``: pucks in a box, one of them loaded
 - ``still``, ``quiet``: a pendulum and a box of pucks in which nothing is missing
 
-The adaptive method of Dormand and Prince integrates here, from impact to impact; no law of the engine or of the proof
-is called. DIR, the truth and ``--score`` are as those of ``validation.lab``.
+SciPy's adaptive method (Dormand & Prince) integrates here, of a ball from impact to impact; the cradle goes in steps of
+1/24000 s, and the pucks are those of ``hard_disks``. No law of the engine or of the proof is called. DIR, the truth
+and ``--score`` are as those of ``validation.lab``.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from scipy.integrate import solve_ivp
 
 from granswim_pymunk.scene import Body, LawUse, Scene, Wall, use
 
+from . import hard_disks
 from .lab import UNKNOWN, Experiments, G, Made, as_filmed, film_errors, main, truth_of
 
 DOWN = (0.0, -G)  # m/s^2
@@ -251,32 +253,20 @@ def carts(rng: np.random.Generator, name: str) -> Made:
     return made(rng, name, t, xy, [Body(k, "free", radius, mass) for k in "ab"], laws, truth, "magnets")
 
 
+CORNERS = ((0.0, 0.0), (0.6, 0.0), (0.6, 0.6), (0.0, 0.6))
+SIDES = tuple(zip(CORNERS, (*CORNERS[1:], CORNERS[0]), strict=True))
+
+
 def boxed(
     rng: np.random.Generator, masses: np.ndarray, mu: float, e: float, t: np.ndarray
 ) -> tuple[np.ndarray, list[tuple[float, int, int]]]:
     """(T, n, 2) places of disks of 3 cm in a box of 0.6 m, slowed by dry friction; when which two of them met."""
-    n, radius, width, dt = len(masses), 0.03, 0.6, 1 / 24000
-    p = np.array([(0.12 + 0.18 * (k % 3), 0.15 + 0.25 * (k // 3)) for k in range(n)]) + rng.uniform(-0.04, 0.04, (n, 2))
-    v, out, every = rng.uniform(-0.5, 0.5, (n, 2)), np.zeros((len(t), n, 2)), round(24000 * (t[1] - t[0]))
-    met: list[tuple[float, int, int]] = []
-    for k in range(every * (len(t) - 1) + 1):
-        if k % every == 0:
-            out[k // every] = p
-        for i in range(n):
-            for j in range(i + 1, n):
-                apart = p[j] - p[i]
-                far = math.hypot(*apart)
-                closing = float((v[j] - v[i]) @ apart)
-                if far < 2 * radius and closing < 0:
-                    push = (1 + e) * closing / far**2 / (1 / masses[i] + 1 / masses[j]) * apart
-                    v[i], v[j] = v[i] + push / masses[i], v[j] - push / masses[j]
-                    met.append((k * dt, i, j))
-        out_of = ((p < radius) & (v < 0)) | ((p > width - radius) & (v > 0))
-        v = np.where(out_of, -e * v, v)
-        speed = np.hypot(*v.T)[:, None]
-        v = v * np.maximum(1 - mu * G * dt / np.maximum(speed, 1e-9), 0.0)
-        p = p + dt * v
-    return out, met
+    n = len(masses)
+    places = np.array([(0.12 + 0.18 * (k % 3), 0.15 + 0.25 * (k // 3)) for k in range(n)])
+    start = np.hstack([places + rng.uniform(-0.04, 0.04, (n, 2)), rng.uniform(-0.5, 0.5, (n, 2))])
+    table = hard_disks.Table(np.full(n, 0.03), masses, np.zeros(n, dtype=bool), SIDES)
+    flight = hard_disks.run(table, hard_disks.Physics(restitution=e, substrate=mu), start, t)
+    return flight.xy, [(when, i, j) for when, i, j, *_ in flight.touches if j < n]
 
 
 def _box(rng: np.random.Generator, name: str, load: float, mu: float, truth: Sequence[Law], beside: str) -> Made:
@@ -287,8 +277,7 @@ def _box(rng: np.random.Generator, name: str, load: float, mu: float, truth: Seq
         # what nothing strikes in what is learnt from shows no load
         if not load or any(2 in (i, j) and when < 0.5 * t[-1] for when, i, j in met):
             break
-    corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.6), (0.0, 0.6)]
-    walls = tuple(Wall(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True))
+    walls = tuple(Wall(a, b) for a, b in SIDES)
     bodies, laws = [Body(k, "free", 0.03, 0.1) for k in "abcd"], [use("contact_elastic", restitution=e)]
     return made(rng, name, t, xy, bodies, laws, truth, beside, walls=walls)
 
@@ -303,10 +292,8 @@ def quiet(rng: np.random.Generator, name: str) -> Made:
     return _box(rng, name, 0.0, 0.0, [], "a box of pucks")
 
 
-EXPERIMENTS: Experiments = {
-    make.__name__: make
-    for make in (sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded)
-} | {"still": still, "quiet": quiet}
+ALL = (sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet)
+EXPERIMENTS: Experiments = {make.__name__: make for make in ALL}
 
 if __name__ == "__main__":
     sys.exit(main(of=EXPERIMENTS, about=__doc__, stream=31))

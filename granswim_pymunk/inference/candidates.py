@@ -347,6 +347,12 @@ def in_contact_alone(term: Term) -> bool:
     )
 
 
+def is_damping(term: Term) -> bool:
+    """Whether a term is a drag or friction of one strength."""
+    law = all_laws().get(term.law)
+    return law is not None and law.damping and len(term.free) == 1
+
+
 def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
     """Whether every mobile body is in one of the laws of these names."""
     bodies = {b for name in names for item in scene.laws_named(name) for b in item.bodies or scene.ids}

@@ -573,7 +573,7 @@ def run(
             # what reaches far has many pairs
             pairs = np.empty((2 * pairs.shape[0], 2), dtype=np.int64)
             count = list_pairs(xy, kind, radius, in_chain, base[PERIOD], base[REACH] + skin, pairs)
-    frame = 0
+    carried, frame = mass * inertia_factor, 0
     for step in range(steps + 1):
         t = t0 + step * dt
         if step > 0:
@@ -591,7 +591,7 @@ def run(
                     omega[i] += 0.5 * dt * turning[i]
                     psi[i] += dt * omega[i]
             if contact == ELASTIC:
-                collide(xy, v, spin, kind, mass * inertia_factor, moment, radius, base, dt)
+                collide(xy, v, spin, kind, carried, moment, radius, base, dt)
         # where constraints put their bodies
         for i in range(n):
             ahead[i, 0] = v[i, 0]
@@ -653,8 +653,8 @@ def run(
                 along = fx * geometry[i, 0] + fy * geometry[i, 1]
                 fx = along * geometry[i, 0]
                 fy = along * geometry[i, 1]
-            a[i, 0] = fx / (mass[i] * inertia_factor[i])
-            a[i, 1] = fy / (mass[i] * inertia_factor[i])
+            a[i, 0] = fx / carried[i]
+            a[i, 1] = fy / carried[i]
             turning[i] = torque[i] / moment[i]
             if step > 0:
                 v[i, 0] += 0.5 * dt * a[i, 0]

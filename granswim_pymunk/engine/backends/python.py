@@ -92,7 +92,7 @@ class Python(Backend):
             u = self.units
             bodies = self.state.bodies
             law = pymunk.Vec2d(self._fx[k] / u.force, self._fy[k] / u.force)
-            body.force += law * float(bodies.heavier[k])  # which have their share already
+            body.force += law * float(bodies.heavier[k])  # the laws have taken their share already
             body.force *= bodies.ease[k]  # in the compiled modes the mass does that
             body.torque += self._torque[k] / u.torque
             pymunk.Body.update_velocity(body, (0.0, 0.0), 1.0, dt)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...laws import all_laws
-from ..candidates import in_contact_alone
+from ..candidates import in_contact_alone, is_damping
 from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis
@@ -36,7 +36,7 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
     """
     if not base.ties:
         return fitter, base
-    rivals = [t for t in terms if _of_impacts(t) or _adds_up(t)]
+    rivals = [t for t in terms if _of_impacts(t) or is_damping(t)]
     loose = base
     for share in current().segments.closer:
         if fitter.stop():
@@ -57,12 +57,6 @@ def _of_impacts(term: Term) -> bool:
     """Whether a law of one number or two acts on bodies only where they are near each other."""
     law = all_laws().get(term.law)
     return (in_contact_alone(term) or (law is not None and law.kind == "pair")) and len(term.free) <= 2
-
-
-def _adds_up(term: Term) -> bool:
-    """Whether it is a drag or friction with one strength for all."""
-    law = all_laws().get(term.law)
-    return law is not None and law.damping and len(term.free) == 1
 
 
 def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:

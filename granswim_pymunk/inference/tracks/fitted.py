@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ import numpy as np
 from ... import distributions as stats
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Beginning, Failed, Hypothesis, Predictor
+from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
 from ..linear import project
 from ..significance import half_interval
 from ..start import StartBody
@@ -118,6 +118,12 @@ class Fit:
         steps, limit = self.steps.get(case, np.zeros(0)), limits_of(self.segments[case])
         between, priors = steps[: len(limit)][:most], steps[len(limit) :]
         return huber(between, limit) + float(priors @ priors)
+
+
+def may_be_absent(fit: Fit, free: Sequence[Free], first: int, inflation: float) -> bool:
+    """Whether of a law's numbers, the ``first`` and those behind it, the intervals of all strengths hold none."""
+    ends = ((f.neutral, *fit.interval(k, inflation)[1:]) for k, f in enumerate(free, first) if not f.inner)
+    return all(low <= neutral <= high for neutral, low, high in ends)
 
 
 def _limits(steps: np.ndarray, limit: np.ndarray) -> np.ndarray:

@@ -32,14 +32,13 @@ from ..judge import (
     as_large_by_chance,
     best_form,
     completeness,
-    judge,
     not_named,
     remains_of,
 )
 from ..mechanisms import UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..noise import LikelyNoise
-from ..pipeline import diagnose_by
+from ..pipeline import diagnose_by, judged_by_training
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
@@ -364,20 +363,17 @@ class Tracks(ObservationModel):
             return not_named(judged.claim, self.weighed, self.plain)
         fit, alike = within_belief(laws, fit, self.tried.recalibrated, fitter, self.spread)
         if alike and len(alike) < len(laws):
-            named = Claim(tuple(alike), fit).label
-            self.notes.append(f"{named}, in the revised scene, is not named: {AS_BELIEVED}")
-            laws = tuple(t for t in laws if not any(t is a for a in alike))
+            laws = self._unnamed(laws, alike, fit, AS_BELIEVED)
         plain = self.tried.recalibrated
         idle, without = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
         if without is not None:
-            laws = tuple(t for t in laws if not any(t is a for a in idle))
             # the names have to explain without what is not named, and better than a form in place of them
-            less = Claim(tuple(replace(t, fit=without, gain=plain.chi2 - without.chi2) for t in laws), without)
-            again = judge(less, self.weigh(less), self.mismatch(less), self.plain, self.notes)
+            others, gain = [t for t in laws if not any(t is a for a in idle)], plain.chi2 - without.chi2
+            less = Claim(tuple(replace(t, fit=without, gain=gain) for t in others), without)
+            again = judged_by_training(self, less)
             if again.verdict == "unmodelled":
                 return again
-            named = Claim(tuple(idle), fit).label
-            self.notes.append(f"{named}, in the revised scene, is not named: {BENDS_AS_WELL}")
+            laws = self._unnamed(laws, idle, fit, BENDS_AS_WELL)
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
@@ -387,10 +383,13 @@ class Tracks(ObservationModel):
         fit = with_slopes(fitter, fit, count, self.spread, self.tried.terms)
         doubtful = that_may_be_absent(laws, fit, self.spread)
         if 0 < len(doubtful) < len(laws):
-            named = Claim(tuple(doubtful), fit).label
-            self.notes.append(f"{named}, in the revised scene, is not named: {MAY_BE_ABSENT}")
-            laws = tuple(t for t in laws if not any(t is d for d in doubtful))
+            laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
+
+    def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
+        """The laws but for those that stay in the revised scene and are not named, which a note says."""
+        self.notes.append(f"{Claim(tuple(those), fit).label}, in the revised scene, is not named: {why}")
+        return tuple(t for t in laws if not any(t is u for u in those))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
         if len(judged.claim.laws) > 1:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...laws import all_laws, has_role
-from ..candidates import fastest_of, in_contact_alone
+from ..candidates import fastest_of, in_contact_alone, is_damping
 from ..criteria import current
 from ..hypothesis import Free, Hypothesis, Term
 from ..mechanisms import APPARATUS
@@ -19,7 +19,7 @@ from ..simpler import special_cases
 from ..trial import pair_gains, rows_of
 from .choose import absurd, choose, worth
 from .fit import Fitter, side_by_side
-from .fitted import Fit
+from .fitted import Fit, may_be_absent
 from .name import Trial, is_limit, is_part, label_of, refit
 from .nulls import noise_of, search_nulls
 from .sets import SetSearch
@@ -64,13 +64,8 @@ def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list
 
 def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
     """Laws all of whose strengths are compatible with none; their numbers follow the ``first`` ones of the fit."""
-    idle = []
-    for t, rows in zip(found, rows_of(found, first), strict=True):
-        pairs = zip(range(rows.start, rows.stop), t.term.free, strict=True)
-        ends = [(f.neutral, *fit.interval(k, spread)[1:]) for k, f in pairs if not f.inner]
-        if ends and all(low <= neutral <= high for neutral, low, high in ends):
-            idle.append(t)
-    return idle
+    both = zip(found, rows_of(found, first), strict=True)
+    return [t for t, rows in both if may_be_absent(fit, t.term.free, rows.start, spread)]
 
 
 def _in_place(
@@ -416,12 +411,6 @@ def _goes_with_speed(term: Term) -> bool:
     return law is not None and (law.damping or bool({"vn", "vt"} & set(law.arguments)))
 
 
-def _is_damping(term: Term) -> bool:
-    """Whether a term is a drag or friction of one strength: over a short time they are alike."""
-    law = all_laws().get(term.law)
-    return len(term.free) == 1 and law is not None and law.damping
-
-
 def _partners(search: SetSearch, pair: list[Trial]) -> list[Trial]:
     """The pair with its drag exchanged, its shapes begun anew where that follows better, and the drag once more."""
     best = _exchanged(search, pair)
@@ -501,12 +490,12 @@ def _exchanged(search: SetSearch, pair: list[Trial]) -> list[Trial]:
     offset = search.first
     for which in (0, 1):
         term, keep = pair[which].term, pair[1 - which]
-        if not _is_damping(term):
+        if not is_damping(term):
             continue
         own = rows_of(pair, offset)
         at, rows = own[which].start, own[1 - which]
         moved = _column(search.fitter, fit, at) * fit.values[at]
-        others = [t for t in search.terms if _is_damping(t) and t.label != term.label]
+        others = [t for t in search.terms if is_damping(t) and t.label != term.label]
         others = [t for t in others if t.mechanism != keep.mechanism]
         signatures = make_bank(search.fitter, fit, others).signatures
         kept = [*fit.values[:offset], *fit.values[rows]]
@@ -536,12 +525,7 @@ def _with_another(
 
 def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
     """Whether the interval of at least one strength of the last term leaves out where the law is absent."""
-    offset = len(fit.values) - trial.numbers
-    for k, free in enumerate(trial.term.free):
-        _, low, high = fit.interval(offset + k, spread)
-        if not free.inner and not low <= free.neutral <= high:
-            return True
-    return False
+    return not may_be_absent(fit, trial.term.free, len(fit.values) - trial.numbers, spread)
 
 
 @dataclass(frozen=True)

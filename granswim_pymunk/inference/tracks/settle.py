@@ -19,7 +19,7 @@ from ..trial import rows_of
 from .believed import stated_terms
 from .choose import absurd
 from .fit import Fitter
-from .fitted import Fit
+from .fitted import Fit, may_be_absent
 from .intervals import with_believed_errors
 from .name import Trial, off_bounds
 from .sets import SetSearch
@@ -272,16 +272,12 @@ def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[
     Of laws with one strength: components of a push may each be none, and not both. That of a law with a shape lies
     along a bent valley with it: its profile alone says how far that goes.
     """
-    at = {free.name: k for k, free in enumerate(fit.hypothesis.free)}
     doubtful = []
     for trial in found:
-        strengths = [(at[f.name], f.neutral) for f in trial.term.free if not f.inner and f.name in at]
-        shaped = any(f.inner for f in trial.term.free)
-        if len(strengths) != 1 or (shaped and strengths[0][0] not in fit.profiles):
-            continue
-        ((k, neutral),) = strengths
-        _, low, high = fit.interval(k, spread)
-        if low <= neutral <= high:
+        free, first = trial.term.free, fit.hypothesis.rows(trial.label).start
+        strengths = [k for k, f in enumerate(free, first) if not f.inner]
+        told = len(strengths) == len(free) or all(k in fit.profiles for k in strengths)
+        if len(strengths) == 1 and told and may_be_absent(fit, free, first, spread):
             doubtful.append(trial)
     return doubtful
 

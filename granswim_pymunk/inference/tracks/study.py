@@ -274,11 +274,13 @@ def with_memory(study: Study, tried: FittedAlone, best: Fit | None = None) -> tu
     Where what it leaves has no memory, or that is counted already, both as they were. A slow part is counted as far as
     it passes for noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
-    best = best or _left_by_a_name(study, tried)
     # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
     most = 2 * (1 + current().noise.slow_most ** 2)
-    counted = any(c.noise.size for c in study.training)
-    if counted or study.late(current().budget.memory) or best.chi2 > most * best.count:
+    counted, least = any(c.noise.size for c in study.training), best or tried.best
+    if counted or study.late(current().budget.memory) or least.chi2 > most * least.count:
+        return study, tried
+    best = best or _left_by_a_name(study, tried)
+    if best.chi2 > most * best.count:
         return study, tried
     noise = _slow_noise(study, tried, best)
     if not noise.size:
