@@ -73,6 +73,7 @@ from .pairs import Exchange
 from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
+    has_idle_entry,
     known_together,
     that_earn_their_place,
     that_may_be_absent,
@@ -396,9 +397,11 @@ class Tracks(ObservationModel):
             return self._alike_in_pairs(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
-        same = [t for t in self.tried.alive if ahead(winner) - ahead(t) < current().verdict.same]
+        first = len(self.tried.recalibrated.values)
+        alive = [t for t in self.tried.alive if t is winner or not has_idle_entry(t, first, spread)]
+        same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
-            laws = sorted((t for t in self.tried.alive if not t.special), key=ahead, reverse=True)
+            laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         found: list[Trial] = []

@@ -168,6 +168,16 @@ def that_earn_their_place(
     return found, revised, dropped
 
 
+def has_idle_entry(trial: Trial, first: int, spread: float) -> bool:
+    """Whether of several entries of a law, one for each body or joint, one may as well be absent.
+
+    Such a law is one with fewer entries in other numbers, and is as good as that one by chance alone.
+    first, spread : as in ``intervals.with_limits``
+    """
+    several = trial.fit is not None and len(owners(trial.term)) > 1
+    return several and _weakest([trial], trial.fit, first, spread) is not None
+
+
 def with_numbers_that_were_found(
     fitter: Fitter, base: Fit, found: Sequence[Trial], revised: Fit, spread: float
 ) -> tuple[list[Trial], Fit, dict[str, str]]:
