@@ -86,6 +86,7 @@ CASES = [
     ("linear_drag", lambda: sliding(use("linear_drag", c=0.1, p=1))),
     ("quadratic_drag", lambda: sliding(use("quadratic_drag", c=0.3, p=2))),
     ("coulomb_substrate", lambda: sliding(use("coulomb_substrate", mu=0.05))),
+    ("coulomb_substrate", lambda: sliding(use("dry_friction", mu=0.05))),
     ("confinement", lambda: sliding(use("confinement", mu_eff=0.3, layers=1.0))),
     ("ambient_flow", lambda: sliding(use("ambient_flow", c=0.1, u=(0.3, -0.1)))),
     ("added_mass", lambda: sliding(use("uniform_force", a=(0.5, -0.2)), use("added_mass", beta=0.4))),

@@ -25,7 +25,7 @@ from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Scene
 
 from . import reference_mechanisms as mechanisms
-from .reference_forces import CONSTRAINTS, Force, Forces
+from .reference_forces import BRAKES, CONSTRAINTS, Force, Forces
 
 MOST_COLLISIONS = 20_000  # in one step; more is an inelastic collapse that instantaneous impacts cannot do
 
@@ -341,12 +341,32 @@ class Reference:
             pin.omega += dt * pin.length * float(force[pin.row] @ pin.across) / pin.moment
         for row, direction in moved.rails:
             force[row] = direction * (force[row] @ direction)
+        self._brake(dt, force)
         free = moved.drift_free
         self._v[free] += dt * force[free] * moved.inverse_mass[free, None]
         for pin in moved.pins:
             self._v[pin.row] = pin.omega * pin.length * pin.across
         self._lead_drives()
         self._a = (self._v - before) / dt
+
+    def _brake(self, dt: float, force: np.ndarray) -> None:
+        """Add to ``force`` (n, 2) [N] the dry friction that holds: what comes to rest within ``dt`` [s] stays there.
+
+        Without it a body that moves at v with the acceleration a stops after v/(mu g - a.v/v).
+        """
+        for item, values, rows in self.laws.uses:
+            grip = values["mu"] * self.scene.gravity_size if item.name in BRAKES else 0.0
+            for row in rows if grip > 0 else ():
+                v, a = self._v[row], force[row] * self._constraints.inverse_mass[row]
+                speed, pull = float(np.hypot(*v)), float(np.hypot(*a))
+                ahead = v / speed if speed else np.zeros(2)
+                stops = speed / max(grip - float(a @ ahead), 1e-300)
+                if speed and stops > dt:
+                    middle = v + 0.5 * dt * (a - grip * ahead)
+                    after = v + dt * (a - grip * middle / np.hypot(*middle))
+                else:
+                    after = (dt - stops) * max(1.0 - grip / pull, 0.0) * a if pull else np.zeros(2)
+                force[row] = (after - v) / dt / self._constraints.inverse_mass[row]
 
     def _lead_drives(self) -> None:
         """Driven bodies get the mean velocity of the coming step: a drift lands where the command leads."""

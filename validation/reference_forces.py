@@ -27,9 +27,10 @@ DAMPED = (
     "pin_friction", "joint_friction", "joint_drag",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
+BRAKES = ("dry_friction",)
 LINKS = ("hinge", "rod")
 KNOWN = (
-    *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *LINKS, *mechanisms.FIELDS,
+    *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *BRAKES, *LINKS, *mechanisms.FIELDS,
     *mechanisms.JOINTS, *mechanisms.PAIRS,
     *mechanisms.CHAIN_LAWS, *mechanisms.INERTIA,
 )  # fmt: skip

@@ -6,12 +6,13 @@ Experiments of an afternoon, with what a film of them has; what is missing in th
 - ``spin``: a ball that spins flies on a curve;  ``incline``: a ball rolls down, and was thought to slide
 - ``bounce``: a ball bounces on a floor;  ``cradle``: two pendulums that strike each other
 - ``coupled``: two pendulums with a weak spring between them;  ``lens``: a pendulum before a lens that bends
-- ``hard``: a cart on a spring that stiffens;  ``dry``: a cart on a spring that rubs;  ``limit``: a motor at its limit
+- ``hard``: a cart on a spring that stiffens;  ``dry``: a cart on a spring that rubs;  ``rests``: one that stops
+- ``slips``: a block that a motor draws by a spring, and that sticks and slips;  ``limit``: a motor at its limit
 - ``carts``: two carts with magnets on one rail;  ``loaded``: pucks in a box, one of them loaded
 - ``still``, ``quiet``: a pendulum and a box of pucks in which nothing is missing
 
 SciPy's adaptive method (Dormand & Prince) integrates here, of a ball from impact to impact; the cradle goes in steps of
-1/24000 s, and the pucks are those of ``hard_disks``. No law of the engine or of the proof is called. DIR, the truth
+1/24000 s, what rubs and stops in steps of 1/20000 s, and the pucks are those of ``hard_disks``. No law of the engine or of the proof is called. DIR, the truth
 and ``--score`` are as those of ``validation.lab``.
 """
 
@@ -200,28 +201,76 @@ def still(rng: np.random.Generator, name: str) -> Made:
     return made(rng, name, t, xy, [Body("a", "free", 0.02, 0.2)], pins([0.0], 0.4), [], "a pendulum", 2e-4, DOWN)
 
 
+CART, SPRING = 0.25, 8.0  # kg, N/m
+
+
 def on_spring(
-    rng: np.random.Generator, name: str, force: Callable[[float, float], float], truth: Sequence[Law], beside: str
+    rng: np.random.Generator, name: str, x: np.ndarray, t: np.ndarray, truth: Sequence[Law], beside: str
 ) -> Made:
-    """A cart of 0.25 kg on a spring of 8 N/m, ``force`` (x, v) [N] beside it."""
-    mass, stiffness, t = 0.25, 8.0, frames(6.0, 120)
-    path = path_of(lambda y: np.array([y[1], (force(*y) - stiffness * y[0]) / mass]), [0.12, 0.0], t)
-    laws = [use("rail", direction=(1.0, 0.0), bodies=["cart"]), use("spring", anchor=(0.0, 0.0), stiffness=stiffness,
-                                                                    length=0.0, bodies=["cart"])]  # fmt: skip
-    xy = np.column_stack([path[:, 0], np.zeros(len(t))])[:, None]
-    return made(rng, name, t, xy, [Body("cart", "free", 0.03, mass)], laws, truth, beside)
+    """A cart on a rail that a spring draws to 0, at places x (T,) [m]."""
+    laws = [use("rail", direction=(1.0, 0.0), bodies=["cart"]),
+            use("spring", anchor=(0.0, 0.0), stiffness=SPRING, length=0.0, bodies=["cart"])]  # fmt: skip
+    xy = np.column_stack([x, np.zeros(len(t))])[:, None]
+    return made(rng, name, t, xy, [Body("cart", "free", 0.03, CART)], laws, truth, beside)
+
+
+def swung(force: Callable[[float, float], float], t: np.ndarray) -> np.ndarray:
+    """(T,) places of the cart let go at 0.12 m, ``force`` (x, v) [N] beside the spring's."""
+    return path_of(lambda y: np.array([y[1], (force(*y) - SPRING * y[0]) / CART]), [0.12, 0.0], t)[:, 0]
+
+
+def rubbed(x: float, pull: Callable[[float, float], float], mu: float, drag: float, t: np.ndarray) -> np.ndarray:
+    """(T,) places of a body at rest at x that ``pull`` (t, x) [m/s^2] draws, held by friction up to mu g."""
+    dt, v, most = 1 / 20000, 0.0, mu * G
+    seen = np.empty(int(t[-1] / dt) + 2)
+    for k in range(len(seen)):
+        seen[k] = x
+        a = pull(k * dt, x) - drag * v
+        side = math.copysign(1.0, v or a)
+        after = v + dt * (a - side * most)
+        # against the motion it cannot turn it round, and what rests it only holds
+        v = after if after * side > 0 else 0.0
+        x += dt * v
+    return np.interp(t, np.arange(len(seen)) * dt, seen)
 
 
 def hard(rng: np.random.Generator, name: str) -> Made:
     cubic, c = rng.uniform(60, 120), rng.uniform(0.002, 0.006)
     truth = [("nonlinear_spring", {"k_3": cubic}), ("linear_drag", {"c": c})]
-    return on_spring(rng, name, lambda x, v: -cubic * x**3 - c * v, truth, "on a rail")
+    t = frames(6.0, 120)
+    return on_spring(rng, name, swung(lambda x, v: -cubic * x**3 - c * v, t), t, truth, "on a rail")
 
 
 def dry(rng: np.random.Generator, name: str) -> Made:
     mu, c = rng.uniform(0.004, 0.007), rng.uniform(0.002, 0.006)
     truth = [("coulomb_substrate", {"mu": mu}), ("linear_drag", {"c": c})]
-    return on_spring(rng, name, lambda x, v: -mu * 0.25 * G * math.tanh(v / 1e-3) - c * v, truth, "on a rail")
+    t = frames(6.0, 120)
+    x = swung(lambda x, v: -mu * CART * G * math.tanh(v / 1e-3) - c * v, t)
+    return on_spring(rng, name, x, t, truth, "on a rail")
+
+
+def rests(rng: np.random.Generator, name: str) -> Made:
+    mu, c, t = rng.uniform(0.02, 0.04), 0.004, frames(6.0, 60)
+    x = rubbed(0.12, lambda _, x: -SPRING / CART * x, mu, c / CART, t)
+    truth = [("coulomb_substrate", {"mu": mu}), ("linear_drag", {"c": c})]
+    return on_spring(rng, name, x, t, truth, "it stops")
+
+
+def slips(rng: np.random.Generator, name: str) -> Made:
+    mu, mass, stiffness, apart, t = rng.uniform(0.03, 0.06), 0.3, 6.0, 0.2, frames(10.0, 60)
+    when = np.arange(0.0, 10.02, 0.02)
+    command = np.round(0.05 + 0.03 * np.sin(0.8 * math.pi * when), 6)
+    drawn = np.concatenate([[0.0], np.cumsum(0.01 * (command[1:] + command[:-1]))])
+    fine, all_drawn = np.arange(0.0, 10.02, 1 / 20000), np.interp(np.arange(0.0, 10.02, 1 / 20000), when, drawn)
+    block = rubbed(0.0, lambda now, x: stiffness / mass * (float(all_drawn[round(now * 20000)]) - x), mu, 0.0, t)
+    motor = np.interp(t, fine, all_drawn) + apart
+    xy = np.stack([np.column_stack([x, np.zeros(len(t))]) for x in (motor, block)], axis=1)
+    laws = [use("rail", direction=(1.0, 0.0), bodies=["motor", "block"]), use("drive", bodies=["motor"], gain=1.0),
+            use("pair_spring", bodies=["motor", "block"], k=stiffness, f_0=stiffness * apart)]  # fmt: skip
+    told = {"motor": (tuple(map(float, np.round(when, 4))), tuple(map(float, command)))}
+    bodies = [Body("motor", "free", 0.02, 0.5), Body("block", "free", 0.02, mass)]
+    truth = [("coulomb_substrate", {"mu": mu})]
+    return made(rng, name, t, xy, bodies, laws, truth, "it sticks", 2e-4, inputs=told)
 
 
 def limit(rng: np.random.Generator, name: str) -> Made:
@@ -292,7 +341,9 @@ def quiet(rng: np.random.Generator, name: str) -> Made:
     return _box(rng, name, 0.0, 0.0, [], "a box of pucks")
 
 
-ALL = (sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet)
+ALL = (
+    sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet, rests, slips,
+)  # fmt: skip
 EXPERIMENTS: Experiments = {make.__name__: make for make in ALL}
 
 if __name__ == "__main__":

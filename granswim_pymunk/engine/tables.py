@@ -324,8 +324,9 @@ def _holds(law: Law) -> bool:
 
 
 def _constraint_order(name: str) -> int:
-    # what changes the inertia comes first; a rail gives way to the drive along it; a pin comes before both
-    return {"pin": 1, "rail": 2, "drive": 3}.get(name, 0)
+    # what changes the inertia comes first; a rail gives way to the drive along it; a pin comes before both. What rubs
+    # along a rail sees what the rail leaves of the forces
+    return {"pin": 1, "rail": 2, "dry_friction": 3, "drive": 4}.get(name, 0)
 
 
 def _runs(rows: np.ndarray, blocks: np.ndarray) -> np.ndarray:

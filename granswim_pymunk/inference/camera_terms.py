@@ -46,7 +46,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
 def _holds(law: Law) -> bool:
     """Whether a law holds bodies to a place of the scene: only there a shift of all positions shows."""
-    return law.kind == "constraint" or any(p.name == "anchor" for p in law.parameters)
+    return (law.kind == "constraint" and law.role != "brake") or any(p.name == "anchor" for p in law.parameters)
 
 
 def _oblique_terms(positions: bool) -> list[Term]:

@@ -111,7 +111,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                              usual=usual)
                     )  # fmt: skip
                 groups.append((p.name, tuple(range(start, len(free)))))
-        label = law.mechanism + "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
+        label = law.mechanism + (" that holds" if law.role == "brake" else "")
+        label += "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
                 mechanism=law.mechanism,
@@ -339,6 +340,15 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     return bool(held & set(law.nests)) or (by_weight and law.name in held)
 
 
+def may_hold(law: Law, cases: Sequence[Case]) -> bool:
+    """Whether a brake can show that it holds: where it is declared to, and no pin or hinge has a friction of its own.
+
+    True of other laws.
+    """
+    scenes = [c.recording.scene for c in cases]
+    return law.role != "brake" or (suited(law, cases) and not any(s.joints_of or s.links for s in scenes))
+
+
 def in_contact_alone(term: Term) -> bool:
     """Whether all that a term changes acts only while bodies touch."""
     laws = [all_laws().get(f.name.partition(".")[0]) for f in term.free]
@@ -369,7 +379,7 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     for law in all_laws().values():
         if law.candidate != "named" or law.kind not in kinds or not has_its_joints(law, cases):
             continue
-        if not applies(law, cases) or out_of_place(law, cases):
+        if not applies(law, cases) or out_of_place(law, cases) or not may_hold(law, cases):
             continue
         terms += [_unlevel(t, law, cases) for t in law_terms(law, cases, each=False)]
         if several and each and (_is_simple(law) if law.kind != "joint" else len(joints_by_body(cases)) > 1):

@@ -126,6 +126,7 @@ STATE: dict[str, dict[str, str]] = {
         "given_inertia": "moment of inertia about the centre [kg m^2], 0 where none was given",
         "fx": "sum of all other forces [N]",
         "fy": "sum of all other forces [N]",
+        "g": "size of gravity [m/s^2], 9.81 where the scene has none",
         "command": "commanded value of the body's input over the coming step",
     },
     "impulse": {},
@@ -221,6 +222,7 @@ ROLES = {
     "bar": "holds the centres of two bodies apart",
     "pivot": "two bodies, or one and the world, turn about a point",
     "tether": "draws a body to a place",
+    "brake": "holds a body that has come to rest",
     # of forms without a name: what they are smooth in
     "place": "a force smooth in place",
     "speed": "a drag smooth in speed",

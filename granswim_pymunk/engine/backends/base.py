@@ -256,12 +256,20 @@ class Backend(ABC):
 
     @functools.cached_property
     def held_rows(self) -> np.ndarray:
-        """(n,) bool, inner order: bodies under a constraint that looks at the velocity."""
+        """(n,) bool, inner order: bodies under a constraint that looks at the velocity half a step behind.
+
+        What brakes a body asks where it goes from the start on, and along a rail nothing lies behind.
+        """
         held = np.zeros(self.order.n, dtype=bool)
         held[self.joints.links.rows] = True
+        masks = self.state.laws.mask.astype(bool)
+        braked = np.zeros(self.order.n, dtype=bool)
         for u, item in enumerate(self.uses.items):
-            if item.law.kind == "constraint" and {"vx", "vy"} & set(item.law.arguments):
-                held |= self.state.laws.mask[u].astype(bool)
+            if item.law.role == "brake":
+                braked |= masks[u]
+        for u, item in enumerate(self.uses.items):
+            if item.law.kind == "constraint" and {"vx", "vy"} & set(item.law.arguments) and item.law.role != "brake":
+                held |= masks[u] & ~braked if item.law.role == "guide" else masks[u]
         return held
 
     # ---- checkpoints ----------------------------------------------------------------------------

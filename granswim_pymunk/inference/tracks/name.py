@@ -460,19 +460,25 @@ def unstuck(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> tuple[Fit, li
 def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence[Trial]) -> Trial:
     """A law that holds another as a special case cannot fit worse: where it does, the search begins from that one.
 
-    Drag in still air is a flow of no speed.
+    Drag in still air is a flow of no speed. So where a law is another form of the same mechanism: friction that holds
+    stops a cart after one swing or after two, and no step leads from one to the other.
     """
     names = special_cases(trial.mechanism)
-    if not names or trial.fit is None:
+    if trial.fit is None:
         return trial
     special = [t for t in trials if t.mechanism in names and t.numbers == 1 and t.fit is not None]
+    special += [
+        t for t in trials
+        if (t.mechanism, t.numbers) == (trial.mechanism, trial.numbers) and t.term.law != trial.term.law
+        and t.fit is not None
+    ]  # fmt: skip
     best = max(special, key=lambda t: t.gain, default=None)
     if best is None or best.fit is None or best.gain <= trial.gain:
         return trial
     n = len(base.values)
-    rest = [0.0] * (trial.numbers - 1)
+    rest = [0.0] * (trial.numbers - best.numbers)
     hypothesis = base.hypothesis.with_term(trial.term)
-    begin, enough = [*best.fit.values[:n], best.fit.values[n], *rest], current().evaluations.special
+    begin, enough = [*best.fit.values[: n + best.numbers], *rest], current().evaluations.special
     found = fitter.fit(hypothesis, begin, best.fit.starts, evaluations=enough)
     if found.chi2 >= trial.fit.chi2:
         return trial

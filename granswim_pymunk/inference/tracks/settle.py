@@ -49,7 +49,7 @@ def in_names_of_apparatus(
         best: StandIn | None = None
         others = _usual_instead(search, found[k].term)
         for term in [*_standing_for(found[k].term, search.terms), *others]:
-            if term.mechanism in {t.mechanism for t in found}:
+            if term.law == found[k].term.law or term.mechanism in {t.mechanism for t in found if t is not found[k]}:
                 continue
             trial = _in_place(search, found, k, term, revised)
             if trial is None or trial.fit is None:
@@ -62,7 +62,8 @@ def in_names_of_apparatus(
                 best = StandIn(trial, found[k], float(ahead))
         if best is None or best.named.fit is None:
             continue
-        told.append(best)
+        if best.named.mechanism != best.gave_way.mechanism:
+            told.append(best)
         found[k], revised = best.named, best.named.fit
         found = search.as_in(revised, found)
     return found, revised, told
@@ -174,8 +175,9 @@ def has_idle_entry(trial: Trial, first: int, spread: float) -> bool:
     Such a law is one with fewer entries in other numbers, and is as good as that one by chance alone.
     first, spread : as in ``intervals.with_limits``
     """
-    several = trial.fit is not None and len(owners(trial.term)) > 1
-    return several and _weakest([trial], trial.fit, first, spread) is not None
+    if trial.fit is None or len(owners(trial.term)) < 2:
+        return False
+    return _weakest([trial], trial.fit, first, spread) is not None
 
 
 def with_numbers_that_were_found(
