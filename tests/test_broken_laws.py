@@ -103,6 +103,7 @@ CASES = [
     ("pair_lubrication", lambda: pressed(use("pair_lubrication", c=3.0, range=2e-3))),
     ("pin", pendulum),
     ("joint_friction", lambda: pendulum(use("joint_friction", torque=0.1))),
+    ("joint_friction", lambda: pendulum(use("pin_stiction", torque=0.1))),
     ("joint_drag", lambda: pendulum(use("joint_drag", c=0.05))),
     ("rail", on_a_rail),
     ("drive", driven),

@@ -25,7 +25,7 @@ from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Scene
 
 from . import reference_mechanisms as mechanisms
-from .reference_forces import BRAKES, CONSTRAINTS, Force, Forces
+from .reference_forces import CONSTRAINTS, Force, Forces
 
 MOST_COLLISIONS = 20_000  # in one step; more is an inelastic collapse that instantaneous impacts cannot do
 
@@ -338,7 +338,8 @@ class Reference:
         moved = self._constraints
         before = self._v.copy()
         for pin in moved.pins:
-            pin.omega += dt * pin.length * float(force[pin.row] @ pin.across) / pin.moment
+            pull = pin.length * float(force[pin.row] @ pin.across) / pin.moment
+            pin.omega = self._held_back(dt, pin, pull)
         for row, direction in moved.rails:
             force[row] = direction * (force[row] @ direction)
         self._brake(dt, force)
@@ -355,7 +356,7 @@ class Reference:
         Without it a body that moves at v with the acceleration a stops after v/(mu g - a.v/v).
         """
         for item, values, rows in self.laws.uses:
-            grip = values["mu"] * self.scene.gravity_size if item.name in BRAKES else 0.0
+            grip = values["mu"] * self.scene.gravity_size if item.name == "dry_friction" else 0.0
             for row in rows if grip > 0 else ():
                 v, a = self._v[row], force[row] * self._constraints.inverse_mass[row]
                 speed, pull = float(np.hypot(*v)), float(np.hypot(*a))
@@ -367,6 +368,21 @@ class Reference:
                 else:
                     after = (dt - stops) * max(1.0 - grip / pull, 0.0) * a if pull else np.zeros(2)
                 force[row] = (after - v) / dt / self._constraints.inverse_mass[row]
+
+    def _held_back(self, dt: float, pin: _Pin, pull: float) -> float:
+        """The angular velocity after ``dt`` [s] at the angular acceleration ``pull``, with the friction that holds."""
+        torque = sum(
+            values["torque"] for item, values, rows in self.laws.uses if item.name == "pin_stiction" and pin.row in rows
+        )
+        grip, free = torque / pin.moment, dt
+        if grip == 0:
+            return pin.omega + dt * pull
+        if pin.omega:
+            slowed = pin.omega + dt * (pull - math.copysign(grip, pin.omega))
+            if slowed * pin.omega > 0:
+                return slowed
+            free -= abs(pin.omega) / (grip - math.copysign(pull, pull * pin.omega))
+        return free * math.copysign(max(abs(pull) - grip, 0.0), pull)
 
     def _lead_drives(self) -> None:
         """Driven bodies get the mean velocity of the coming step: a drift lands where the command leads."""

@@ -27,7 +27,7 @@ DAMPED = (
     "pin_friction", "joint_friction", "joint_drag",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
-BRAKES = ("dry_friction",)
+BRAKES = ("dry_friction", "pin_stiction")
 LINKS = ("hinge", "rod")
 KNOWN = (
     *CONTACTS, "contact_elastic", *CHAIN_LAWS, *FIELDS, *CONSTRAINTS, *BRAKES, *LINKS, *mechanisms.FIELDS,

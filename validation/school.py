@@ -6,14 +6,15 @@ Experiments of an afternoon, with what a film of them has; what is missing in th
 - ``spin``: a ball that spins flies on a curve;  ``incline``: a ball rolls down, and was thought to slide
 - ``bounce``: a ball bounces on a floor;  ``cradle``: two pendulums that strike each other
 - ``coupled``: two pendulums with a weak spring between them;  ``lens``: a pendulum before a lens that bends
+- ``halts``: a pendulum that its bearing stops
 - ``hard``: a cart on a spring that stiffens;  ``dry``: a cart on a spring that rubs;  ``rests``: one that stops
 - ``slips``: a block that a motor draws by a spring, and that sticks and slips;  ``limit``: a motor at its limit
 - ``carts``: two carts with magnets on one rail;  ``loaded``: pucks in a box, one of them loaded
 - ``still``, ``quiet``: a pendulum and a box of pucks in which nothing is missing
 
 SciPy's adaptive method (Dormand & Prince) integrates here, of a ball from impact to impact; the cradle goes in steps of
-1/24000 s, what rubs and stops in steps of 1/20000 s, and the pucks are those of ``hard_disks``. No law of the engine or of the proof is called. DIR, the truth
-and ``--score`` are as those of ``validation.lab``.
+1/24000 s, what rubs and stops in steps of 1/20000 s, and the pucks are those of ``hard_disks``. No law of the engine or
+of the proof is called. DIR, the truth and ``--score`` are as those of ``validation.lab``.
 """
 
 from __future__ import annotations
@@ -220,7 +221,7 @@ def swung(force: Callable[[float, float], float], t: np.ndarray) -> np.ndarray:
 
 
 def rubbed(x: float, pull: Callable[[float, float], float], mu: float, drag: float, t: np.ndarray) -> np.ndarray:
-    """(T,) places of a body at rest at x that ``pull`` (t, x) [m/s^2] draws, held by friction up to mu g."""
+    """(T,) places or angles x, at first at rest, that ``pull`` (t, x) [1/s^2] draws, held by friction up to mu g."""
     dt, v, most = 1 / 20000, 0.0, mu * G
     seen = np.empty(int(t[-1] / dt) + 2)
     for k in range(len(seen)):
@@ -254,6 +255,16 @@ def rests(rng: np.random.Generator, name: str) -> Made:
     x = rubbed(0.12, lambda _, x: -SPRING / CART * x, mu, c / CART, t)
     truth = [("coulomb_substrate", {"mu": mu}), ("linear_drag", {"c": c})]
     return on_spring(rng, name, x, t, truth, "it stops")
+
+
+def halts(rng: np.random.Generator, name: str) -> Made:
+    torque, c, length, mass, t = rng.uniform(0.02, 0.04), 0.001, 0.4, 0.2, frames(8.0, 60)
+    moment = mass * length**2
+    angle = rubbed(0.8, lambda _, a: -G / length * math.sin(a), torque / moment / G, c / moment, t)
+    truth = [("joint_friction", {"torque": torque}), ("joint_drag", {"c": c})]
+    bob = [Body("a", "free", 0.02, mass)]
+    xy = hung(angle[:, None], length, [0.0])
+    return made(rng, name, t, xy, bob, pins([0.0], length), truth, "it stops", 2e-4, DOWN)
 
 
 def slips(rng: np.random.Generator, name: str) -> Made:
@@ -342,7 +353,8 @@ def quiet(rng: np.random.Generator, name: str) -> Made:
 
 
 ALL = (
-    sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet, rests, slips,
+    sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet, rests,
+    slips, halts,
 )  # fmt: skip
 EXPERIMENTS: Experiments = {make.__name__: make for make in ALL}
 

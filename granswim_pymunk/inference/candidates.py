@@ -341,12 +341,15 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
 
 
 def may_hold(law: Law, cases: Sequence[Case]) -> bool:
-    """Whether a brake can show that it holds: where it is declared to, and no pin or hinge has a friction of its own.
+    """Whether a brake can show that it holds: where it is declared to, and no hinge or rod is.
 
-    True of other laws.
+    Where bodies hang from pins, friction is that of the pin. True of other laws.
     """
+    if law.role != "brake":
+        return True
     scenes = [c.recording.scene for c in cases]
-    return law.role != "brake" or (suited(law, cases) and not any(s.joints_of or s.links for s in scenes))
+    hung = any(s.joints_of for s in scenes) and not law.refines
+    return suited(law, cases) and not hung and not any(s.links for s in scenes)
 
 
 def in_contact_alone(term: Term) -> bool:

@@ -289,7 +289,8 @@ class Scene:
         result: list[LawUse] = []
         for item in self.laws:
             refined = self._refined(item)
-            if item.law.kind == "body" and len(refined) > 1 and all(r.bodies is not None for r in refined):
+            single = item.law.kind in ("body", "constraint")
+            if single and len(refined) > 1 and all(r.bodies is not None for r in refined):
                 for other in refined:
                     own = item.bodies or other.bodies or ()
                     result.append(replace(item, bodies=tuple(b for b in own if b in (other.bodies or ()))))
