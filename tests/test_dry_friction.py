@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from granswim_pymunk import Body, Recording, Scene, Simulation, use
+from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.tracks import diagnose_tracks
-from granswim_pymunk.validation.reference import Reference
+from granswim_pymunk.validation.reference import Reference, exact
 
 MASS, STIFFNESS, G, START = 0.25, 8.0, 9.81, 0.12
 SPRING = use("spring", anchor=(0.0, 0.0), stiffness=STIFFNESS, length=0.0)
@@ -117,3 +118,8 @@ def test_a_cart_that_rests_beside_the_middle_is_told_from_one_that_creeps():
     assert (verdict["verdict"], entry["name"], verdict["complete"]) == ("missing_physics", "coulomb_substrate", True)
     found = entry["parameters"]["mu"]
     assert found["low"] < mu < found["high"] and found["high"] - found["low"] < 0.05 * mu
+
+
+def test_integrators_of_smooth_forces_refuse_it():
+    with pytest.raises(InputError, match="comes to rest"):
+        exact(cart(use("dry_friction", mu=0.03)), np.array([1.0]))

@@ -95,7 +95,7 @@ def linked_motion(
     Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (DOP853).
     """
     for item in scene.laws:
-        if item.law.kind in ("pair", "impulse", "chain") or item.name == "drive":
+        if item.law.kind in ("pair", "impulse", "chain") or item.name == "drive" or item.law.role == "brake":
             raise InputError("is not among what this integrator has", where=f"law {item.name}")
     laws, links = Forces(scene), _Links(scene)
     initial = np.array([body.initial for body in scene.bodies], dtype=float)

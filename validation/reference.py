@@ -529,13 +529,16 @@ def exact(
     For few bodies. The start is the scene's, at its ``time.start``; velocities belong to the same time.
     Pins and rails enter by their acceleration, drives by their integral. ``max_step`` [s] keeps it from
     stepping over a short contact (default: a 1000th of the whole).
-    Raises InputError for ``contact_elastic``, which has no force, and SimulationError where it fails.
+    Raises InputError for ``contact_elastic``, which has no force, and for friction that holds, whose force jumps; and
+    SimulationError where it fails.
     Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (DOP853).
     """
     if scene.laws_named("contact_elastic"):
         raise InputError("is instantaneous; use Reference", where="law contact_elastic")
     if scene.laws_named("contact_friction"):
         raise InputError("turns bodies; use Reference", where="law contact_friction")
+    for item in scene.laws_as("brake"):
+        raise InputError("jumps where a body comes to rest; use Reference", where=f"law {item.name}")
     at_start = Reference(scene, dt=1.0, extra=extra)
     state, laws, held = at_start.state(), at_start.laws, at_start._constraints
     n, t0 = len(state.xy), scene.time.start
