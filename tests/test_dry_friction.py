@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,10 +77,23 @@ def test_a_pendulum_stays_where_its_bearing_stops_it():
     assert abs(angle) > 5e-3  # not where it hangs straight down
     assert math.atan2(seen[0, 0], -seen[0, 1]) == pytest.approx(angle, abs=3e-4)
     assert np.abs(seen[1] - seen[0]).max() < 1e-14
-    one, other = Reference(scene, dt=1e-3, start="leapfrog"), Simulation(scene, dt=1e-3, start="leapfrog")
-    one.advance(5000)
-    other.advance(5000)
-    np.testing.assert_allclose(other.state().xy, one.state().xy, rtol=0, atol=1e-8)
+    for more in ((), (use("added_mass", beta=0.2),)):
+        scene = replace(scene, laws=(*scene.laws, *more))
+        one, other = Reference(scene, dt=1e-3, start="leapfrog"), Simulation(scene, dt=1e-3, start="leapfrog")
+        one.advance(5000)
+        other.advance(5000)
+        np.testing.assert_allclose(other.state().xy, one.state().xy, rtol=0, atol=1e-8)
+
+
+def test_friction_of_a_pin_slows_what_is_carried_along_too():
+    """More inertia, the same torque: a body that turns without weight slows down less, by its share."""
+    torque, length, speed, beta, t = 0.01, 0.4, 2.0, 0.25, 0.5
+    pin = use("pin", anchor=(0.0, 0.0), length=length, bodies=["cart"])
+    laws = (pin, use("pin_stiction", torque=torque), use("added_mass", beta=beta))
+    simulation = Simulation(cart(*laws, start=(0.0, -length, speed, 0.0)), dt=1e-4)
+    simulation.advance(5000)
+    after = speed - t * torque / (MASS * (1 + beta) * length)
+    assert np.hypot(*simulation.state().v[0]) == pytest.approx(after, abs=1e-5)
 
 
 def test_on_a_slope_it_holds_up_to_its_angle():

@@ -339,7 +339,7 @@ class Reference:
         before = self._v.copy()
         for pin in moved.pins:
             pull = pin.length * float(force[pin.row] @ pin.across) / pin.moment
-            pin.omega = self._held_back(dt, pin, pull)
+            pin.omega = self._held_back(dt, pin, pull, float(self.laws.inertia[pin.row]))
         for row, direction in moved.rails:
             force[row] = direction * (force[row] @ direction)
         self._brake(dt, force)
@@ -369,20 +369,25 @@ class Reference:
                     after = (dt - stops) * max(1.0 - grip / pull, 0.0) * a if pull else np.zeros(2)
                 force[row] = (after - v) / dt / self._constraints.inverse_mass[row]
 
-    def _held_back(self, dt: float, pin: _Pin, pull: float) -> float:
-        """The angular velocity after ``dt`` [s] at the angular acceleration ``pull``, with the friction that holds."""
+    def _held_back(self, dt: float, pin: _Pin, pull: float, inertia: float) -> float:
+        """The angular velocity after ``dt`` [s] at the angular acceleration ``pull``, with the friction that holds.
+
+        The friction is that of the body without what it carries along, and moves it all: ``inertia`` times its own.
+        """
         torque = sum(
             values["torque"] for item, values, rows in self.laws.uses if item.name == "pin_stiction" and pin.row in rows
         )
         grip, free = torque / pin.moment, dt
         if grip == 0:
             return pin.omega + dt * pull
+        pull *= inertia
+        after = 0.0
         if pin.omega:
-            slowed = pin.omega + dt * (pull - math.copysign(grip, pin.omega))
-            if slowed * pin.omega > 0:
-                return slowed
-            free -= abs(pin.omega) / (grip - math.copysign(pull, pull * pin.omega))
-        return free * math.copysign(max(abs(pull) - grip, 0.0), pull)
+            after = pin.omega + dt * (pull - math.copysign(grip, pin.omega))
+            free -= abs(pin.omega) / max(grip - math.copysign(pull, pull * pin.omega), 1e-300)
+        if after * pin.omega <= 0:
+            after = free * math.copysign(max(abs(pull) - grip, 0.0), pull)
+        return pin.omega + (after - pin.omega) / inertia
 
     def _lead_drives(self) -> None:
         """Driven bodies get the mean velocity of the coming step: a drift lands where the command leads."""

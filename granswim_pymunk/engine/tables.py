@@ -325,8 +325,8 @@ def _holds(law: Law) -> bool:
 
 def _constraint_order(name: str) -> int:
     # what changes the inertia comes first; a rail gives way to the drive along it; a pin comes before both. What rubs
-    # along a rail sees what the rail leaves of the forces; of a pin the tension sees what rubs
-    return {"pin_stiction": 1, "pin": 2, "rail": 3, "dry_friction": 4, "drive": 5}.get(name, 0)
+    # along a rail sees what the rail leaves of the forces; what rubs in a pin is a force that moves more inertia, too
+    return {"pin_stiction": -1, "pin": 1, "rail": 2, "dry_friction": 3, "drive": 4}.get(name, 0)
 
 
 def _runs(rows: np.ndarray, blocks: np.ndarray) -> np.ndarray:
