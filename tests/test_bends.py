@@ -47,6 +47,22 @@ def test_what_is_sought_over_a_range_pays_for_the_search():
     assert searched(trial(term("lens", special=True), 60.0), 1.0) == 0.0
 
 
+def test_a_law_with_an_entry_that_may_be_none_is_no_other_of_its_class(monkeypatch):
+    """Of a bearing that drags, a drag of each body is another form, with a number more that says nothing."""
+    alone = trial(term("bearing"), 60.0)
+    entries = tuple(Free(f"drag.c[{body}]", "kg/s", 0.0, 10.0, 0.0, 1.0) for body in "ab")
+    each = trial(Term("drag", "drag", entries, lambda *a: None), 60.0)
+    monkeypatch.setattr(model, "choose", lambda same, *a: max(same, key=lambda t: t.gain, default=None))
+    for second, others in ((0.4, ["drag"]), (0.01, [])):
+        fit = SimpleNamespace(**vars(each.fit) | {"values": np.array([0.5, second]), "profiles": {}})
+        tried = SimpleNamespace(alive=[alone, replace(each, fit=fit)], inner={"recalibrated": 9.0}, terms=())
+        tracks = SimpleNamespace(
+            spread=1.0, tried=tried, study=SimpleNamespace(inner=SimpleNamespace(slack=0.0)),
+        )  # fmt: skip
+        judged = SimpleNamespace(claim=Claim((alone,), alone.fit))
+        assert [c.laws[0].mechanism for c in model.Tracks.alike(tracks, judged)] == others  # type: ignore[arg-type]
+
+
 def test_laws_stand_by_where_held_out_data_turn_down_a_bent_picture(monkeypatch):
     terms = term("lens", 0, True), term("drag"), term("push")
     lens, drag, push = (trial(t, gain) for t, gain in zip(terms, (90.0, 60.0, 40.0), strict=True))

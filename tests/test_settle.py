@@ -114,7 +114,8 @@ def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected
     assert fit.chi2 < 1.4 * fit.count
     now, revised, told = in_names_of_apparatus(search_of(base, fitter, terms, case), found, fit)
     assert [t.mechanism for t in now] == expected
-    assert revised.chi2 == pytest.approx(fit.chi2, abs=1.0)
+    # the same law in other numbers, or friction that holds, which turns the swing more sharply
+    assert fit.chi2 - 5.0 < revised.chi2 < fit.chi2 + 1.0
     assert {e.gave_way.mechanism for e in told} == set(labels) - set(expected)
     # the same law in other numbers: its derivatives are as good, so are its intervals
     for free, value, variance in zip(revised.hypothesis.free, revised.values, np.diag(revised.covariance), strict=True):

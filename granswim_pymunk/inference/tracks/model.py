@@ -397,8 +397,7 @@ class Tracks(ObservationModel):
             return self._alike_in_pairs(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
-        first = len(self.tried.recalibrated.values)
-        alive = [t for t in self.tried.alive if t is winner or not has_idle_entry(t, first, spread)]
+        alive = [t for t in self.tried.alive if t is winner or not has_idle_entry(t, spread)]
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)

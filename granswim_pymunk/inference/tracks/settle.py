@@ -169,15 +169,15 @@ def that_earn_their_place(
     return found, revised, dropped
 
 
-def has_idle_entry(trial: Trial, first: int, spread: float) -> bool:
+def has_idle_entry(trial: Trial, spread: float) -> bool:
     """Whether of several entries of a law, one for each body or joint, one may as well be absent.
 
     Such a law is one with fewer entries in other numbers, and is as good as that one by chance alone.
-    first, spread : as in ``intervals.with_limits``
+    spread : inflation of variances by what the fit leaves
     """
     if trial.fit is None or len(owners(trial.term)) < 2:
         return False
-    return _weakest([trial], trial.fit, first, spread) is not None
+    return _weakest([trial], trial.fit, trial.fit.hypothesis.rows(trial.label).start, spread) is not None
 
 
 def with_numbers_that_were_found(
