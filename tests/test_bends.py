@@ -14,7 +14,7 @@ from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Judgement
 from granswim_pymunk.inference.model import Claim, HeldOut
 from granswim_pymunk.inference.pipeline import another_of_the_class, part_that_stands
-from granswim_pymunk.inference.tracks import model
+from granswim_pymunk.inference.tracks import model, settle
 from granswim_pymunk.inference.tracks.choose import searched, worth
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.segments import Impact, _struck_again
@@ -61,6 +61,16 @@ def test_a_law_with_an_entry_that_may_be_none_is_no_other_of_its_class(monkeypat
         )  # fmt: skip
         judged = SimpleNamespace(claim=Claim((alone,), alone.fit))
         assert [c.laws[0].mechanism for c in model.Tracks.alike(tracks, judged)] == others  # type: ignore[arg-type]
+
+
+def test_a_fault_of_the_camera_is_held_against_another_one(monkeypatch):
+    """Neither is made of a law: that they have none in common does not make them one."""
+    tilt, scale, asked = term("tilt"), term("scale"), []
+    monkeypatch.setattr(settle, "_standing_for", lambda *a: [])
+    monkeypatch.setattr(settle, "_usual_instead", lambda *a: [scale, tilt])
+    monkeypatch.setattr(settle, "_in_place", lambda search, found, k, term, revised: asked.append(term.label))
+    settle.in_names_of_apparatus(SimpleNamespace(terms=()), [trial(tilt, 9.0)], None)  # type: ignore[arg-type]
+    assert asked == ["scale"]
 
 
 def test_laws_stand_by_where_held_out_data_turn_down_a_bent_picture(monkeypatch):

@@ -25,7 +25,7 @@ from granswim_pymunk.errors import InputError, SimulationError
 from granswim_pymunk.scene import Scene
 
 from . import reference_mechanisms as mechanisms
-from .reference_forces import CONSTRAINTS, Force, Forces
+from .reference_forces import BRAKES, CONSTRAINTS, Force, Forces
 
 MOST_COLLISIONS = 20_000  # in one step; more is an inelastic collapse that instantaneous impacts cannot do
 
@@ -215,6 +215,13 @@ class Reference:
         self._restitutions = [
             (item, values) for item, values, _ in self.laws.uses if item.name == "contact_elastic"
         ]
+        # friction that holds: mu g [m/s^2] and the rows it slows; the torque [N m] on each that hangs
+        used = {name: [(v, rows) for item, v, rows in self.laws.uses if item.name == name] for name in BRAKES}
+        self._grips = [(v["mu"] * scene.gravity_size, rows) for v, rows in used["dry_friction"] if v["mu"] > 0]
+        self._torques: dict[int, float] = {}
+        for values, rows in used["pin_stiction"]:
+            for row in map(int, rows):
+                self._torques[row] = self._torques.get(row, 0.0) + values["torque"]
         self._constraints = Constraints(scene, self.xy, self._v, self.t)
         for row, direction in self._constraints.rails:
             self._v[row] = direction * (self._v[row] @ direction)
@@ -355,9 +362,8 @@ class Reference:
 
         Without it a body that moves at v with the acceleration a stops after v/(mu g - a.v/v).
         """
-        for item, values, rows in self.laws.uses:
-            grip = values["mu"] * self.scene.gravity_size if item.name == "dry_friction" else 0.0
-            for row in rows if grip > 0 else ():
+        for grip, rows in self._grips:
+            for row in rows:
                 v, a = self._v[row], force[row] * self._constraints.inverse_mass[row]
                 speed, pull = float(np.hypot(*v)), float(np.hypot(*a))
                 ahead = v / speed if speed else np.zeros(2)
@@ -374,10 +380,7 @@ class Reference:
 
         The friction is that of the body without what it carries along, and moves it all: ``inertia`` times its own.
         """
-        torque = sum(
-            values["torque"] for item, values, rows in self.laws.uses if item.name == "pin_stiction" and pin.row in rows
-        )
-        grip, free = torque / pin.moment, dt
+        grip, free = self._torques.get(pin.row, 0.0) / pin.moment, dt
         if grip == 0:
             return pin.omega + dt * pull
         pull *= inertia

@@ -272,9 +272,10 @@ def slips(rng: np.random.Generator, name: str) -> Made:
     when = np.arange(0.0, 10.02, 0.02)
     command = np.round(0.05 + 0.03 * np.sin(0.8 * math.pi * when), 6)
     drawn = np.concatenate([[0.0], np.cumsum(0.01 * (command[1:] + command[:-1]))])
-    fine, all_drawn = np.arange(0.0, 10.02, 1 / 20000), np.interp(np.arange(0.0, 10.02, 1 / 20000), when, drawn)
-    block = rubbed(0.0, lambda now, x: stiffness / mass * (float(all_drawn[round(now * 20000)]) - x), mu, 0.0, t)
-    motor = np.interp(t, fine, all_drawn) + apart
+    # the command at each of the steps of ``rubbed``
+    led = np.interp(np.arange(len(when) * 400) / 20000, when, drawn)
+    block = rubbed(0.0, lambda now, x: stiffness / mass * (float(led[round(now * 20000)]) - x), mu, 0.0, t)
+    motor = np.interp(t, when, drawn) + apart
     xy = np.stack([np.column_stack([x, np.zeros(len(t))]) for x in (motor, block)], axis=1)
     laws = [use("rail", direction=(1.0, 0.0), bodies=["motor", "block"]), use("drive", bodies=["motor"], gain=1.0),
             use("pair_spring", bodies=["motor", "block"], k=stiffness, f_0=stiffness * apart)]  # fmt: skip

@@ -263,10 +263,7 @@ class Backend(ABC):
         held = np.zeros(self.order.n, dtype=bool)
         held[self.joints.links.rows] = True
         masks = self.state.laws.mask.astype(bool)
-        braked = np.zeros(self.order.n, dtype=bool)
-        for u, item in enumerate(self.uses.items):
-            if item.law.role == "brake":
-                braked |= masks[u]
+        braked = masks[[u for u, item in enumerate(self.uses.items) if item.law.role == "brake"]].any(axis=0)
         for u, item in enumerate(self.uses.items):
             if item.law.kind == "constraint" and {"vx", "vy"} & set(item.law.arguments) and item.law.role != "brake":
                 held |= masks[u] & ~braked if item.law.role == "guide" else masks[u]

@@ -49,7 +49,8 @@ def in_names_of_apparatus(
         best: StandIn | None = None
         others = _usual_instead(search, found[k].term)
         for term in [*_standing_for(found[k].term, search.terms), *others]:
-            if term.law == found[k].term.law or term.mechanism in {t.mechanism for t in found if t is not found[k]}:
+            beside = {t.mechanism for t in found if t is not found[k]}
+            if term.label == found[k].label or term.mechanism in beside:
                 continue
             trial = _in_place(search, found, k, term, revised)
             if trial is None or trial.fit is None:

@@ -88,6 +88,8 @@ class Told:
         known = all_laws().get(term.law)
         of_joint = known is not None and known.kind == "joint"
         joints = {b: list(names) for b, names in joints_by_body(self.cases).items()} if of_joint else {}
+        acting = list(dict.fromkeys(b for names in joints.values() for b in names))
+        acting = acting or list(term.bodies if term.bodies is not None else names_of(self.cases))
         entries = []
         for owner in list[str | None](bodies) or [None]:
             parameters: dict[str, Written] = {}
@@ -101,8 +103,6 @@ class Told:
                     parameters[name] = self._parameter(offset, term, mine)
             for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
                 parameters[name] = (value, None, None, unit)
-            everywhere = dict.fromkeys(b for names in joints.values() for b in names) or names_of(self.cases)
-            acting = list(everywhere if term.bodies is None or joints else term.bodies)
             expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
             shown = [r for r, f in enumerate(term.free) if f.name in term.along]
             mine = [r for r in shown if owner is None or term.free[r].name.endswith(f"[{owner}]")]
