@@ -89,6 +89,7 @@ CASES = [
     ("coulomb_substrate", lambda: sliding(use("dry_friction", mu=0.05))),
     ("confinement", lambda: sliding(use("confinement", mu_eff=0.3, layers=1.0))),
     ("ambient_flow", lambda: sliding(use("ambient_flow", c=0.1, u=(0.3, -0.1)))),
+    ("ambient_flow", lambda: sliding(use("quadratic_flow", c=0.3, u=(0.3, -0.1), p=1))),
     ("added_mass", lambda: sliding(use("uniform_force", a=(0.5, -0.2)), use("added_mass", beta=0.4))),
     ("spring", carts),
     ("nonlinear_spring", lambda: carts(use("nonlinear_spring", k_3=400.0))),

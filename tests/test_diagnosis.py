@@ -345,6 +345,21 @@ def test_wind_over_the_table_is_an_ambient_flow():
     np.testing.assert_allclose(entry["parameters"]["u"]["value"], (0.1, -0.05), atol=5e-3)
 
 
+def test_balls_in_the_wind_are_dragged_with_the_square_of_the_speed():
+    """By no stream with a linear drag, and by no quadratic one in still air: named as a stream, told with its law."""
+    starts = {"a": (0.0, 2.0, 0.2, 1.0), "b": (0.3, 2.0, 0.8, 2.0)}
+    bodies = tuple(Body(k, "free", 0.02, 0.01 if k == "a" else 0.02, initial=starts[k]) for k in starts)
+    falling = Scene(bodies, (use("gravity"),), gravity=(0.0, -9.81))
+    truth = falling.with_laws(use("quadratic_flow", c=0.004, u=(1.5, 0.0)))
+    found = diagnose_tracks([filmed(truth, falling, SHORT, np.random.default_rng(16))])
+    (entry,) = found.verdict["mechanisms"]
+    assert entry["name"] == "ambient_flow" and "|v_i - u| (v_i - u)" in entry["expression"]
+    assert entry["parameters"]["c"]["unit"] == "kg/m"
+    assert entry["parameters"]["c"]["value"] == pytest.approx(0.004, rel=0.05)
+    np.testing.assert_allclose(entry["parameters"]["u"]["value"], (1.5, 0.0), atol=0.05)
+    assert found.verdict["complete"]
+
+
 def test_limits_of_numbers_that_are_known_only_together():
     """Beside an adjustable drag a flow shows as c u and as the sum of both c: profiles go along that valley."""
     truth = table(use("linear_drag", c=0.006), use("ambient_flow", c=0.004, u=(0.2, -0.1)))

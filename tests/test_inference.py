@@ -618,6 +618,7 @@ def test_numbers_that_chance_explains_are_as_good_as_absent():
     assert [by_chance(rise, n) for rise, n in ((3.8, 1), (3.9, 1), (5.9, 2), (6.1, 2))] == [True, False, True, False]
     assert all_absent([(0.0, -1.0, 1.0), (1.0, 1.0, 2.0)]) and not all_absent([(0.0, -1.0, 1.0), (0.0, 0.1, 1.0)])
     assert special_cases("ambient_flow") == ("linear_drag",) and special_cases("camera_scale") == ()
+    assert special_cases("quadratic_flow") == ("quadratic_drag",)  # a form of ambient_flow, and another special case
 
 
 def test_a_coordinate_that_hardly_moves_has_the_noise_of_its_pixels():

@@ -65,6 +65,7 @@ FORMS = {f"bed-{form}": lambda form=form: bed(form) for form in ("leader", "elas
 SCENES = {"bed": bed, "rough bed": rough_bed, "carts": carts, "pendulum": pendulum, "driven": driven, **FORMS}
 CASES = [
     ("ambient_flow", "bed", {"c": 1e-4, "u": (0.3, -0.1)}),
+    ("quadratic_flow", "bed", {"c": 1e-3, "u": (0.3, -0.1), "p": 2}),
     ("distance_force", "bed", {"s": 2e-3, "n": 3.0}),
     ("distance_force", "bed", {"s": -2e-3, "n": 1.5, "range": 1e-3}),
     ("pair_spring", "carts", {"k": 2.0, "f_0": 0.7}),
@@ -148,7 +149,7 @@ class TestMechanism:
     def test_absent_at_zero_strength(self, name, where, values, without):
         scene, dt = SCENES[where]()
         law = get_law(name, given=values)
-        assert law.strength and law.candidate == "named" and law.mechanism == name
+        assert law.strength and law.candidate == "named" and name in (law.name, law.mechanism)
         absent = {strength: law.parameter(strength).neutral for strength in law.strength}
         np.testing.assert_array_equal(
             ends(scene.with_laws(use(name, **{**values, **absent})), dt, "verlet"), without[where]
@@ -301,7 +302,7 @@ def test_where_laws_can_act():
         where: {law.name for law in all_laws().values() if law.name in MECHANISMS and build()[0].admits(law)}
         for where, build in SCENES.items()
     }
-    always = {"ambient_flow", "added_mass"}
+    always = {"ambient_flow", "quadratic_flow", "added_mass"}
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}

@@ -23,8 +23,8 @@ FIELDS = (
 )  # fmt: skip
 # drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
 DAMPED = (
-    "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "ambient_flow", "wall_drag",
-    "pin_friction", "joint_friction", "joint_drag",
+    "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "ambient_flow", "quadratic_flow",
+    "wall_drag", "pin_friction", "joint_friction", "joint_drag",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
 BRAKES = ("dry_friction", "pin_stiction")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-FIELDS = ("ambient_flow", "wall_drag", "nonlinear_spring")
+FIELDS = ("ambient_flow", "quadratic_flow", "wall_drag", "nonlinear_spring")
 JOINTS = ("pin_friction", "joint_drag")
 PAIRS = ("distance_force", "pair_spring", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
 ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband")
@@ -44,6 +44,10 @@ def field(
     """
     if name == "ambient_flow":
         return values["c"] * (np.array(values["u"]) - v)
+    if name == "quadratic_flow":
+        against = np.array(values["u"]) - v
+        larger = (radius / radius.mean()) ** values["p"]
+        return values["c"] * (larger * np.hypot(*against.T))[:, None] * against
     if name == "wall_drag":
         rows = np.minimum(xy[:, 1] - values["bottom"], values["top"] - xy[:, 1]) - radius
         beyond = np.minimum(rows, wall_gap) - values["range"]

@@ -111,7 +111,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                              usual=usual)
                     )  # fmt: skip
                 groups.append((p.name, tuple(range(start, len(free)))))
-        label = law.mechanism + (" that holds" if law.role == "brake" else "")
+        label = f"{law.mechanism} {law.form}".strip()
         label += "".join(f" {k}={v:g}" for k, v in choice.items() if len(combinations) > 1)
         terms.append(
             Term(
@@ -337,7 +337,8 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
         if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):
             held |= set(other.stands_for)
     by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
-    return bool(held & set(law.nests)) or (by_weight and law.name in held)
+    richer = {*law.nests, *all_laws()[law.mechanism].nests} if law.mechanism in all_laws() else set(law.nests)
+    return bool(held & richer) or (by_weight and law.name in held)
 
 
 def may_hold(law: Law, cases: Sequence[Case]) -> bool:

@@ -26,9 +26,9 @@ class Bounded(Protocol):
     def natural(self) -> bool: ...
 
 
-def special_cases(mechanism: str) -> tuple[str, ...]:
+def special_cases(name: str) -> tuple[str, ...]:
     """Laws that one is when all its numbers but the first are where they add nothing: a flow at rest is a drag."""
-    law = all_laws().get(mechanism)
+    law = all_laws().get(name)
     return law.nests if law is not None else ()
 
 

@@ -254,8 +254,9 @@ class Law:
     refines: tuple[str, ...] = ()
     # what it makes of a commanded series: series(t, value, **values) -> (t, value)
     series: Callable[..., Any] | None = None
-    # the mechanism that it is a form of; its own name where empty
+    # the mechanism that it is a form of, its own name where empty; and how it differs from the law of that name
     form_of: str = ""
+    form: str = ""
     # laws of an apparatus in which this law goes before its equals (joint_drag in a pin); there it stands for others,
     # whose effect can hardly be told from its own and which are then rivals, not names
     preferred_where: tuple[str, ...] = ()
@@ -438,6 +439,7 @@ def law(
     refines: Iterable[str] = (),
     series: Callable[..., Any] | None = None,
     form_of: str = "",
+    form: str = "",
     preferred_where: Iterable[str] = (),
     stands_for: Iterable[str] = (),
     nests: Iterable[str] = (),
@@ -478,6 +480,7 @@ def law(
             refines=tuple(refines),
             series=series,
             form_of=form_of,
+            form=form,
             preferred_where=tuple(preferred_where),
             stands_for=tuple(stands_for),
             nests=tuple(nests),
@@ -503,14 +506,15 @@ def get_law(name: str, *, given: Iterable[str] = (), file: Any = None) -> Law:
     """The declared law of that name; InputError lists the known ones.
 
     ``given``: names of parameters. Where the law does not have them all but another form of the same
-    mechanism does, it is that one (``joint_friction`` with a ``torque`` is the one of a pin).
+    mechanism does, it is that one (``joint_friction`` with a ``torque`` is the one of a pin). What differs by its
+    ``form`` alone goes by its own name only.
     """
     try:
         found = _REGISTRY[name]
     except KeyError:
         raise InputError(f"unknown law {name!r}; known: {', '.join(sorted(_REGISTRY))}", file=file) from None
     wanted = set(given)
-    forms = [found, *(law for law in _REGISTRY.values() if law.form_of == name)]
+    forms = [found, *(law for law in _REGISTRY.values() if law.form_of == name and not law.form)]
     return next((law for law in forms if wanted <= {p.name for p in law.parameters}), found)
 
 

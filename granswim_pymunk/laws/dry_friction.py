@@ -14,6 +14,7 @@ from .base import Parameter, law
     candidate="named",
     phrase="dry friction with the substrate",
     form_of="coulomb_substrate",
+    form="that holds",
     role="brake",
     # where something draws on a body at rest: elsewhere the friction that is smooth at small speeds is the same
     preferred_where=("spring", "pair_spring", "rail"),

@@ -18,6 +18,7 @@ from .base import AUTOMATIC, Parameter, law
     candidate="named",
     refines=("pin",),
     form_of="joint_friction",
+    form="that holds",
     role="brake",
     preferred_where=("pin",),
     stands_for=("joint_friction", "coulomb_substrate"),

@@ -152,7 +152,7 @@ def _fields(conditions: Sequence[Condition], shims: Sequence[Shim]) -> list[Cand
     scale = natural_scale(conditions)
     found = []
     for law in all_laws().values():
-        if law.candidate != "named" or law.kind not in KINDS or law.role == "brake" or not law.strength:
+        if law.candidate != "named" or law.kind not in KINDS or law.form or not law.strength:
             continue
         if any(c.scene.laws_named(law.name) for c in conditions):
             continue  # it is known already; its strength is the adjustables' business

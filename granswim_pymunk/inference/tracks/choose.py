@@ -131,7 +131,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
         best = min(near, key=lambda t: t.inner)
         same = [t for t in near if t.inner < sets.same_score * best.inner]
     # a law whose further numbers are compatible with none gives way to what it is then (a stream at rest is a drag)
-    plain = special_cases(best.mechanism)
+    plain = special_cases(best.term.law)
     same += [
         t for t in trials
         if t.mechanism in plain and t.used < best.used

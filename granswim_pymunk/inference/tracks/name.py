@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...laws import has_role
+from ..candidates import rescaled
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Predictor, Term
@@ -21,7 +22,7 @@ from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import inflation
 from .segments import find_cuts
-from .signatures import Bank, Signature, make_bank
+from .signatures import Bank, Signature, make_bank, that_moves_alike
 
 
 @dataclass(frozen=True)
@@ -463,7 +464,7 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
     Drag in still air is a flow of no speed. So where a law is another form of the same mechanism: friction that holds
     stops a cart after one swing or after two, and no step leads from one to the other.
     """
-    names = special_cases(trial.mechanism)
+    names = special_cases(trial.term.law)
     if trial.fit is None:
         return trial
     special = [t for t in trials if t.mechanism in names and t.numbers == 1 and t.fit is not None]
@@ -476,9 +477,16 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
     if best is None or best.fit is None or best.gain <= trial.gain:
         return trial
     n = len(base.values)
-    rest = [0.0] * (trial.numbers - best.numbers)
+    own = [*best.fit.values[n : n + best.numbers], *[0.0] * (trial.numbers - best.numbers)]
+    if best.term.free[0].unit != trial.term.free[0].unit:
+        # a drag with the square of the speed as strong as the linear one is there
+        at_it = rescaled(trial.term, [f.scale for f in trial.term.free], own)
+        amount = that_moves_alike(fitter, best.fit, slice(n, n + 1), best.fit.values[n : n + 1], at_it)
+        if amount is None:
+            return trial
+        own[: len(amount)] = amount
     hypothesis = base.hypothesis.with_term(trial.term)
-    begin, enough = [*best.fit.values[: n + best.numbers], *rest], current().evaluations.special
+    begin, enough = [*best.fit.values[:n], *own], current().evaluations.special
     found = fitter.fit(hypothesis, begin, best.fit.starts, evaluations=enough)
     if found.chi2 >= trial.fit.chi2:
         return trial

@@ -143,7 +143,7 @@ def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[
             continue
         others = [t for t in found if t is not stream]
         keep = [revised.values[:first], *(revised.values[rows[n]] for n in range(len(found)) if n != k)]
-        plain = [t for t in search.terms if t.mechanism in special_cases(stream.mechanism) and len(t.free) == 1]
+        plain = [t for t in search.terms if t.mechanism in special_cases(stream.term.law) and len(t.free) == 1]
         pushes = [t for t in search.terms if has_role(t.mechanism, "push") and not is_part(t, search.terms)]
         best: tuple[Fit, Signature, Signature] | None = None
         for term in plain if pushes else []:

@@ -13,7 +13,6 @@ from ...laws import all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
 from ..hypothesis import Free, Term
-from ..linear import project
 from ..simpler import all_absent, by_chance, special_cases
 from ..trial import rows_of
 from .believed import stated_terms
@@ -23,7 +22,7 @@ from .fitted import Fit, may_be_absent
 from .intervals import with_believed_errors
 from .name import Trial, off_bounds
 from .sets import SetSearch
-from .signatures import columns_of, make_bank
+from .signatures import make_bank, that_moves_alike
 
 
 @dataclass(frozen=True)
@@ -108,23 +107,13 @@ def _as_usual(fit: Fit, k: int) -> float:
 def _in_place(search: SetSearch, found: Sequence[Trial], k: int, term: Term, revised: Fit) -> Trial | None:
     """A law refitted in place of the ``k``-th of those found, from the amount that moves the bodies as that one does.
 
-    To first order, by least squares, the starts projected out of both; None where it does not move them.
+    None where it does not move them.
     """
-    columns = columns_of(search.fitter, revised, term)[0]
     rows = rows_of(found, search.first)[k]
     amount = revised.values[rows] - np.array([f.neutral for f in found[k].term.free])
-    left, moved, at = [], [], 0
-    for case in search.fitter.cases:
-        by_value, by_start = revised.jacobian[case.name]
-        both = np.column_stack([columns[at : at + len(by_value)], by_value[:, rows] @ amount])
-        at += len(by_value)
-        both = both - project(by_start, both)
-        left.append(both[:, :-1])
-        moved.append(both[:, -1])
-    size = np.linalg.norm(np.concatenate(left), axis=0)
-    if not size.all():
+    numbers = that_moves_alike(search.fitter, revised, rows, amount, term)
+    if numbers is None:
         return None
-    numbers = np.linalg.lstsq(np.concatenate(left) / size, np.concatenate(moved), rcond=1e-6)[0] / size
     low, high = np.array([(f.low, f.high) for f in term.free]).T
     begin = revised.values.copy()
     begin[rows] = np.clip(numbers + [f.neutral for f in term.free], low, high)
@@ -235,7 +224,7 @@ def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit
     """
     found = list(found)
     for k, trial in enumerate(found):
-        names = special_cases(trial.mechanism)
+        names = special_cases(trial.term.law)
         if not names or any(t.mechanism in names for t in found):
             continue
         rows = rows_of(found, search.first)[k]

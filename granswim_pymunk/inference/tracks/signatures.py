@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from ...laws import has_role
+from ...laws import all_laws, has_role
 from ..candidates import along_only, rescaled, with_numbers
 from ..criteria import current
 from ..hypothesis import Term
-from ..linear import basis
+from ..linear import basis, project
 from .fit import Fitter
 from .fitted import Fit
 
@@ -154,6 +154,26 @@ def _beyond_rounding(term: Term, columns: np.ndarray) -> np.ndarray:
     return np.where(sizes > current().signatures.rounding * most, columns, 0.0)
 
 
+def that_moves_alike(fitter: Fitter, fit: Fit, rows: slice, amount: np.ndarray, term: Term) -> np.ndarray | None:
+    """(k,) strengths of a term that move the bodies as ``amount`` (m,) of the fit's numbers ``rows`` does.
+
+    To first order, by least squares, the starts projected out of both; None where the term does not move them.
+    """
+    columns = columns_of(fitter, fit, term)[0]
+    left, moved, at = [], [], 0
+    for case in fitter.cases:
+        by_value, by_start = fit.jacobian[case.name]
+        both = np.column_stack([columns[at : at + len(by_value)], by_value[:, rows] @ amount])
+        at += len(by_value)
+        both = both - project(by_start, both)
+        left.append(both[:, :-1])
+        moved.append(both[:, -1])
+    size = np.linalg.norm(np.concatenate(left), axis=0)
+    if not size.all():
+        return None
+    return np.asarray(np.linalg.lstsq(np.concatenate(left) / size, np.concatenate(moved), rcond=1e-6)[0] / size)
+
+
 def _held_against(
     columns: np.ndarray, scales: np.ndarray, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
 ) -> tuple[np.ndarray, float, float, np.ndarray]:
@@ -249,6 +269,13 @@ def _flow_signature(
     return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
 
 
+def _as_fast(term: Term, stream: Term) -> Term:
+    """A term with the first values and scales that those of its numbers which are speeds have in another."""
+    other = {f.name.rpartition(".")[2]: f for f in stream.free if f.unit == "m/s"}
+    mine = [other.get(f.name.rpartition(".")[2], f) for f in term.free]
+    return rescaled(term, [f.scale for f in mine], [f.first for f in mine])
+
+
 def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     """Signatures of all candidates around a fit; their numbers get scales and first-order first values.
 
@@ -259,14 +286,17 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
     nuisance = np.hstack([starts, basis(whole.open_numbers)])
     left = r - nuisance @ (nuisance.T @ r)
     misfit = float(np.sqrt(np.mean(left**2)))
-    signatures = []
+    signatures: list[Signature] = []
     for term in (fit.hypothesis.followed(t, fit.values) for t in terms):
         if fitter.stop():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
             continue
         if has_role(term.mechanism, "medium") and len(term.free) == 3:
-            signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
-            continue
+            if all_laws()[term.law].linear:
+                signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
+                continue
+            # as fast as the stream that the linear drag asks for
+            term = next((_as_fast(term, s.term) for s in signatures if s.term.mechanism == term.mechanism), term)
         columns, scales = columns_of(fitter, fit, term)
         if not any(f.inner for f in term.free):
             term, columns = _told_along(term, columns)

@@ -41,7 +41,7 @@ def bed_terms(cases: Sequence[Case]) -> list[Term]:
             terms.append(_sized(term, [amounts[term.mechanism]]))
     terms += _contact_damping(cases)
     laws = [law for law in all_laws().values() if law.kind in KINDS and law.candidate == "named"]
-    laws = [law for law in laws if law.role != "brake" and applies(law, cases)]
+    laws = [law for law in laws if not law.form and applies(law, cases)]
     drift = mean_drift(cases)
     terms += [t for law in laws if not _far(law) for t in law_terms(law, scene, drift)[:1]]
     terms += [t for law in laws if law.apart for t in on_some(law, scene, drift)[:1]]
