@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,7 @@ from granswim_pymunk.inference.tracks.blocks import _step
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.fitted import Fit
+from granswim_pymunk.inference.tracks.intervals import with_doubt, with_limits, with_none_beyond, with_shape_held
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, _if_better
 from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
 from granswim_pymunk.inference.tracks.sets import SetSearch
@@ -223,10 +225,46 @@ def test_a_law_whose_interval_holds_none_may_be_absent():
 
     def doubted(law: str):
         wide = {k: (-1.0, 1.0) for name, k in rows.items() if name.startswith(law)}
-        return that_may_be_absent([drag, push], replace(revised, limits={**revised.limits, **wide}), 1.0)
+        fit = replace(revised, limits={**revised.limits, **wide})
+        return that_may_be_absent([drag, push], fit, 1.0, lambda fit: fit)
 
-    assert that_may_be_absent(found, revised, 1.0) == []
+    assert that_may_be_absent(found, revised, 1.0, lambda fit: fit) == []
     assert doubted("linear_drag") == [drag] and doubted("uniform_force") == []
+
+
+def drawn_together(attraction: float) -> Recording:
+    """Two pucks that pass each other at a distance that hardly changes, and attract as s (r/d)^2 (radius r)."""
+    r, mass = 0.02, 0.05
+
+    def rate(_, y):
+        d = y[2:4] - y[:2]
+        size = math.hypot(*d)
+        a = attraction * (r / size) ** 2 * d / size / mass
+        return np.concatenate([y[4:], a, -a])
+
+    t = np.arange(0.0, 3.0, 1 / 60)
+    path = solve_ivp(rate, (0, 3), [-0.15, 0, 0.15, 0, 0, 0.02, 0, -0.02], t_eval=t, rtol=1e-10, atol=1e-12).y[:4].T
+    seen = path.reshape(-1, 2, 2) + 2e-4 * np.random.default_rng(3).normal(size=(len(t), 2, 2))
+    scene = Scene(tuple(Body(k, "free", r, mass) for k in "ab"), ())
+    return Recording("pucks", scene, t, ("a", "b"), seen, position_noise=2e-4)
+
+
+def test_a_force_whose_power_nobody_can_tell_is_no_less_there():
+    """At one distance a strength may be anything with a power to match, and its interval crossed none."""
+    for attraction, expected in ((0.05, []), (0.0, ["distance_force"])):
+        fitter, case, _, _, found, fit = fitted(drawn_together(attraction), "distance_force")
+        loose = with_limits(fitter, fit, 0, 1.0)
+        absent = that_may_be_absent(found, loose, 1.0, partial(with_doubt, fitter, first=0, spread=1.0))
+        assert [t.mechanism for t in absent] == expected
+        held = with_shape_held(loose, "distance_force")
+        assert [f.name for f in held.hypothesis.free] == ["distance_force.s"]
+        np.testing.assert_allclose(
+            fitter.vector(case, held.hypothesis, held.values, held.starts[case.name]),
+            fitter.vector(case, fit.hypothesis, fit.values, fit.starts[case.name]), atol=1e-9,
+        )  # fmt: skip
+    wide = replace(loose, limits={0: (-1e3, 1e3), 1: (0.0, 20.0)}, values=np.array([-2.0, 3.0]))
+    assert with_none_beyond(wide, ["distance_force"], 1.0).limits == {0: (-1e3, 0.0), 1: (0.0, 20.0)}
+    assert with_none_beyond(wide, [], 1.0).limits == wide.limits
 
 
 def test_a_number_is_as_far_from_none_as_its_profile_says():

@@ -17,9 +17,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ... import distributions as stats
+from ..candidates import with_numbers
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Term
+from ..hypothesis import Hypothesis, Term
 from ..linear import project
 from ..mechanisms import APPARATUS
 from ..noise import averaged
@@ -209,6 +210,42 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
     for k in [k for k in range(first, p) if of_term[k].mechanism not in APPARATUS]:
         at, half = float(fit.values[k]) + float(moved[k]), half_interval(float(covariance[k, k]))
         limits[k] = _widened(fit, k, spread, at - half, at + half)
+    return replace(fit, limits=limits)
+
+
+def with_shape_held(fit: Fit, label: str) -> Fit:
+    """The fit with the inner numbers of a term no longer free: curvature is that of the others at this shape."""
+    at, rows = [t.label for t in fit.hypothesis.terms].index(label), fit.hypothesis.rows(label)
+    term, own = fit.hypothesis.terms[at], fit.values[rows]
+    kept = [k for k, f in enumerate(term.free) if not f.inner]
+    free = tuple(replace(f, neutral=float(v)) if f.inner else f for f, v in zip(term.free, own, strict=True))
+    held = with_numbers(replace(term, free=free), kept)
+    all_kept = [*range(rows.start), *(rows.start + k for k in kept), *range(rows.stop, len(fit.values))]
+    return replace(
+        fit,
+        hypothesis=Hypothesis((*fit.hypothesis.terms[:at], held, *fit.hypothesis.terms[at + 1 :])),
+        values=fit.values[all_kept],
+        covariance=np.linalg.pinv(information_of(fit.jacobian, len(fit.values))[np.ix_(all_kept, all_kept)]),
+        jacobian={name: (by_value[:, all_kept], by_start) for name, (by_value, by_start) in fit.jacobian.items()},
+        limits={}, profiles={}, believed=None,
+    )  # fmt: skip
+
+
+def with_none_beyond(fit: Fit, named: Collection[str], spread: float) -> Fit:
+    """The fit with intervals of strengths that end where their law would be absent, of laws that are not.
+
+    named : labels of the terms for which that was excluded. Along the valley of a strength and its power a search may
+    come out on the other side of none, through what was excluded.
+    """
+    limits = dict(fit.limits)
+    for term in fit.hypothesis.terms:
+        first = fit.hypothesis.rows(term.label).start
+        shaped = term.label in named and any(f.inner for f in term.free)
+        for k, free in enumerate(term.free, first):
+            value, low, high = fit.interval(k, spread)
+            if shaped and not free.inner and low < free.neutral < high:
+                above = value > free.neutral
+                limits[k] = (free.neutral, limits[k][1]) if above else (limits[k][0], free.neutral)
     return replace(fit, limits=limits)
 
 

@@ -64,7 +64,7 @@ from .held_out import (
     worse_by_chance,
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
-from .intervals import with_company, with_doubt, with_limits, with_slopes
+from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_slopes
 from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
 from .line import strongest_line
@@ -380,11 +380,16 @@ class Tracks(ObservationModel):
             self.notes.append(
                 f"{names}: known only together with others, or unevenly: their intervals are those of chi2 itself"
             )
-        fit = with_doubt(fitter, fit, count, self.spread)
-        fit = with_slopes(fitter, fit, count, self.spread, self.tried.terms)
-        doubtful = that_may_be_absent(laws, fit, self.spread)
+
+        def doubted(of: Fit) -> Fit:
+            of = with_doubt(fitter, of, count, self.spread)
+            return with_slopes(fitter, of, count, self.spread, self.tried.terms)
+
+        fit = doubted(fit)
+        doubtful = that_may_be_absent(laws, fit, self.spread, doubted)
         if 0 < len(doubtful) < len(laws):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
+        fit = with_none_beyond(fit, [t.label for t in laws], self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:

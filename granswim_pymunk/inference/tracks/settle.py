@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from .believed import stated_terms
 from .choose import absurd
 from .fit import Fitter
 from .fitted import Fit, may_be_absent
-from .intervals import with_believed_errors
+from .intervals import with_believed_errors, with_shape_held
 from .name import Trial, off_bounds
 from .sets import SetSearch
 from .signatures import make_bank, that_moves_alike
@@ -268,18 +268,23 @@ def apparatus_beside(
     return (faults, alone) if share >= current().verdict.share else ([], None)
 
 
-def that_may_be_absent(found: Sequence[Trial], fit: Fit, spread: float) -> list[Trial]:
+def that_may_be_absent(
+    found: Sequence[Trial], fit: Fit, spread: float, doubted: Callable[[Fit], Fit]
+) -> list[Trial]:
     """Laws whose strength may be that of no law, with whatever doubt the intervals of a fit were given.
 
     Of laws with one strength: components of a push may each be none, and not both. That of a law with a shape lies
-    along a bent valley with it: its profile alone says how far that goes.
+    along a bent valley with it, and without the law there is no shape: the strength is asked with the shape held.
+    doubted : the fit with intervals that hold what else may move its numbers
     """
     doubtful = []
     for trial in found:
-        free, first = trial.term.free, fit.hypothesis.rows(trial.label).start
-        strengths = [k for k, f in enumerate(free, first) if not f.inner]
-        told = len(strengths) == len(free) or all(k in fit.profiles for k in strengths)
-        if len(strengths) == 1 and told and may_be_absent(fit, free, first, spread):
+        free, held = trial.term.free, fit
+        if sum(not f.inner for f in free) > 1:
+            continue
+        if len(free) > 1:
+            held, free = doubted(with_shape_held(fit, trial.label)), [f for f in free if not f.inner]
+        if may_be_absent(held, free, held.hypothesis.rows(trial.label).start, spread):
             doubtful.append(trial)
     return doubtful
 
