@@ -74,6 +74,7 @@ from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
     has_idle_entry,
+    is_its_special_case,
     known_together,
     that_earn_their_place,
     that_may_be_absent,
@@ -402,7 +403,8 @@ class Tracks(ObservationModel):
             return self._alike_in_pairs(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
-        alive = [t for t in self.tried.alive if t is winner or not has_idle_entry(t, spread)]
+        idle = [t for t in self.tried.alive if has_idle_entry(t, spread) or is_its_special_case(t, spread)]
+        alive = [t for t in self.tried.alive if t is winner or not any(t is u for u in idle)]
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
@@ -427,7 +429,7 @@ class Tracks(ObservationModel):
             fit = self.fitter.refitted(fit, evaluations=current().intervals.refit)
             gain = self.tried.recalibrated.chi2 - fit.chi2
             pair = tuple(replace(t, fit=fit, gain=gain) for t in (e.keep, e.trial))
-            if not any(absurd(t) for t in pair):
+            if not any(absurd(t) or is_its_special_case(t, self.spread) for t in pair):
                 found.append(Claim(pair, fit))
         return found
 

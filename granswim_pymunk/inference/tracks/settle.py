@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import distributions as stats
-from ...laws import all_laws
+from ...laws import Law, all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
 from ..hypothesis import Free, Term
@@ -168,6 +168,31 @@ def has_idle_entry(trial: Trial, spread: float) -> bool:
     if trial.fit is None or len(owners(trial.term)) < 2:
         return False
     return _weakest([trial], trial.fit, trial.fit.hypothesis.rows(trial.label).start, spread) is not None
+
+
+def is_its_special_case(trial: Trial, spread: float) -> bool:
+    """Whether a law may as well be the one that it is where its further numbers are none: a stream, at rest.
+
+    Of which the intervals of all these numbers hold what they are then. False of a law that is no other one's form.
+    """
+    law = all_laws().get(trial.term.law)
+    if trial.fit is None or law is None or not special_cases(law.name):
+        return False
+    first = trial.fit.hypothesis.rows(trial.label).start
+    ends = []
+    for k, free in enumerate(trial.term.free):
+        if free.inner:
+            _, low, high = trial.fit.interval(first + k, spread)
+            ends.append((_where_it_is_none(law, free.name), low, high))
+    return bool(ends) and all_absent(ends)
+
+
+def _where_it_is_none(law: Law, number: str) -> float:
+    """Where a free number of a law is as if it were not there: what its parameter is where nobody says."""
+    argument = number.rpartition(".")[2]
+    (p,) = (p for p in law.parameters if argument in p.arguments)
+    default = p.default if p.default is not None else 0.0
+    return float(np.atleast_1d(default)[p.arguments.index(argument)])
 
 
 def with_numbers_that_were_found(

@@ -37,6 +37,10 @@ def whom(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Tria
             continue
         base = _without_last(search, law, others, revised)
         spread = search.spread(revised)
+        one = _with_one_number(search, law, base, spread)
+        if one is not law and one.fit is not None and _more_than_any(one, law, base, spread):
+            revised, found = one.fit, [*others, one]
+            continue
         kept, why = prune(law, base, search.fitter, search.inner, search.notes)
         dropped |= why
         if kept is None or kept.fit is None:
@@ -44,8 +48,6 @@ def whom(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Tria
             if len(found) == 1:
                 break
             continue
-        if not why:
-            kept = _with_one_number(search, kept, base, spread)
         revised, found = kept.fit or revised, [*others, kept]
     return search.as_in(revised, found), revised, dropped
 
@@ -63,6 +65,20 @@ def _behind(search: SetSearch, law: Trial, others: Sequence[Trial], revised: Fit
 def _without_last(search: SetSearch, law: Trial, others: Sequence[Trial], revised: Fit) -> Fit:
     hypothesis = search.scene_with(*(t.term for t in others))
     return search.fitter.fit(hypothesis, revised.values[: len(revised.values) - law.numbers], revised.starts)
+
+
+def _more_than_any(one: Trial, each: Trial, base: Fit, spread: float) -> bool:
+    """Whether one number for all explains more than that of any body alone: then it is not that body which is special.
+
+    Of a body alone as much as its number, over its error, is beyond none.
+    """
+    assert each.fit is not None
+    first = len(base.values)
+    own = [
+        (float(each.fit.values[k]) - f.neutral) ** 2 / (float(each.fit.covariance[k, k]) * max(spread, 1.0))
+        for k, f in enumerate(each.term.free, first) if each.fit.covariance[k, k] > 0
+    ]  # fmt: skip
+    return one.gain / max(spread, 1.0) >= max(own, default=0.0)
 
 
 def _with_one_number(search: SetSearch, law: Trial, base: Fit, spread: float) -> Trial:
