@@ -20,6 +20,7 @@ from granswim_pymunk.inference.candidates import flexible_terms, named_terms
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
+from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.result import Diagnosis
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.inference.start import Bar, Guided, describe_starts
@@ -28,7 +29,7 @@ from granswim_pymunk.inference.tracks.believed import believed_terms
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
-from granswim_pymunk.inference.tracks.held_out import noise_floor, right_law_errors
+from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, noise_floor, right_law_errors
 from granswim_pymunk.inference.tracks.innovations import white_sizes
 from granswim_pymunk.inference.tracks.intervals import with_limits
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
@@ -623,6 +624,13 @@ def test_what_a_right_law_leaves_where_its_numbers_are_found():
     shown = np.mean(white_sizes(fit, [case], np.random.default_rng(4).spawn(1)[0], 60) ** 2)
     assert shown == pytest.approx(1.0, rel=0.6)
     assert np.mean(errors**2) == pytest.approx(shown * NOISE**2 * (1 + leverage.mean()), rel=0.2)
+    # with errors of a fit beside it, which has no number less here
+    twice = errors_of_repeats([fit, fit], [case], predictor, lambda: False, np.random.default_rng(4), 60)
+    assert twice.shape == (60, 2) and np.array_equal(twice[:, 0], errors) and np.array_equal(twice[:, 1], errors)
+    # where a slow part shows the fits take more or less of it over
+    slow = replace(case, noise=Noise(1.0, 10.0))
+    wide = right_law_errors(fit_of(slow), [slow], predictor, lambda: False, np.random.default_rng(4), 60)
+    assert np.std(np.log(wide)) > np.std(np.log(errors))
     # where less noise is believed than the film shows, the film is right
     less = replace(case, sigma=case.sigma / 1.2)
     there = right_law_errors(fit_of(less), [less], predictor, lambda: False, np.random.default_rng(4), 60)

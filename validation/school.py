@@ -2,14 +2,16 @@
 
 Experiments of an afternoon, with what a film of them has; what is missing in the scene is in the name of the truth:
 
-- ``sink``: a ball sinks in water, lighter by what it displaces;  ``wind``: two balls fall past a fan
+- ``sink``: a ball sinks in water, lighter by what it displaces;  ``wind``: two balls fall past a fan;  ``gale``: three
+  in a wind that drags with the square of the speed
 - ``spin``: a ball that spins flies on a curve;  ``incline``: a ball rolls down, and was thought to slide
 - ``bounce``: a ball bounces on a floor;  ``cradle``: two pendulums that strike each other
 - ``coupled``: two pendulums with a weak spring between them;  ``lens``: a pendulum before a lens that bends
 - ``halts``: a pendulum that its bearing stops
 - ``hard``: a cart on a spring that stiffens;  ``dry``: a cart on a spring that rubs;  ``rests``: one that stops
 - ``slips``: a block that a motor draws by a spring, and that sticks and slips;  ``limit``: a motor at its limit
-- ``carts``: two carts with magnets on one rail;  ``loaded``: pucks in a box, one of them loaded
+- ``carts``: two carts with magnets on one rail;  ``drawn``: two pucks that attract each other as they pass
+- ``loaded``: pucks in a box, one of them loaded;  ``rack``: five balls on a table with cushions
 - ``still``, ``quiet``: a pendulum and a box of pucks in which nothing is missing
 
 SciPy's adaptive method (Dormand & Prince) integrates here, of a ball from impact to impact; the cradle goes in steps of
@@ -88,6 +90,20 @@ def wind(rng: np.random.Generator, name: str) -> Made:
     bodies = [Body(k, "free", 0.02, m) for k, m in zip("ab", masses, strict=True)]
     truth = [("ambient_flow", {"c": c, "u": u})]
     return made(rng, name, t, np.stack(paths, axis=1), bodies, [use("gravity")], truth, "a fan", gravity=DOWN)
+
+
+def gale(rng: np.random.Generator, name: str) -> Made:
+    t, c, u, masses = frames(1.0, 120), 0.002, rng.uniform(1.0, 2.0), (0.005, 0.01, 0.02)
+    starts = ([0.0, 2.0, 1.0, 1.0], [0.3, 2.0, 0.0, 2.0], [0.6, 2.0, -1.0, 1.0])
+
+    def slope(y: np.ndarray, mass: float) -> np.ndarray:
+        against = y[2:] - [u, 0.0]
+        return np.concatenate([y[2:], DOWN - c / mass * math.hypot(*against) * against])
+
+    paths = [path_of(lambda y, m=m: slope(y, m), s, t)[:, :2] for m, s in zip(masses, starts, strict=True)]
+    bodies = [Body(k, "free", 0.02, m) for k, m in zip("abc", masses, strict=True)]
+    truth = [("ambient_flow", {"c": c, "u": u})]
+    return made(rng, name, t, np.stack(paths, axis=1), bodies, [use("gravity")], truth, "in a wind", gravity=DOWN)
 
 
 def spin(rng: np.random.Generator, name: str) -> Made:
@@ -314,6 +330,22 @@ def carts(rng: np.random.Generator, name: str) -> Made:
     return made(rng, name, t, xy, [Body(k, "free", radius, mass) for k in "ab"], laws, truth, "magnets")
 
 
+def drawn(rng: np.random.Generator, name: str) -> Made:
+    strength, drag, mass, radius, t = rng.uniform(0.05, 0.08), 0.002, 0.05, 0.02, frames(4.0, 120)
+
+    def slope(y: np.ndarray) -> np.ndarray:
+        apart = y[2:4] - y[:2]
+        far = math.hypot(*apart)
+        pull = strength * (radius / far) ** 2 * apart / far
+        return np.concatenate([y[4:], (pull - drag * y[4:6]) / mass, (-pull - drag * y[6:]) / mass])
+
+    speed = 0.8 * math.sqrt(strength * (radius / 0.3) ** 2 * 0.15 / mass)
+    path = path_of(slope, [-0.15, 0.0, 0.15, 0.0, 0.02, speed, 0.02, -speed], t)
+    bodies, laws = [Body(k, "free", radius, mass) for k in "ab"], [use("contact_elastic", restitution=0.9)]
+    truth = [("distance_force", {"s": -strength, "n": 2.0}), ("linear_drag", {"c": drag})]
+    return made(rng, name, t, path[:, :4].reshape(-1, 2, 2), bodies, laws, truth, "which attract", 2e-4)
+
+
 CORNERS = ((0.0, 0.0), (0.6, 0.0), (0.6, 0.6), (0.0, 0.6))
 SIDES = tuple(zip(CORNERS, (*CORNERS[1:], CORNERS[0]), strict=True))
 
@@ -349,13 +381,27 @@ def loaded(rng: np.random.Generator, name: str) -> Made:
     return _box(rng, name, load, mu, truth, "in a box")
 
 
+def rack(rng: np.random.Generator, name: str) -> Made:
+    t, e, mu = frames(2.5, 240), rng.uniform(0.75, 0.82), rng.uniform(0.01, 0.02)
+    at = np.array([(0.15, 0.3), (0.5, 0.15), (0.5, 0.3), (0.5, 0.45), (0.7, 0.3)]) + rng.uniform(-0.02, 0.02, (5, 2))
+    speed = np.zeros((5, 2))
+    speed[0], speed[4] = (1.2, rng.uniform(-0.1, 0.1)), (-0.3, 0.2)
+    sides = tuple(((1.5 * a[0], a[1]), (1.5 * b[0], b[1])) for a, b in SIDES)
+    table = hard_disks.Table(np.full(5, 0.026), np.full(5, 0.17), np.zeros(5, dtype=bool), sides)
+    flight = hard_disks.run(table, hard_disks.Physics(restitution=e, substrate=mu), np.hstack([at, speed]), t)
+    bodies, laws = [Body(k, "free", 0.026, 0.17) for k in "abcde"], [use("contact_elastic", restitution=0.95)]
+    truth = [("restitution", {"restitution": e}), ("coulomb_substrate", {"mu": mu})]
+    walls = tuple(Wall(a, b) for a, b in sides)
+    return made(rng, name, t, flight.xy, bodies, laws, truth, "on felt", walls=walls)
+
+
 def quiet(rng: np.random.Generator, name: str) -> Made:
     return _box(rng, name, 0.0, 0.0, [], "a box of pucks")
 
 
 ALL = (
     sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet, rests,
-    slips, halts,
+    slips, halts, gale, drawn, rack,
 )  # fmt: skip
 EXPERIMENTS: Experiments = {make.__name__: make for make in ALL}
 

@@ -339,6 +339,12 @@ def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) 
     return mean, within + np.einsum("i,ik,il->kl", weights, moved - mean, moved - mean)
 
 
+def drawn_noises(recordings: Sequence[Seen], rng: np.random.Generator, draws: int) -> list[Noise]:
+    """Noises that these residuals may be, as often as each is likely (``averaged``)."""
+    noises, _, weights = _weighed(recordings, current().noise)
+    return [noises[k] for k in rng.choice(len(noises), size=draws, p=weights)]
+
+
 def _weighed(
     recordings: Sequence[Seen], criteria: NoiseCriteria
 ) -> tuple[tuple[Noise, ...], list[Restricted], np.ndarray]:

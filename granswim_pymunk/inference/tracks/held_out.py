@@ -16,10 +16,11 @@ from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor, Term
 from ..judge import Remains, paired
 from ..linear import errors_of
+from ..noise import Noise, drawn_noises
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
-from .innovations import white_sizes
+from .innovations import seen_by, white_sizes
 from .segments import find_impacts, make_segments
 
 
@@ -408,10 +409,21 @@ def right_law_errors(
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
-    that is a little off has carried the bodies away. Their noise is as large as the film shows it, and known no better
-    than that. Repeats that fail are left out.
+    that is a little off has carried the bodies away. Their noise is as large, and where it has a slow part as slow, as
+    the film shows it, and known no better than that. Repeats that fail are left out.
     """
-    truths = {}
+    return errors_of_repeats([training], cases, predictor, stop, rng, repeats, followed)[:, 0]
+
+
+def errors_of_repeats(
+    fits: Sequence[Fit], cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool],
+    rng: np.random.Generator, repeats: int | None = None, followed: Collection[str] = (),
+) -> np.ndarray:  # fmt: skip
+    """Held-out errors (repeats, fits) [m or rad, rms] of fits to films in which what the first says is true.
+
+    See ``right_law_errors``, which are those of that one.
+    """
+    training, truths = fits[0], {}
     for case in cases:
         try:
             truths[case.name] = _as_explained(training, case, predictor, stop)[0]
@@ -419,16 +431,28 @@ def right_law_errors(
             continue
     count = current().left.right if repeats is None else repeats
     sizes = white_sizes(training, [c for c in cases if c.name in training.white], rng.spawn(1)[0], count)
-    filmed = [[_filmed_again(c, truths[c.name], rng, s) for c in cases if c.name in truths] for s in sizes]
+    # where a slow part shows, a few hundred frames do not say how slow
+    slow = seen_by(training, cases) if any(c.noise.size > 0 for c in cases) else []
+    noises = drawn_noises(slow, rng.spawn(1)[0], count) if slow else [None] * count
+    filmed = [
+        [_filmed_again(c, truths[c.name], rng, s, noise) for c in cases if c.name in truths]
+        for s, noise in zip(sizes, noises, strict=True)
+    ]
 
-    def left(replicates: list[Case], own: Fitter, near: Fit | None) -> tuple[float | None, Fit | None]:
+    def left(replicates: list[Case], own: Fitter, near: Sequence[Fit] | None) -> tuple[list[float], list[Fit]]:
         again = Fitter(replicates, predictor, None, own.stop)
-        try:
-            enough = current().evaluations.right
-            fit = again.refitted(training, evaluations=enough, near=near)
-        except Failed:
-            return None, None
-        return held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms, fit
+        errors, found, enough = [], [], current().evaluations.right
+        for k, fit in enumerate(fits):
+            try:
+                fit = again.refitted(fit, evaluations=enough, near=near[k] if near else None)
+            except Failed:
+                return [], []
+            rms = held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms
+            if rms is None:
+                return [], []
+            errors.append(rms)
+            found.append(fit)
+        return errors, found
 
     whole = Fitter(cases, predictor, None, stop)
     # through segments derivatives by starts hardly hang on the noise: those of the first repeat will do for the others
@@ -436,7 +460,7 @@ def right_law_errors(
     first = [left(replicates, whole, None) for replicates in filmed[:leads]]
     near = first[0][1] if first else None
     found = first + side_by_side(whole, [partial(left, replicates, near=near) for replicates in filmed[leads:]])
-    return np.array([rms for rms, _ in found if rms is not None])
+    return np.array([errors for errors, _ in found if errors]).reshape(-1, len(fits))
 
 
 def _as_explained(
@@ -452,8 +476,11 @@ def _as_explained(
     return fitter.predict(fit, case, np.ones(len(case.t), dtype=bool)), fit, len(own) > 0
 
 
-def _filmed_again(case: Case, truth: np.ndarray, rng: np.random.Generator, size: float = 1.0) -> Case:
-    """The recording with noise of its own, ``size`` times as large as its own, seen where it was."""
-    noisy = truth + size * case.draw(rng)
+def _filmed_again(
+    case: Case, truth: np.ndarray, rng: np.random.Generator, size: float = 1.0, noise: Noise | None = None
+) -> Case:
+    """The recording with noise of its own, or as slow as another, ``size`` times as large, seen where it was."""
+    like = case if noise is None else replace(case, noise=noise)
+    noisy = truth + size * like.draw(rng)
     noisy[~np.isfinite(case.values)] = np.nan
     return replace(case, values=noisy)

@@ -53,6 +53,7 @@ from .forms import forms_as_good, left_standing
 from .held_out import (
     Errors,
     carried_on,
+    errors_of_repeats,
     held_out_errors,
     learn_memory,
     left_of_held_out,
@@ -466,7 +467,9 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
-            if outcome == "fails" and (self._by_its_start(revised) or self._by_its_numbers()):
+            if outcome == "fails" and (
+                self._by_its_start(revised) or self._by_its_numbers() or self._by_chance(revised)
+            ):
                 outcome = "undecided"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
@@ -506,6 +509,22 @@ class Tracks(ObservationModel):
         rms = self.held["revised"].rms
         enough = len(self.right) >= current().left.repeats
         return rms is not None and enough and as_large_by_chance(rms, self.right) > current().verdict.absent
+
+    def _by_chance(self, revised: Fit) -> bool:
+        """Whether the claim would be as much worse than the scene without it, were it true, in one of so many films.
+
+        Where impacts magnify what is not known of numbers and starts, either may be ahead in all later frames, and
+        blocks of them are no independent evidence.
+        """
+        study, plain = self.study, self.tried.recalibrated
+        before, after = self.held["recalibrated"].rms, self.held["revised"].rms
+        if not before or after is None or study.late(current().budget.experiment):
+            return False
+        how = study.cases, study.predictor, study.stop, study.rng.spawn(1)[0]
+        films = errors_of_repeats([revised, plain], *how, followed=self.followed)
+        if len(films) < current().left.repeats:
+            return False
+        return as_large_by_chance(after / before, films[:, 0] / films[:, 1]) > current().verdict.absent
 
     def _held_out(self, fit: Fit, whole: bool = True) -> Errors:
         study, memory = self.study, math.inf

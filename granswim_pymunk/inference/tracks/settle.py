@@ -304,7 +304,7 @@ def that_may_be_absent(
     """
     doubtful = []
     for trial in found:
-        free, held = trial.term.free, fit
+        free, held = list(trial.term.free), fit
         if sum(not f.inner for f in free) > 1:
             continue
         if len(free) > 1:
