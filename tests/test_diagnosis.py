@@ -361,6 +361,15 @@ def test_balls_in_the_wind_are_dragged_with_the_square_of_the_speed():
     assert found.verdict["complete"]
 
 
+def test_no_wind_across_a_rail():
+    """It would make a drag that is a square any line in between, and no film shows what blows there."""
+    for law, expected in ((use("rail", direction=(1.0, 0.0)), False), (use("uniform_force", a=(0.0, 0.1)), True)):
+        case = prepare(filmed(table(law), table(law), SHORT, np.random.default_rng(1)), held_out=False, split=False)
+        labels = {t.label for t in named_terms([case], each=False)}
+        assert ("ambient_flow with the square of the speed p=0" in labels) == expected
+        assert "ambient_flow" in labels
+
+
 def test_limits_of_numbers_that_are_known_only_together():
     """Beside an adjustable drag a flow shows as c u and as the sum of both c: profiles go along that valley."""
     truth = table(use("linear_drag", c=0.006), use("ambient_flow", c=0.004, u=(0.2, -0.1)))
