@@ -28,6 +28,7 @@ def pair(*laws, mass=1e-3) -> Scene:
         (use("pair_lubrication", c=1e5, range=1e-4), 10),
         (use("pair_spring", k=400.0, f_0=0.0), 990),
         (use("linear_drag", c=10.0), 50),
+        (use("quadratic_flow", c=10.0, u=(3.0, 4.0)), 50),
         (use("contact_friction", mu=0.5, v_0=1e-5, stiffness=1.0, hertz=0.0, damping=0.0), 2),
     ],
 )
@@ -42,6 +43,7 @@ def test_newer_laws_shorten_the_step(law, steps):
         "pair_lubrication": lambda: 1e-5,
         "pair_spring": lambda: 2 * math.pi * math.sqrt(mass / 2 / 400.0),
         "linear_drag": lambda: mass / 10.0,
+        "quadratic_flow": lambda: mass / (10.0 * 5.0),
         "contact_friction": lambda: 1e-5 / (values["mu"] * g),
     }[law.name]()
     assert 0 < advise_dt(scene) <= fastest / steps

@@ -27,13 +27,16 @@ from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
 from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
     _weakest,
+    _where_it_is_none,
     apparatus_beside,
     in_names_of_apparatus,
+    is_its_special_case,
     that_earn_their_place,
     that_may_be_absent,
     without_idle_numbers,
 )
 from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.laws import all_laws
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -230,6 +233,17 @@ def test_a_law_whose_interval_holds_none_may_be_absent():
 
     assert that_may_be_absent(found, revised, 1.0, lambda fit: fit) == []
     assert doubted("linear_drag") == [drag] and doubted("uniform_force") == []
+
+
+def test_a_stream_that_may_as_well_rest_is_the_drag_that_it_is_then():
+    """Also where it shows along a rail alone, and its one number goes by the name of the vector."""
+    for case, expected in (((2e-3, 0.0, 1.0), True), ((2e-3, 0.0, 1.0, 0.5), False)):
+        *_, found, _ = fitted(dropped(*case), "ambient_flow")
+        assert is_its_special_case(found[0], 1.0) == expected
+    *_, found, _ = fitted(dropped(2e-3, 0.0, 1.0), "linear_drag")
+    assert not is_its_special_case(found[0], 1.0)
+    law = all_laws()["quadratic_flow"]
+    assert [_where_it_is_none(law, f"quadratic_flow.{n}") for n in ("u_x", "u_y[a.1]", "u", "c")] == [0.0] * 4
 
 
 def drawn_together(attraction: float) -> Recording:

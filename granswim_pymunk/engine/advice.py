@@ -128,4 +128,6 @@ def advise_dt(scene: Scene) -> float:
             steps.append(0.2 * values["v_0"] / (values["mu"] * scene.gravity_size))
         elif item.name == "quadratic_drag" and values["c"] > 0 and speed > 0:
             steps.append(0.01 * lightest / (values["c"] * speed))
+        elif item.name == "quadratic_flow" and values["c"] > 0 and (against := speed + math.hypot(*values["u"])) > 0:
+            steps.append(0.01 * lightest / (values["c"] * against))
     return float(np.min(steps))

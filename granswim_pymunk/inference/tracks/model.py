@@ -391,7 +391,8 @@ class Tracks(ObservationModel):
         doubtful = that_may_be_absent(laws, fit, self.spread, doubted)
         if 0 < len(doubtful) < len(laws):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
-        fit = with_none_beyond(fit, [t.label for t in laws], self.spread)
+        sure = [t.label for t in laws if not any(t is u for u in doubtful)]
+        fit = with_none_beyond(fit, sure, self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:

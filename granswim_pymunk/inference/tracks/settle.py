@@ -188,11 +188,18 @@ def is_its_special_case(trial: Trial, spread: float) -> bool:
 
 
 def _where_it_is_none(law: Law, number: str) -> float:
-    """Where a free number of a law is as if it were not there: what its parameter is where nobody says."""
-    argument = number.rpartition(".")[2]
-    (p,) = (p for p in law.parameters if argument in p.arguments)
-    default = p.default if p.default is not None else 0.0
-    return float(np.atleast_1d(default)[p.arguments.index(argument)])
+    """Where a free number of a law is as if it were not there: what its parameter is where nobody says.
+
+    Of a vector that shows along one direction alone, whose size there goes by the parameter's name, the size.
+    """
+    name = number.partition(".")[2].partition("[")[0]
+    for p in law.parameters:
+        default = np.broadcast_to(np.asarray(p.default or 0.0, dtype=float), p.size)
+        if name in p.arguments:
+            return float(default[p.arguments.index(name)])
+        if name == p.name:
+            return float(np.linalg.norm(default))
+    return 0.0
 
 
 def with_numbers_that_were_found(

@@ -48,6 +48,8 @@ def whom(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Tria
             if len(found) == 1:
                 break
             continue
+        if not why:
+            kept = one
         revised, found = kept.fit or revised, [*others, kept]
     return search.as_in(revised, found), revised, dropped
 
