@@ -106,7 +106,7 @@ def test_what_begins_behind_a_block_begins_where_the_fit_passes():
     fitter = Fitter(cases, predictor)
     calibrated = Hypothesis(adjustable_terms(cases))
     naive = fitter.fit(calibrated, [f.first for f in calibrated.free], None)
-    terms = {t.mechanism: t for t in named_terms(cases)}
+    terms = {t.label: t for t in named_terms(cases)}
     hypothesis = calibrated.with_term(terms["nonlinear_spring"], terms["ambient_flow"])
     assert any(f.inner for f in hypothesis.free)
     fit = fitter.fit(hypothesis, (30.0, 2000.0, 0.02, 0.05, 0.0), naive.starts, evaluations=60)

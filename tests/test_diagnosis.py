@@ -361,10 +361,14 @@ def test_balls_in_the_wind_are_dragged_with_the_square_of_the_speed():
     assert found.verdict["complete"]
 
 
-def test_no_wind_across_a_rail():
-    """It would make a drag that is a square any line in between, and no film shows what blows there."""
-    for law, expected in ((use("rail", direction=(1.0, 0.0)), False), (use("uniform_force", a=(0.0, 0.1)), True)):
-        case = prepare(filmed(table(law), table(law), SHORT, np.random.default_rng(1)), held_out=False, split=False)
+def test_a_wind_is_for_what_flies():
+    """Across a rail it makes a drag that is a square any line in between; over a table it is a drag and a slope."""
+    rail, down = use("rail", direction=(1.0, 0.3)), (0.0, -9.81)
+    for laws, gravity, expected in (
+        ((use("gravity"),), down, True), ((use("gravity"), rail), down, False), ((), (0.0, 0.0), False),
+    ):  # fmt: skip
+        scene = replace(table(*laws), gravity=gravity)
+        case = prepare(filmed(scene, scene, SHORT, np.random.default_rng(1)), held_out=False, split=False)
         labels = {t.label for t in named_terms([case], each=False)}
         assert ("ambient_flow with the square of the speed p=0" in labels) == expected
         assert "ambient_flow" in labels

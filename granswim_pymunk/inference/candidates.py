@@ -330,9 +330,9 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
 
     Where every body hangs from a pin or hinge, what a stream in still air would be is the drag of the joint. And what
     rubs by its weight on a substrate has none there: with one joint, where it is the friction of the joint in other
-    numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one. Nor has a
-    stream a place whose drag is not linear, where all move along rails: what blows across makes the drag along one
-    anything from a square to a line, and nobody sees it.
+    numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one. A stream whose
+    drag is not linear has its place where bodies fly. Along a rail what blows across makes the drag anything from a
+    square to a line, and nobody sees it; over a table a slow one is a drag and a slope.
     """
     held: set[str] = set()
     for other in all_laws().values():
@@ -340,7 +340,7 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
             held |= set(other.stands_for)
     rails = [name for name, other in all_laws().items() if other.role == "guide"]
     across = law.role == "medium" and not law.linear
-    if across and all(_holds_all(c.recording.scene, rails) for c in cases):
+    if across and (not with_gravity(cases) or all(_holds_all(c.recording.scene, rails) for c in cases)):
         return True
     by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
     richer = {*law.nests, *all_laws()[law.mechanism].nests} if law.mechanism in all_laws() else set(law.nests)

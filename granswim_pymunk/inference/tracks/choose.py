@@ -148,9 +148,15 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
     chosen = min(
         same,
         key=lambda t: (t.used + part[id(t)], not ordinary(t), t.special, ordinary(t) and not t.apparatus,
-                       extraordinary(t), is_part(t.term, forms), -t.gain),
+                       extraordinary(t), is_part(t.term, forms), is_other_form(t), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)
+
+
+def is_other_form(trial: Trial) -> bool:
+    """Whether a law is not the one that its mechanism is called by, but differs from that in form."""
+    law = all_laws().get(trial.term.law)
+    return law is not None and bool(law.form)
 
 
 def of_the_apparatus(chosen: Trial, trials: Sequence[Trial], spread: float) -> Trial:

@@ -15,7 +15,6 @@ from ..criteria import current
 from ..hypothesis import Free, Hypothesis, Term
 from ..mechanisms import APPARATUS
 from ..significance import price
-from ..simpler import special_cases
 from ..trial import pair_gains, rows_of
 from .choose import absurd, choose, worth
 from .fit import Fitter, side_by_side
@@ -143,7 +142,9 @@ def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[
             continue
         others = [t for t in found if t is not stream]
         keep = [revised.values[:first], *(revised.values[rows[n]] for n in range(len(found)) if n != k)]
-        plain = [t for t in search.terms if t.mechanism in special_cases(stream.term.law) and len(t.free) == 1]
+        # at rest it is one of the drags that its forms are then
+        at_rest = {name for other in laws.values() if other.mechanism == stream.mechanism for name in other.nests}
+        plain = [t for t in search.terms if t.mechanism in at_rest and len(t.free) == 1]
         pushes = [t for t in search.terms if has_role(t.mechanism, "push") and not is_part(t, search.terms)]
         best: tuple[Fit, Signature, Signature] | None = None
         for term in plain if pushes else []:

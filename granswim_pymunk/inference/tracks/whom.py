@@ -38,7 +38,7 @@ def whom(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Tria
         base = _without_last(search, law, others, revised)
         spread = search.spread(revised)
         one = _with_one_number(search, law, base, spread)
-        if one is not law and one.fit is not None and _more_than_any(one, law, base, spread):
+        if one is not law and one.fit is not None and _more_than_any(one, law, base):
             revised, found = one.fit, [*others, one]
             continue
         kept, why = prune(law, base, search.fitter, search.inner, search.notes)
@@ -69,18 +69,22 @@ def _without_last(search: SetSearch, law: Trial, others: Sequence[Trial], revise
     return search.fitter.fit(hypothesis, revised.values[: len(revised.values) - law.numbers], revised.starts)
 
 
-def _more_than_any(one: Trial, each: Trial, base: Fit, spread: float) -> bool:
+def _more_than_any(one: Trial, each: Trial, base: Fit) -> bool:
     """Whether one number for all explains more than that of any body alone: then it is not that body which is special.
 
     Of a body alone as much as its number, over its error, is beyond none.
     """
     assert each.fit is not None
-    first = len(base.values)
-    own = [
-        (float(each.fit.values[k]) - f.neutral) ** 2 / (float(each.fit.covariance[k, k]) * max(spread, 1.0))
-        for k, f in enumerate(each.term.free, first) if each.fit.covariance[k, k] > 0
-    ]  # fmt: skip
-    return one.gain / max(spread, 1.0) >= max(own, default=0.0)
+    rows = slice(len(base.values), len(each.fit.values))
+    off = each.fit.values[rows] - [f.neutral for f in each.term.free]
+    own = off**2 * _one_over(each.fit.covariance[rows, rows])
+    return bool(np.all(one.gain >= own))
+
+
+def _one_over(covariance: np.ndarray) -> np.ndarray:
+    """(k,) one over the variances of a covariance (k, k), none where there is none."""
+    variance = np.diag(covariance)
+    return np.divide(1.0, variance, out=np.zeros_like(variance), where=variance > 0)
 
 
 def _with_one_number(search: SetSearch, law: Trial, base: Fit, spread: float) -> Trial:
