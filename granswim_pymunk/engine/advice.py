@@ -126,8 +126,9 @@ def advise_dt(scene: Scene) -> float:
             continue  # an impulse
         elif item.name in ("contact_friction", "coulomb_substrate") and values["mu"] > 0 and values["v_0"] > 0:
             steps.append(0.2 * values["v_0"] / (values["mu"] * scene.gravity_size))
-        elif item.name == "quadratic_drag" and values["c"] > 0 and speed > 0:
-            steps.append(0.01 * lightest / (values["c"] * speed))
-        elif item.name == "quadratic_flow" and values["c"] > 0 and (against := speed + math.hypot(*values["u"])) > 0:
-            steps.append(0.01 * lightest / (values["c"] * against))
+        elif item.name in ("quadratic_drag", "quadratic_flow"):
+            # against what moves itself
+            rate = values["c"] * (speed + math.hypot(*values.get("u", ())))
+            if rate > 0:
+                steps.append(0.01 * lightest / rate)
     return float(np.min(steps))

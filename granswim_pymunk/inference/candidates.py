@@ -343,7 +343,7 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     if across and (not with_gravity(cases) or all(_holds_all(c.recording.scene, rails) for c in cases)):
         return True
     by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
-    richer = {*law.nests, *all_laws()[law.mechanism].nests} if law.mechanism in all_laws() else set(law.nests)
+    richer = {*law.nests, *all_laws().get(law.mechanism, law).nests}
     return bool(held & richer) or (by_weight and law.name in held)
 
 

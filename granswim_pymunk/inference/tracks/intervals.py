@@ -244,8 +244,8 @@ def with_none_beyond(fit: Fit, named: Collection[str], spread: float) -> Fit:
         for k, free in enumerate(term.free, first):
             value, low, high = fit.interval(k, spread)
             if shaped and not free.inner and low < free.neutral < high:
-                above = value > free.neutral
-                limits[k] = (free.neutral, limits[k][1]) if above else (limits[k][0], free.neutral)
+                low, high = limits.get(k, (low, high))
+                limits[k] = (free.neutral, high) if value > free.neutral else (low, free.neutral)
     return replace(fit, limits=limits)
 
 

@@ -405,8 +405,10 @@ class Tracks(ObservationModel):
             return self._alike_in_pairs(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
-        idle = [t for t in self.tried.alive if has_idle_entry(t, spread) or is_its_special_case(t, spread)]
-        alive = [t for t in self.tried.alive if t is winner or not any(t is u for u in idle)]
+        alive = [
+            t for t in self.tried.alive
+            if t is winner or not (has_idle_entry(t, spread) or is_its_special_case(t, spread))
+        ]  # fmt: skip
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)

@@ -77,14 +77,8 @@ def _more_than_any(one: Trial, each: Trial, base: Fit) -> bool:
     assert each.fit is not None
     rows = slice(len(base.values), len(each.fit.values))
     off = each.fit.values[rows] - [f.neutral for f in each.term.free]
-    own = off**2 * _one_over(each.fit.covariance[rows, rows])
-    return bool(np.all(one.gain >= own))
-
-
-def _one_over(covariance: np.ndarray) -> np.ndarray:
-    """(k,) one over the variances of a covariance (k, k), none where there is none."""
-    variance = np.diag(covariance)
-    return np.divide(1.0, variance, out=np.zeros_like(variance), where=variance > 0)
+    variance = np.diag(each.fit.covariance)[rows]
+    return bool(np.all((one.gain * variance >= off**2) | (variance <= 0)))
 
 
 def _with_one_number(search: SetSearch, law: Trial, base: Fit, spread: float) -> Trial:
