@@ -35,7 +35,17 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
                  set_camera("time_offset"), expression="a frame stamped t shows the state at t + offset",
                  groups=(("offset", (0,)),))
         )  # fmt: skip
-    if positions and any(_holds(item.law) for c in cases for item in c.recording.scene.laws):
+    held = any(_holds(item.law) for c in cases for item in c.recording.scene.laws)
+    if positions and (held or any(c.recording.scene.walls for c in cases)):
+        longest = max(float(np.ptp(c.t)) for c in cases)
+        terms.append(
+            Term("camera_drift", "camera_drift",
+                 tuple(Free(f"camera.drift_{k}", "m/s", -ends.bias / longest, ends.bias / longest, 0.0,
+                            ends.shift / longest) for k in "xy"),
+                 set_camera("drift"), expression="seen = true + u (t - t_0), t_0 the first frame",
+                 groups=(("u", (0, 1)),), special=True)
+        )  # fmt: skip
+    if positions and held:
         terms.append(
             Term("tracking_bias", "tracking_bias",
                  tuple(Free(f"camera.bias_{k}", "m", -ends.bias, ends.bias, 0.0, ends.shift) for k in "xy"),

@@ -12,6 +12,7 @@ APPARATUS = {
     "camera_tilt": ("the tilt of the camera", "turn of the picture against the scene's axes"),
     "time_offset": ("an offset of the clock", "a frame stamped t shows the state at t + offset"),
     "tracking_bias": ("a bias of the tracker", "shift of all positions"),
+    "camera_drift": ("a camera that creeps", "speed at which the whole picture moves, from the first frame on"),
     "camera_foreshortening": ("a camera that looks at an angle", "what it leaves of lengths along one direction"),
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }

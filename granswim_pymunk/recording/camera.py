@@ -1,5 +1,6 @@
-"""What a simulation looks like filmed: seen = s R(+angle) L(F true) + b, at the frame's time plus an offset.
+"""What a simulation looks like filmed: seen = s R(+angle) L(F true) + b + u t, at the frame's time plus an offset.
 
+u t is how far a camera that creeps has gone by then, against its own motion.
 F is a view at an angle: F true = true - (1 - f) (true . e) e.
 L is the lens: L(true) = o + (true - o)(1 + k |true - o|^2).
 """
@@ -50,12 +51,16 @@ def see(
     middle: Sequence[float] = (0.0, 0.0),
     foreshortening: float = 1.0,
     direction: float = 0.0,
+    drift: Sequence[float] = (0.0, 0.0),
+    since: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b.
+    """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b + drift since.
 
     xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
     bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``
-    foreshortening [1] and direction [rad] of a view F at an angle, see ``foreshortened``. Returns (..., 2) [m].
+    foreshortening [1] and direction [rad] of a view F at an angle, see ``foreshortened``
+    drift (2,) [m/s] of a picture that creeps, and the times ``since`` (T,) [s] the first frame, of xy (T, n, 2); none
+    where not given. Returns (..., 2) [m].
     Source: the contract's camera_scale, camera_tilt, tracking_bias.
     """
     if foreshortening != 1.0:
@@ -66,6 +71,8 @@ def see(
     seen = np.empty_like(xy, dtype=float)
     seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
     seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + bias[1]
+    if since is not None and any(drift):
+        seen += np.multiply.outer(np.asarray(since, dtype=float), np.asarray(drift, dtype=float))[:, None]
     return seen
 
 
@@ -121,6 +128,7 @@ def film(
     middle: Sequence[float] | None = None,
     foreshortening: float = 1.0,
     direction: float = 0.0,
+    drift: Sequence[float] = (0.0, 0.0),
     drop: float | np.ndarray = 0.0,
     positions: bool = True,
     wrap: bool = False,
@@ -135,6 +143,7 @@ def film(
     scale, tilt [rad], bias (2,) [m] : as in ``see``; a pinned body's angle is seen turned by the tilt too
     distortion [1/m^2], middle (2,) [m] : of the lens; its middle is the mean of all true places where not given
     foreshortening [1], direction [rad] : of a view at an angle, as in ``see``
+    drift (2,) [m/s] : of a picture that creeps, from the first frame on
     drop : share of sightings that are lost at random, or (T, n) True where a body is not seen
     positions : False leaves angles only (an encoder);  wrap : fold x into the periodic box
     Raises InputError where nothing is observed or random numbers are asked for without a generator.
@@ -160,7 +169,7 @@ def film(
     about = tuple(true.reshape(-1, 2).mean(axis=0).tolist()) if middle is None and true.size else middle or (0.0, 0.0)
     xy = see(
         true, scale=scale, tilt=tilt, bias=bias, distortion=distortion, middle=about, foreshortening=foreshortening,
-        direction=direction,
+        direction=direction, drift=drift, since=times - times[:1],
     )  # fmt: skip
     angle = _angles(scene, rows, true, asked, sampled) + tilt
     if rng is not None:
