@@ -44,7 +44,8 @@ def test_a_creeping_camera_is_told_beside_the_drag_of_a_bearing(tmp_path):
     assert verdict["complete"]
     found = {m["name"]: m["parameters"] for m in verdict["mechanisms"]}
     assert found.keys() == {"camera_drift", "joint_drag"}
-    for value, low, high, true in zip(*(found["camera_drift"]["u"][k] for k in ("value", "low", "high")), DRIFT):
+    u = found["camera_drift"]["u"]
+    for value, low, high, true in zip(u["value"], u["low"], u["high"], DRIFT, strict=True):
         assert abs(value - true) < 1e-4 and low - 2e-5 < true < high + 2e-5
     assert found["joint_drag"]["c"]["value"] == pytest.approx(DRAG, rel=0.05)
 

@@ -26,6 +26,7 @@ from .start import StartBody, numbers_at, states, turning_angle
 NO_CAMERA: dict[str, Any] = {
     "scale": 1.0, "tilt": 0.0, "rate": 1.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0,
     "middle": (0.0, 0.0), "foreshortening": 1.0, "direction": 0.0, "drift": (0.0, 0.0),
+    "jump": (0.0, 0.0), "jumped": 0.0,
 }  # fmt: skip
 
 
@@ -348,8 +349,8 @@ class Predictor:
             why = f"a body is not within {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
-        since = t - case.t[0]
-        seen = see(xy, since=since, **{key: value for key, value in camera.items() if key not in ("rate", "time_offset")})
+        shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}
+        seen = see(xy, since=t - case.t[0], **shows)
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):

@@ -13,6 +13,7 @@ APPARATUS = {
     "time_offset": ("an offset of the clock", "a frame stamped t shows the state at t + offset"),
     "tracking_bias": ("a bias of the tracker", "shift of all positions"),
     "camera_drift": ("a camera that creeps", "speed at which the whole picture moves, from the first frame on"),
+    "camera_jump": ("a camera that somebody ran against", "by how much the whole picture is off from then on"),
     "camera_foreshortening": ("a camera that looks at an angle", "what it leaves of lengths along one direction"),
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }

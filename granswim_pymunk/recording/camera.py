@@ -1,6 +1,6 @@
-"""What a simulation looks like filmed: seen = s R(+angle) L(F true) + b + u t, at the frame's time plus an offset.
+"""What a simulation looks like filmed: seen = s R(+angle) L(F true) + b + u t + j, at the frame's time plus an offset.
 
-u t is how far a camera that creeps has gone by then, against its own motion.
+u t is how far a picture that creeps has gone by then, and j by how much it has jumped.
 F is a view at an angle: F true = true - (1 - f) (true . e) e.
 L is the lens: L(true) = o + (true - o)(1 + k |true - o|^2).
 """
@@ -52,15 +52,18 @@ def see(
     foreshortening: float = 1.0,
     direction: float = 0.0,
     drift: Sequence[float] = (0.0, 0.0),
+    jump: Sequence[float] = (0.0, 0.0),
+    jumped: float = 0.0,
     since: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b + drift since.
+    """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b + drift since, + jump where since >= jumped.
 
     xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
     bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``
     foreshortening [1] and direction [rad] of a view F at an angle, see ``foreshortened``
-    drift (2,) [m/s] of a picture that creeps, and the times ``since`` (T,) [s] the first frame, of xy (T, n, 2); none
-    where not given. Returns (..., 2) [m].
+    drift (2,) [m/s] of a picture that creeps;  jump (2,) [m] of one that jumps, ``jumped`` [s] after the first frame
+    since (T,) [s] : times after the first frame, of xy (T, n, 2); where not given, neither is seen
+    Returns (..., 2) [m].
     Source: the contract's camera_scale, camera_tilt, tracking_bias.
     """
     if foreshortening != 1.0:
@@ -71,8 +74,9 @@ def see(
     seen = np.empty_like(xy, dtype=float)
     seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
     seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + bias[1]
-    if since is not None and any(drift):
-        seen += np.multiply.outer(np.asarray(since, dtype=float), np.asarray(drift, dtype=float))[:, None]
+    if since is not None and (any(drift) or any(jump)):
+        since = np.asarray(since, dtype=float)
+        seen += (np.multiply.outer(since, drift) + np.multiply.outer(since >= jumped, jump))[:, None]
     return seen
 
 

@@ -376,7 +376,7 @@ class SetCriteria:
         (``SignatureCriteria.far``) from noise. Choice
     part : of chi2 beyond noise, that a law beside others has to take away to first order to be refitted, where that is
         less than what their spread asks for. Choice: what a refit finds is tested as ever
-    seconds : laws that are refitted beside one that was found, by first order;  better : of the score inside the
+    seconds : mechanisms that are refitted beside one that was found, by first order;  better : of the score inside the
         training part, and ``recordings``: share of the recordings that a second one has to predict better;  numbers :
         laws of so many stay open where something else is wrong, too. Theory: a strength and a shape
     firsts : laws beside which a second one is looked for, ``variants`` of one name;  pairs : that are refitted, of each

@@ -32,7 +32,7 @@ def unexplained(case: Case) -> list[Kick]:
             continue
         rows = [row for b, row in struck if b == body]
         found += [
-            kick for kick in _kicks(body, case.t, xy, noise, _larger(case, body))
+            kick for kick in _kicks(body, case.t, xy, noise, variance_of(case, body))
             if all(abs(kick.row - other) > current().kicks.half for other in rows)
         ]  # fmt: skip
     return sorted(found, key=lambda kick: kick.t)
@@ -96,7 +96,7 @@ def _is_alone(case: Case, kick: Kick) -> bool:
     return all(gap[kick.row] > current().kicks.clear * radius for gap in gaps_of(case, kick.body))
 
 
-def _larger(case: Case, body: str) -> np.ndarray:
+def variance_of(case: Case, body: str) -> np.ndarray:
     """(T,) by how much errors of the stamps make the variance of the places of a body larger than noise does."""
     own = [k for k, channel in enumerate(case.channels) if channel.body == body and channel.kind in ("x", "y")]
     return np.ones(len(case.t)) if case.late is None else 1 + np.mean(case.late[:, own] ** 2, axis=1)
@@ -115,16 +115,11 @@ def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float, larger: np.nd
     s = (times - times[:, :1]) / span[:, None]
     variance = sliding_window_view(larger[seen], size).mean(axis=1)
 
-    def left(degree: int) -> np.ndarray:
-        q, _ = np.linalg.qr(np.power(s[..., None], np.arange(degree + 1)))
-        off = places - np.einsum("wpk,wlk,wcl->wcp", q, q, places, optimize=True)
-        return np.asarray(np.sum(off**2, axis=(1, 2)) / variance)
-
-    smooth, turning = left(3), left(5)
+    smooth, turning = left_by(3, s, places) / variance, left_by(5, s, places) / variance
     freedom = 2 * (size - 4) - 1
     best: list[tuple[float, int, np.ndarray, float]] = []
     for w in np.flatnonzero((smooth > c.sure) & (span < c.gap * usual)).tolist():
-        off, when, change = _with_step(s[w], places[w].T, c.half)
+        off, when, change = with_step(s[w], places[w].T, c.half)
         off /= variance[w]
         ahead = turning[w] - off > c.turns and smooth[w] - off > c.sure
         if ahead and smooth[w] - freedom > c.times * (off - freedom) and off < c.most * freedom:
@@ -138,7 +133,14 @@ def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float, larger: np.nd
     return kicks
 
 
-def _with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, float, np.ndarray]:
+def left_by(degree: int, s: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(w,) sums of squares that polynomials of a degree at s (w, n) leave of ``places`` (w, 2, n)."""
+    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(degree + 1)))
+    off = places - np.einsum("wpk,wlk,wcl->wcp", q, q, places, optimize=True)
+    return np.asarray(np.sum(off**2, axis=(1, 2)))
+
+
+def with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, float, np.ndarray]:
     """What a parabola whose velocity steps once leaves of ``places`` (n, 2) at s (n,), when it steps, and by how much.
 
     The step lies about the middle: in between two frames, or within one. A body that is fast moves many times the noise

@@ -402,7 +402,7 @@ class Tracks(ObservationModel):
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
         if len(judged.claim.laws) > 1:
-            return self._alike_in_pairs(judged.claim.laws)
+            return self._alike_in_sets(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
         alive = [
@@ -422,19 +422,25 @@ class Tracks(ObservationModel):
             found.append(best)
         return [Claim((t,), t.fit) for t in found]
 
-    def _alike_in_pairs(self, laws: Sequence[Trial]) -> list[Claim]:
-        """Pairs with another law in place of one of the two, which training data cannot tell from it."""
-        found, names = list[Claim](), {t.mechanism for t in laws}
-        for e in self.exchanged:
+    def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
+        """The laws with another one in place of one of them, which training data cannot tell from it.
+
+        Not one that gives way to another of these in the apparatus of the recordings.
+        """
+        found, names, declared = list[Claim](), {t.mechanism for t in laws}, all_laws()
+        alike = [e for e in self.exchanged if e.alike and {t.mechanism for t in (*e.keep, e.replaced)} == names]
+        first = {(e.replaced.mechanism, n) for e in alike if e.trial.term.suited
+                 for n in declared[e.trial.term.law].stands_for}  # fmt: skip
+        for e in alike:
             fit = e.trial.fit
-            if fit is None or not e.alike or {e.keep.mechanism, e.replaced.mechanism} != names:
+            if fit is None or (e.replaced.mechanism, e.trial.mechanism) in first:
                 continue
             # with the steps and joints that what is claimed has
             fit = self.fitter.refitted(fit, evaluations=current().intervals.refit)
             gain = self.tried.recalibrated.chi2 - fit.chi2
-            pair = tuple(replace(t, fit=fit, gain=gain) for t in (e.keep, e.trial))
-            if not any(absurd(t) or is_its_special_case(t, self.spread) for t in pair):
-                found.append(Claim(pair, fit))
+            several = tuple(replace(t, fit=fit, gain=gain) for t in (*e.keep, e.trial))
+            if not any(absurd(t) or is_its_special_case(t, self.spread) for t in several):
+                found.append(Claim(several, fit))
         return found
 
     def parts(self, judged: Judgement) -> Sequence[Claim]:

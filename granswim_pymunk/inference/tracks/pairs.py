@@ -179,7 +179,8 @@ def _one_more(
     spread = search.spread(revised)
     most = max(t.numbers for t in found)
     open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
-    order = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)[: sets.seconds]
+    shown = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)
+    order = leaders(shown, sets.seconds)
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     fits = _refitted(search, revised, order)
     trials = [Trial(s, fit, revised.chi2 - fit.chi2, float("inf")) for s, fit in zip(order, fits, strict=True)]
@@ -218,6 +219,24 @@ def _one_more(
     if gain < price(len(beside.signatures), best.numbers) or not _away_from_absent(best.fit, best, spread):
         return found, revised, None
     return found, revised, best
+
+
+def leaders(ranked: Sequence[Signature], count: int) -> list[Signature]:
+    """Of signatures, best first, those of the first ``count`` mechanisms: the best of each, and of its law the one with
+    fewest numbers.
+
+    A law with a number for each body is never behind the one with one for all; what bodies at rest make of a friction
+    is far from first order, and only a refit tells whether one number is enough.
+    """
+    by_name: dict[str, list[Signature]] = {}
+    for s in ranked:
+        by_name.setdefault(s.term.mechanism, []).append(s)
+    chosen = []
+    for forms in list(by_name.values())[:count]:
+        best, fewest = forms[0], min(len(s.term.free) for s in forms)
+        plainer = [s for s in forms if len(s.term.free) == fewest and s.term.law == best.term.law]
+        chosen += [best, *plainer[:1]] if len(best.term.free) > fewest else [best]
+    return chosen
 
 
 def _refitted(search: SetSearch, base: Fit, signatures: Sequence[Signature]) -> list[Fit]:
@@ -531,9 +550,12 @@ def _away_from_absent(fit: Fit, trial: Trial, spread: float) -> bool:
 
 @dataclass(frozen=True)
 class Exchange:
-    """A law refitted in place of one of two, how far it is ``ahead`` of it in chi2 over the spread, less AIC."""
+    """A law refitted in place of one of several, how far it is ``ahead`` of it in chi2 over the spread, less AIC.
 
-    keep: Trial
+    keep : the others, which stay
+    """
+
+    keep: tuple[Trial, ...]
     replaced: Trial
     trial: Trial
     ahead: float
@@ -545,22 +567,23 @@ class Exchange:
 
 
 def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Exchange]:
-    """Laws in place of one of the two found, the best of each name, best first.
+    """Laws in place of one of those found, the best of each name, best first.
 
-    Beside the other one alone they are ranked by signatures, and those that come near are refitted; of which a number
+    Beside the others alone they are ranked by signatures, and those that come near are refitted; of which a number
     ends at its bound, none stays.
     """
     result: dict[str, Exchange] = {}
     first, spread = search.first, search.spread(revised)
-    of_first, of_second = rows_of(found, first)
-    for replaced, keep, rows in ((found[1], found[0], of_first), (found[0], found[1], of_second)):
-        hypothesis = search.scene_with(keep.term)
-        begin = np.concatenate([revised.values[:first], revised.values[rows]])
-        alone = search.fitter.fit(hypothesis, begin, revised.starts)
+    rows = rows_of(found, first)
+    for k in reversed(range(len(found))):
+        replaced, keep = found[k], tuple(t for t in found if t is not found[k])
+        hypothesis = search.scene_with(*(t.term for t in keep))
+        begin = [revised.values[:first], *(revised.values[rows[n]] for n in range(len(found)) if n != k)]
+        alone = search.fitter.fit(hypothesis, np.concatenate(begin), revised.starts)
         others = [t for t in search.terms if t.mechanism not in {f.mechanism for f in found}]
         ranked = sorted(make_bank(search.fitter, alone, others).signatures, key=lambda s: -s.gain)
         lost = alone.chi2 - revised.chi2
-        near = [s for s in ranked if s.gain > current().sets.near_partner * lost][: current().sets.partners]
+        near = leaders([s for s in ranked if s.gain > current().sets.near_partner * lost], current().sets.partners)
         for signature, fit in zip(near, _refitted(search, alone, near), strict=True):
             trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
@@ -571,12 +594,12 @@ def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Excha
 
 
 def settled(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit, list[Exchange]]:
-    """Two laws, one or the other exchanged as long as that does better, and what could stand in their place."""
+    """Several laws, one or another exchanged as long as that does better, and what could stand in their place."""
     score = search.scores.get(label_of(*found), found[0].inner)
     others: list[Exchange] = []
     for _ in range(current().sets.rounds):
         others = exchanges(search, found, revised)
-        open_ = [e for e in others if not any_field(e.keep.term, e.trial.term, search.terms)]
+        open_ = [e for e in others if not _any_field_beside(search, e)]
         better = max(open_, key=lambda e: e.ahead, default=None)
         if better is None or better.ahead <= current().verdict.same or better.trial.fit is None:
             break
@@ -584,32 +607,36 @@ def settled(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[T
         if not now < score:
             break
         score, revised = now, better.trial.fit
-        found = search.scored(revised, [better.keep, better.trial], now)
+        found = search.scored(revised, [*better.keep, better.trial], now)
         others = []
     others = others or exchanges(search, found, revised)
     simpler = _simpler(search, others)
     if simpler is not None and simpler.trial.fit is not None:
         revised = simpler.trial.fit
-        found = search.scored(revised, [simpler.keep, simpler.trial])
+        found = search.scored(revised, [*simpler.keep, simpler.trial])
         others = exchanges(search, found, revised)
     return found, revised, others
 
 
 def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
-    """Of laws that cannot be told apart from one of two, the best of those with fewest numbers; None without one.
+    """Of laws that cannot be told apart from one of those found, the best with fewest numbers; None without one.
 
     As of one law (``choose``). Contract 2: of a class the first has fewest parameters.
     """
     same = [
         e for e in others
-        if e.trial.used < e.replaced.used and e.alike
-        and not any_field(e.keep.term, e.trial.term, search.terms)
+        if e.trial.used < e.replaced.used and e.alike and not _any_field_beside(search, e)
     ]  # fmt: skip
     return min(same, key=lambda e: (e.trial.used - e.replaced.used, -e.ahead), default=None)
 
 
+def _any_field_beside(search: SetSearch, e: Exchange) -> bool:
+    """Whether a law that stands in place of another makes any field beside one of those that stay."""
+    return any(any_field(t.term, e.trial.term, search.terms) for t in e.keep)
+
+
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
-    """Laws that may stand in place of one of the two found, best first; True where these data cannot tell."""
+    """Laws that may stand in place of one of those found, best first; True where these data cannot tell."""
     for e in others:
         if e.alike:
             notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")

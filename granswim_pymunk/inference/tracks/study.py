@@ -22,6 +22,7 @@ from .closer import joined_closely
 from .fit import Fitter
 from .fitted import Fit
 from .innovations import memory_of
+from .jumps import jump_terms, scored_before_jumps
 from .kicks import cut_at_kicks
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
@@ -87,7 +88,7 @@ def study_of(
     recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
     late: Callable[[float], bool],
 ) -> Study:  # fmt: skip
-    cases = [shortened(cut_at_kicks(case)) for case in prepare_all(recordings, hold_out)]
+    cases = [shortened(cut_at_kicks(scored_before_jumps(case))) for case in prepare_all(recordings, hold_out)]
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     refits = current().refits
@@ -199,7 +200,7 @@ def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
 def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     """Each candidate alone, and the laws without a name beside them."""
     fitter, late, progress = study.fitter, study.late, study.progress
-    named = named_terms(study.cases)
+    named = named_terms(study.cases) + jump_terms(study.training)
     for _ in range(current().refits.rounds):
         progress("signatures of the candidates", 0.1)
         bank = make_bank(fitter, recalibrated, named)
@@ -422,7 +423,7 @@ class Explanation:
     """The laws that explain, their ``fit``, and what was seen on the way to them.
 
     dropped : for each body that a law was not kept for, why;  near : what could stand in place of what was found, True
-        where these data cannot tell;  exchanged : of these, laws fitted in place of one of two
+        where these data cannot tell;  exchanged : of these, laws fitted in place of one of several
     """
 
     laws: list[Trial]
@@ -478,6 +479,8 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
         found, revised, others = settled(search, found, revised)
     if not study.late(current().budget.exchanges):
         found, revised = third_law(search, found, revised)
+        if len(found) > 2 and not study.late(current().budget.exchanges):
+            found, revised, others = settled(search, found, revised)
     if len(found) > 1 and not study.late(current().budget.settling):
         found, revised, dropped = whom(search, found, revised)
     near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
