@@ -409,8 +409,8 @@ def right_law_errors(
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
     The noise floor knows the numbers. They come from noisy frames, and held-out ones are later: by then a number
-    that is a little off has carried the bodies away. Their noise is as large, and where it has a slow part as slow, as
-    the film shows it, and known no better than that. Repeats that fail are left out.
+    that is a little off has carried the bodies away. Their noise is as large, and as slow, as the film shows it, and
+    known no better than that. Repeats that fail are left out.
     """
     return errors_of_repeats([training], cases, predictor, stop, rng, repeats, followed)[:, 0]
 
@@ -431,9 +431,8 @@ def errors_of_repeats(
             continue
     count = current().left.right if repeats is None else repeats
     sizes = white_sizes(training, [c for c in cases if c.name in training.white], rng.spawn(1)[0], count)
-    # where a slow part shows, a few hundred frames do not say how slow
-    slow = seen_by(training, cases) if any(c.noise.size > 0 for c in cases) else []
-    noises = drawn_noises(slow, rng.spawn(1)[0], count) if slow else [None] * count
+    # where a slow part shows, a few hundred frames do not say how slow, and a few dozen not whether there is one
+    noises = drawn_noises(seen_by(training, cases), rng.spawn(1)[0], count)
     filmed = [
         [_filmed_again(c, truths[c.name], rng, s, noise) for c in cases if c.name in truths]
         for s, noise in zip(sizes, noises, strict=True)
