@@ -148,12 +148,12 @@ def left_out(count: int, why: str) -> str:
 
 
 def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
-    """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points.
+    """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points, or all.
 
-    t, values : (T,) without NaN. Quadratics, or the least higher degree (to 5) after which the next takes no more than
-    a tenth away: over few frames of an oscillation, what a quadratic leaves is no noise. The dof of each local fit are
-    taken off; the median keeps collisions out. At least what rounding to a grid leaves, which hides where a coordinate
-    hardly moves: then most frames have the same value.
+    t, values : (T,) without NaN; of fewer than five, half of what neighbours differ by. Quadratics, or the least higher
+    degree (to 5) after which the next takes no more than a tenth away: over few frames of an oscillation, what a
+    quadratic leaves is no noise. The dof of each local fit are taken off; the median keeps collisions out. At least
+    what rounding to a grid leaves, which hides where a coordinate hardly moves: then most frames have the same value.
     """
     return max(_scatter(t, values), grid_of(values) / math.sqrt(12.0))
 
@@ -181,22 +181,23 @@ def least_step(values: np.ndarray) -> float:
 
 def _scatter(t: np.ndarray, values: np.ndarray) -> float:
     """``estimate_noise`` without a grid."""
-    width = 9
-    if len(t) < width + 2:
+    width, degrees = min(9, len(t)), current().noise.degrees
+    degrees = tuple(d for d in degrees if d <= width - 3)  # two numbers are left to tell the size from
+    if not degrees:
         return float(np.std(np.diff(values)) / np.sqrt(2)) if len(t) > 2 else 0.0
     s = sliding_window_view(t, width)
     s = (s - s[:, [width // 2]]) / np.maximum(np.ptp(s, axis=1, keepdims=True), 1e-300)
     q, _ = np.linalg.qr(np.power(s[..., None], np.arange(7)))
     v = sliding_window_view(values, width)
     found = []
-    for degree in current().noise.degrees:
+    for degree in degrees:
         # the first columns span the polynomials of each degree
         span = q[..., : degree + 1]
         left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)
         sums = np.sum(left**2, axis=1)
         found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
     falls = current().noise.degree
-    return next((now for now, then in pairwise(found) if then > falls * now), found[-2])
+    return next((now for now, then in pairwise(found) if then > falls * now), found[-2:][0])
 
 
 def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = True) -> Case:

@@ -90,6 +90,8 @@ def explained(
     criteria = criteria or current().blocks
     beyond = current().verdict.beyond if beyond is None else beyond
     units = [u for u in before.sums if u in after.sums]
+    if not before.sums:  # so few frames that none is unseen: nothing is told, and nothing speaks against anything
+        return Explained(0.0, 0.0, 0.0, 0.0, 0.0, False)
     if not units:
         # what could not be run has explained nothing, and leaves no less than there was
         return Explained(0.0, 0.0, 0.0, math.inf, before.mean, False)

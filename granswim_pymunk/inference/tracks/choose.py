@@ -95,10 +95,11 @@ def foretold(trial: Trial, spread: float, base_inner: float, looked: int) -> boo
 
     Where it leaves noise alone, all data are asked: ln p(all) = ln p(first part) + ln p(rest | first part), and what
     acts in the first part alone (an end stop met while a motor starts) can only lose in the rest. It has to earn
-    the price of one of ``looked`` candidates in all (``significance.price``).
+    the price of one of ``looked`` candidates in all (``significance.price``). So it has where so few frames are learnt
+    from that none are later: then ``base_inner``, what they are predicted by without a law, is infinite.
     """
-    enough = price(looked, trial.used)
-    return trial.inner < base_inner or (spread <= 1 and math.isfinite(trial.inner) and trial.gain / spread > enough)
+    told = math.isfinite(trial.inner) or math.isinf(base_inner)
+    return trial.inner < base_inner or (spread <= 1 and told and trial.gain / spread > price(looked, trial.used))
 
 
 def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -> Trial | None:

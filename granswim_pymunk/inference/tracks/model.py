@@ -70,7 +70,7 @@ from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
-from .pairs import Exchange
+from .pairs import Exchange, two_alike
 from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
@@ -420,7 +420,12 @@ class Tracks(ObservationModel):
             if best is None:
                 break
             found.append(best)
-        return [Claim((t,), t.fit) for t in found]
+        claims = [Claim((t,), t.fit) for t in found]
+        if winner.used > 1 and not self.study.late(current().budget.pairs):
+            search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
+            pairs = [p for p in two_alike(search, self.tried.alive, winner) if not any(absurd(t) for t in p)]
+            claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
+        return claims
 
     def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
         """The laws with another one in place of one of them, which training data cannot tell from it.

@@ -122,6 +122,22 @@ def two_for_one(
     return (pair, pair[0].fit or best) if pair else (found, revised)
 
 
+def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial) -> list[list[Trial]]:
+    """Two simple laws with no more numbers than one, which training data cannot tell from it, best first.
+
+    A stream along a rail is a drag about a middle speed. So are friction and a drag with the square of the speed, until
+    the body has become slow.
+    """
+    assert law.fit is not None
+    least = law.fit.chi2 + current().verdict.same * search.spread(law.fit)
+    found = [
+        (a, b, fit) for a, b, fit in _beside_each(search, alive, numbers=law.used)
+        if fit.chi2 < least and not (a.term.special or b.term.special)
+    ]  # fmt: skip
+    found = sorted(found, key=lambda f: f[-1].chi2)[: current().verdict.instead]
+    return [search.scored(fit, [Trial.untried(a), Trial.untried(b)]) for a, b, fit in found]
+
+
 def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
     """A stream that hardly moves told as what it is then: a drag in still air, and a steady push.
 
