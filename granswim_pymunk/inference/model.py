@@ -39,6 +39,7 @@ class HeldOut:
     explained : of that, where it is not what was judged;  window [s] : that errors are of, None for whole runs
     whole : errors where the start is fitted to whole held-out recordings, by model
     unlike : they are off by more than where the claimed law is right and its numbers come from as noisy frames
+    beyond : they are off by more than in every repeat of the film with the claimed law, which are few
     detail : errors with the claim, frame by frame, as the model has them
     """
 
@@ -51,6 +52,7 @@ class HeldOut:
     window: float | None = None
     whole: Mapping[str, float | None] = field(default_factory=dict)
     unlike: bool = False
+    beyond: bool = False
     detail: Any = field(default=None, repr=False, compare=False)
 
     def without(self) -> HeldOut:

@@ -75,10 +75,13 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     Training data say that it is one of a class; held-out data say which of them it is not: what they are predicted
     worse with than without, or with errors that its numbers cannot have where it is right.  Of the others, which
     training data name by the same rules, the next one stands whose errors are those of its numbers; where more is
-    missing, so that there is none, the one that predicts held-out data best.  Otherwise all is as it was.
+    missing, so that there is none, the one that predicts held-out data best.  Where errors are only larger than in
+    every repeat with the law, which chance does in one of a dozen films, those of another have to be none such, and
+    smaller; the one that predicts best stands.  Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
-    if not (fails or held.unlike) or not judged.claim.laws or judged.claim.nameless:
+    sure = fails or held.unlike
+    if not (sure or held.beyond) or not judged.claim.laws or judged.claim.nameless:
         return judged, held
     better, last = [], judged
     for claim in model.alike(judged):
@@ -88,18 +91,18 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         last = other
         # what bends the picture predicts a little better whatever is missing
         fault = bends(other) and not bends(judged)
-        if found.outcome != "holds" or (fault and found.unlike):
+        if found.outcome != "holds" or (fault and found.unlike) or (not sure and (fault or found.beyond)):
             continue
-        if not fails and (fault or found.unlike) and not model.predicts_better(held, found):
+        if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
             continue
         better.append((other, found, notes))
-        if not found.unlike:
+        if sure and not found.unlike:
             break
     if not better:
         # what the model keeps of its last look belongs to the first claim again
         return judged, held if last is judged else model.hold_out(judged)
     other, found, notes = better[-1]
-    if found.unlike:  # as all of them are
+    if found.unlike or not sure:  # as all of them are
         other, found, notes = max(better, key=lambda entry: entry[1].gain or 0.0)
     how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
     model.notes += notes

@@ -492,7 +492,7 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
-            self.held["revised"],
+            self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
 
     def _by_its_start(self, revised: Fit) -> bool:
