@@ -327,7 +327,8 @@ class Tracks(ObservationModel):
         laws = list(claim.laws)
         if found.real and laws:
             _, alike = within_belief(laws, claim.fit, tried.recalibrated, self._fitter_of(claim.fit), self.spread)
-            if len(alike) == len(laws):
+            # where they leave more than noise, so do masses and radii: something is missing, whatever does the same
+            if len(alike) == len(laws) and self.completeness(claim.fit).passes:
                 self.notes.append(f"{claim.label}: {AS_BELIEVED}")
                 found = replace(found, real=False)
         return found

@@ -238,20 +238,21 @@ def _one_more(
 
 
 def leaders(ranked: Sequence[Signature], count: int) -> list[Signature]:
-    """Of signatures, best first, those of the first ``count`` mechanisms: the best of each, and of its law the one with
-    fewest numbers.
+    """Of signatures, best first, the first ``count``, and those of the first ``count`` mechanisms.
 
-    A law with a number for each body is never behind the one with one for all; what bodies at rest make of a friction
-    is far from first order, and only a refit tells whether one number is enough.
+    Of each of these the best, and the form of its law with fewest numbers: one with a number for each body is never
+    behind the one with one for all, and what bodies at rest make of a friction is far from first order, so that only a
+    refit tells whether one number is enough.
     """
     by_name: dict[str, list[Signature]] = {}
     for s in ranked:
         by_name.setdefault(s.term.mechanism, []).append(s)
-    chosen = []
+    chosen = list(ranked[:count])
     for forms in list(by_name.values())[:count]:
         best, fewest = forms[0], min(len(s.term.free) for s in forms)
         plainer = [s for s in forms if len(s.term.free) == fewest and s.term.law == best.term.law]
-        chosen += [best, *plainer[:1]] if len(best.term.free) > fewest else [best]
+        mine = [best, *plainer[:1]] if len(best.term.free) > fewest else [best]
+        chosen += [s for s in mine if not any(s is other for other in chosen)]
     return chosen
 
 
