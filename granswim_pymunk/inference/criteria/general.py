@@ -331,7 +331,7 @@ class VerdictCriteria:
     moved : chi2 that recalibration gains before an adjustable is said to be off, ``noticed`` and half of it
     bodies : of the excess of the worst body over the floor, from which another one is told beside it. Choice
     rival : of the gain of what is named, from which another law is told as its rival;  rivals : that are told at most;
-        ``rivals_of_pair`` beside two laws. Choice
+        ``rivals_of_pair`` beside several laws, and all that these data cannot tell. Choice
     """
 
     alarm: float = 0.01

@@ -16,7 +16,7 @@ from ..hypothesis import Free, Hypothesis, Term
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..trial import pair_gains, rows_of
-from .choose import absurd, choose, worth
+from .choose import absurd, choose, ordinary, worth
 from .fit import Fitter, side_by_side
 from .fitted import Fit, may_be_absent
 from .name import Trial, is_limit, is_part, label_of, refit
@@ -43,6 +43,61 @@ def second_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     if pair is not both and pair[0].fit is not None:
         return pair, pair[0].fit
     return [first, best], best.fit
+
+
+def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
+    """Two laws beside the one that was found, which explain together what neither does beside it alone.
+
+    What a wrong scale, a wrong mass and a weak drag leave of each other is no noise, and its spread hides every one of
+    them from the test of a second law. Pairs are ranked by their normal equations beside the one found; with both,
+    each has to earn its place over what all three leave, and later data inside the training part are predicted better.
+    Not through segments, where masses and radii leave such a rest in any case.
+    """
+    sets = current().sets
+    if len(found) != 1 or search.fitter.segmented or search.spread(revised) <= 1 or found[0].term.special:
+        return found, revised
+    (law,), terms = found, search.terms
+    rest = [
+        t for t in terms
+        if t.mechanism != law.mechanism and len(t.free) <= sets.numbers and not t.special
+        and not any_field(law.term, t, terms)
+    ]  # fmt: skip
+    bank = make_bank(search.fitter, revised, rest)
+    signatures, earned = bank.signatures, price(len(terms))
+    ranked = pair_gains(bank.left, [s.term.mechanism for s in signatures], [s.directions for s in signatures])
+    chosen: dict[frozenset[str], tuple[Signature, Signature]] = {}
+    for both, i, j in ranked:
+        a, b = signatures[i], signatures[j]
+        if both - max(a.gain, b.gain) > sets.together and not any_field(a.term, b.term, terms):
+            chosen.setdefault(frozenset((a.term.mechanism, b.term.mechanism)), (a, b))
+        if len(chosen) == sets.partners:
+            break
+    jobs = [partial(_three, base=revised, a=a, b=b) for a, b in chosen.values()]
+    least, _ = search.inner.score(revised)
+    best, answer = revised, found
+    for (a, b), (fit, *less) in zip(chosen.values(), side_by_side(search.fitter, jobs), strict=True):
+        level = search.spread(fit)
+        alone = min(other.chi2 for other in less)
+        three = [law, Trial.untried(a), Trial.untried(b)]
+        if fit.chi2 > best.chi2 or (alone - fit.chi2) / level < earned or _idle(three, fit, search.first, level):
+            continue
+        score, _ = search.inner.score(fit)
+        if score < least:
+            best, answer = fit, search.scored(fit, three, score)
+    return answer, best
+
+
+def _three(fitter: Fitter, base: Fit, a: Signature, b: Signature) -> tuple[Fit, Fit, Fit]:
+    """A fit with two laws beside those of a fit, and with each of the two alone."""
+    few = current().evaluations.pair
+
+    def with_these(*signatures: Signature) -> Fit:
+        hypothesis = base.hypothesis.with_term(*(s.term for s in signatures))
+        begin = np.array([f.first for s in signatures for f in s.term.free])
+        values, starts = fitter.beside(base, hypothesis, begin)
+        return fitter.fit(hypothesis, values, starts, evaluations=few)
+
+    return with_these(a, b), with_these(a), with_these(b)
 
 
 def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
@@ -638,12 +693,15 @@ def settled(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[T
 def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
     """Of laws that cannot be told apart from one of those found, the best with fewest numbers; None without one.
 
-    As of one law (``choose``). Contract 2: of a class the first has fewest parameters.
+    As of one law (``choose``). Contract 2: of a class the first has fewest parameters. With as many numbers what any
+    laboratory is off by, a mass by a per cent, goes before physics.
     """
-    same = [
-        e for e in others
-        if e.trial.used < e.replaced.used and e.alike and not _any_field_beside(search, e)
-    ]  # fmt: skip
+
+    def simpler(e: Exchange) -> bool:
+        usual = ordinary(e.trial) and not (e.replaced.apparatus or any(f.ordinary for f in e.replaced.term.free))
+        return e.trial.used < e.replaced.used or (e.trial.used == e.replaced.used and usual)
+
+    same = [e for e in others if e.alike and simpler(e) and not _any_field_beside(search, e)]
     return min(same, key=lambda e: (e.trial.used - e.replaced.used, -e.ahead), default=None)
 
 
@@ -653,8 +711,10 @@ def _any_field_beside(search: SetSearch, e: Exchange) -> bool:
 
 
 def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
-    """Laws that may stand in place of one of those found, best first; True where these data cannot tell."""
+    """Laws that may stand in place of one of those found, best first; True where these data cannot tell, all such."""
     for e in others:
         if e.alike:
             notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
-    return [(e.trial, e.alike) for e in others[: current().verdict.rivals_of_pair]]
+    first = [e for e in others if e.alike]
+    rest = [e for e in others if not e.alike][: max(current().verdict.rivals_of_pair - len(first), 0)]
+    return [(e.trial, e.alike) for e in (*first, *rest)]

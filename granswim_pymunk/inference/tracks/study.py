@@ -26,7 +26,17 @@ from .jumps import jump_terms, scored_before_jumps
 from .kicks import cut_at_kicks
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
-from .pairs import Exchange, drag_and_push, pair_of, rivals_of_pair, second_law, settled, third_law, two_for_one
+from .pairs import (
+    Exchange,
+    drag_and_push,
+    pair_of,
+    rivals_of_pair,
+    second_law,
+    settled,
+    third_law,
+    two_beside,
+    two_for_one,
+)
 from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
@@ -474,6 +484,7 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
     if not study.late(current().budget.exchanges):
         found, revised = two_for_one(search, tried.alive, found, revised)
         found, revised = drag_and_push(search, found, revised)
+        found, revised = two_beside(search, found, revised)
     others: list[Exchange] = []
     if len(found) == 2 and not study.late(current().budget.exchanges):
         found, revised, others = settled(search, found, revised)
