@@ -146,8 +146,7 @@ def film(
     noise [m], angle_noise [rad] : one standard deviation, drawn from ``rng``
     scale, tilt [rad], bias (2,) [m] : as in ``see``; a pinned body's angle is seen turned by the tilt too
     distortion [1/m^2], middle (2,) [m] : of the lens; its middle is the mean of all true places where not given
-    foreshortening [1], direction [rad] : of a view at an angle, as in ``see``
-    drift (2,) [m/s] : of a picture that creeps, from the first frame on
+    foreshortening [1], direction [rad] : of a view at an angle, and drift (2,) [m/s] of a picture that creeps: ``see``
     drop : share of sightings that are lost at random, or (T, n) True where a body is not seen
     positions : False leaves angles only (an encoder);  wrap : fold x into the periodic box
     Raises InputError where nothing is observed or random numbers are asked for without a generator.
@@ -184,8 +183,7 @@ def film(
     if wrap and scene.periodic_x:
         xy[..., 0] %= scene.periodic_x
     lost = _lost(drop, shape, rng)
-    xy[lost] = np.nan
-    angle[lost] = np.nan
+    xy[lost], angle[lost] = np.nan, np.nan
     if not positions:
         xy[:] = np.nan
     has_angle = bool(np.isfinite(angle).any())

@@ -15,9 +15,6 @@ from ..hypothesis import Free, Term
 from .kicks import left_by, variance_of, with_step
 from .segments import paths_of
 
-CUBIC, TURNING = 3, 5  # degrees of the polynomials that follow what is smooth, and what turns sharply
-
-
 @dataclass(frozen=True)
 class Jump:
     """All places are off by ``change`` (2,) [m] from the frame ``row`` on, at its time t [s].
@@ -81,7 +78,7 @@ def _windows(case: Case, body: str, xy: np.ndarray, noise: float) -> list[_Windo
     span = np.ptp(times, axis=1)
     s = (times - times[:, :1]) / span[:, None]
     variance = sliding_window_view(variance_of(case, body)[seen], size).mean(axis=1)
-    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(CUBIC + 1)))
+    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(c.smooth + 1)))
     step = np.repeat([0.0, 1.0], c.half)
     across = (step - np.einsum("wpk,wlk,l->wp", q, q, step, optimize=True)) / (noise * np.sqrt(variance))[:, None]
     whole = span < c.gap * np.median(span)
@@ -100,17 +97,17 @@ def _jump(row: int, t: float, windows: Sequence[_Window]) -> Jump | None:
     if gain <= c.sure:
         return None
     change = toward / size
-    freedom = 2 * (2 * c.half - CUBIC - 1)
+    freedom = 2 * (2 * c.half - c.smooth - 1)
     smooth = off = turning = kinked = 0.0
     for w in windows:
         scaled = w.places[None].swapaxes(1, 2) / w.noise
         moved = scaled - (change[:, None] * np.repeat([0.0, 1.0], c.half))[None] / w.noise
-        after = float(left_by(CUBIC, w.s[None], moved)[0]) / w.variance
+        after = float(left_by(c.smooth, w.s[None], moved)[0]) / w.variance
         if after > c.most * freedom:  # this body does not jump with the others
             return None
         off += after
-        smooth += float(left_by(CUBIC, w.s[None], scaled)[0]) / w.variance
-        turning += float(left_by(TURNING, w.s[None], scaled)[0]) / w.variance
+        smooth += float(left_by(c.smooth, w.s[None], scaled)[0]) / w.variance
+        turning += float(left_by(c.turning, w.s[None], scaled)[0]) / w.variance
         kinked += with_step(w.s, scaled[0].T, c.half)[0] / w.variance
     ahead = min(smooth - off - c.sure, turning - off - c.turns, kinked - off - c.turns)
     if not ahead > 0:

@@ -115,7 +115,7 @@ def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float, larger: np.nd
     s = (times - times[:, :1]) / span[:, None]
     variance = sliding_window_view(larger[seen], size).mean(axis=1)
 
-    smooth, turning = left_by(3, s, places) / variance, left_by(5, s, places) / variance
+    smooth, turning = (left_by(d, s, places) / variance for d in (c.smooth, c.turning))
     freedom = 2 * (size - 4) - 1
     best: list[tuple[float, int, np.ndarray, float]] = []
     for w in np.flatnonzero((smooth > c.sure) & (span < c.gap * usual)).tolist():
