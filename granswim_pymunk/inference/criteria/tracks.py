@@ -54,7 +54,7 @@ class KickCriteria:
     most : of chi2 over its degrees of freedom, that the parabola with a step may leave. Choice: laboratories state
         noise that is off by two;  gap : of the usual time of so many frames, that those with lost ones among them may
         take
-    smooth : degree of the polynomials that follow what does not step;  turning : of those that follow what turns sharply
+    smooth : degree of the polynomials that follow what does not step;  turning : of those that follow sharp turns
     rounds : of seven times, in which that of a step is sought: to a sixtieth of a frame. Choice
     clear : radii of a body, beyond which what it may meet does not act on it as in a contact. Choice
     """

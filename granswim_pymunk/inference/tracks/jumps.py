@@ -15,6 +15,7 @@ from ..hypothesis import Free, Term
 from .kicks import left_by, variance_of, with_step
 from .segments import paths_of
 
+
 @dataclass(frozen=True)
 class Jump:
     """All places are off by ``change`` (2,) [m] from the frame ``row`` on, at its time t [s].
