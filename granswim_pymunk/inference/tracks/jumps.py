@@ -35,9 +35,8 @@ class Jump:
 class _Window:
     """Frames of one body about a jump that may be.
 
-    rows (n,), s (n,) : of the frames, and their times from 0 to 1;  places (n, 2) [m];  noise [m] : one standard
-    deviation, and what larger ``variance`` errors of the stamps make;  across (n,) [1/m] : what of a jump a cubic does
-    not follow, over the noise
+    rows (n,), s (n,) : of the frames, and their times from 0 to 1;  places (n, 2) over the noise;  variance : of these
+    noise [m] : one standard deviation
     """
 
     rows: np.ndarray
@@ -45,7 +44,35 @@ class _Window:
     places: np.ndarray
     variance: float
     noise: float
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """All windows of one body: what ``_Window`` has, of each.
+
+    noise [m] : one standard deviation;  across (w, n) : what of a jump a cubic does not follow
+    """
+
+    rows: np.ndarray
+    s: np.ndarray
+    places: np.ndarray
+    variance: np.ndarray
     across: np.ndarray
+    noise: float
+
+    def normal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(w,) the row where each would jump, and the normal equations of the jump: (w,) [1/m^2], (w, 2) [1/m]."""
+        rows = self.rows[:, current().kicks.half]
+        size = np.sum(self.across**2, axis=1) / (self.variance * self.noise**2)
+        along = np.einsum("wn,wnk->wk", self.across, self.places) / (self.variance * self.noise)[:, None]
+        return rows, size, along
+
+    def at(self, row: int) -> _Window | None:
+        """The window that would jump at a row."""
+        k = int(np.searchsorted(self.rows[:, current().kicks.half], row))
+        if k == len(self.rows) or self.rows[k, current().kicks.half] != row:
+            return None
+        return _Window(self.rows[k], self.s[k], self.places[k], float(self.variance[k]), self.noise)
 
 
 def jumps_of(case: Case) -> list[Jump]:
@@ -55,12 +82,19 @@ def jumps_of(case: Case) -> list[Jump]:
     and to be ahead by far of cubics without it, of polynomials of fifth degree, and of velocities that step.
     """
     c = current().kicks
-    about: dict[int, list[_Window]] = {}
-    for body, (xy, noise) in paths_of(case).items():
-        if noise > 0:
-            for window in _windows(case, body, xy, noise):
-                about.setdefault(int(window.rows[c.half]), []).append(window)
-    found = [jump for row, windows in about.items() if (jump := _jump(row, float(case.t[row]), windows)) is not None]
+    size, toward = np.zeros(len(case.t)), np.zeros((len(case.t), 2))
+    followed = [_windows(case, body, xy, noise) for body, (xy, noise) in paths_of(case).items() if noise > 0]
+    for windows in followed:
+        rows, own, along = windows.normal()
+        np.add.at(size, rows, own)
+        np.add.at(toward, rows, along)
+    gain = np.sum(toward**2, axis=1) / np.maximum(size, np.finfo(float).tiny)
+    found = []
+    for row in np.flatnonzero(gain > c.sure).tolist():
+        mine = [one for windows in followed if (one := windows.at(row)) is not None]
+        if _is_jump(mine, toward[row] / size[row]):
+            first, last = min(int(w.rows[0]) for w in mine), max(int(w.rows[-1]) for w in mine)
+            found.append(Jump(row, float(case.t[row]), toward[row] / size[row], first, last, float(gain[row])))
     kept: list[Jump] = []
     for jump in sorted(found, key=lambda j: -j.ahead):
         if all(abs(jump.row - other.row) > 2 * c.half for other in kept):
@@ -68,53 +102,45 @@ def jumps_of(case: Case) -> list[Jump]:
     return sorted(kept, key=lambda j: j.t)
 
 
-def _windows(case: Case, body: str, xy: np.ndarray, noise: float) -> list[_Window]:
-    """Windows of a body in which a jump in the middle would be ahead of a cubic by far."""
+def _windows(case: Case, body: str, xy: np.ndarray, noise: float) -> _Windows:
+    """Windows of a body, none of those with more than so many lost frames among theirs."""
     c = current().kicks
     seen, size = np.flatnonzero(np.isfinite(xy).all(axis=1)), 2 * c.half
     if len(seen) < size:
-        return []
-    rows, places = sliding_window_view(seen, size), sliding_window_view(xy[seen], size, axis=0)
+        none = np.zeros((0, size))
+        return _Windows(none.astype(int), none, np.zeros((0, size, 2)), np.zeros(0), none, noise)
+    rows, places = sliding_window_view(seen, size), sliding_window_view(xy[seen] / noise, size, axis=0)
     times = case.t[rows]
     span = np.ptp(times, axis=1)
-    s = (times - times[:, :1]) / span[:, None]
-    variance = sliding_window_view(variance_of(case, body)[seen], size).mean(axis=1)
-    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(c.smooth + 1)))
-    step = np.repeat([0.0, 1.0], c.half)
-    across = (step - np.einsum("wpk,wlk,l->wp", q, q, step, optimize=True)) / (noise * np.sqrt(variance))[:, None]
     whole = span < c.gap * np.median(span)
-    return [
-        _Window(rows[w], s[w], places[w].T, float(variance[w]), noise, across[w])
-        for w in np.flatnonzero(whole).tolist()
-    ]
+    s = ((times - times[:, :1]) / span[:, None])[whole]
+    variance = sliding_window_view(variance_of(case, body)[seen], size).mean(axis=1)[whole]
+    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(c.smooth + 1)))
+    step = _step()
+    across = step - np.einsum("wpk,wlk,l->wp", q, q, step, optimize=True)
+    return _Windows(rows[whole], s, places[whole].swapaxes(1, 2), variance, across, noise)
 
 
-def _jump(row: int, t: float, windows: Sequence[_Window]) -> Jump | None:
-    """One jump of all these bodies at a frame; None where it is no jump."""
+def _step() -> np.ndarray:
+    """(n,) a jump of one in the middle of a window."""
+    return np.repeat([0.0, 1.0], current().kicks.half)
+
+
+def _is_jump(windows: Sequence[_Window], change: np.ndarray) -> bool:
+    """Whether one ``change`` (2,) [m] of the places of all these bodies is ahead of all that goes without it."""
     c = current().kicks
-    size = sum(float(w.across @ w.across) for w in windows)
-    toward = np.sum([w.across @ w.places / (w.noise * np.sqrt(w.variance)) for w in windows], axis=0)
-    gain = float(toward @ toward) / size
-    if gain <= c.sure:
-        return None
-    change = toward / size
     freedom = 2 * (2 * c.half - c.smooth - 1)
     smooth = off = turning = kinked = 0.0
     for w in windows:
-        scaled = w.places[None].swapaxes(1, 2) / w.noise
-        moved = scaled - (change[:, None] * np.repeat([0.0, 1.0], c.half))[None] / w.noise
-        after = float(left_by(c.smooth, w.s[None], moved)[0]) / w.variance
+        scaled = w.places.T[None]
+        after = float(left_by(c.smooth, w.s[None], scaled - np.outer(change / w.noise, _step()))[0]) / w.variance
         if after > c.most * freedom:  # this body does not jump with the others
-            return None
+            return False
         off += after
         smooth += float(left_by(c.smooth, w.s[None], scaled)[0]) / w.variance
         turning += float(left_by(c.turning, w.s[None], scaled)[0]) / w.variance
-        kinked += with_step(w.s, scaled[0].T, c.half)[0] / w.variance
-    ahead = min(smooth - off - c.sure, turning - off - c.turns, kinked - off - c.turns)
-    if not ahead > 0:
-        return None
-    first, last = min(int(w.rows[0]) for w in windows), max(int(w.rows[-1]) for w in windows)
-    return Jump(row, t, change, first, last, gain)
+        kinked += with_step(w.s, w.places, c.half)[0] / w.variance
+    return min(smooth - off - c.sure, turning - off - c.turns, kinked - off - c.turns) > 0
 
 
 def jump_terms(cases: Sequence[Case]) -> list[Term]:
