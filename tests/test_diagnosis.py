@@ -20,7 +20,7 @@ from granswim_pymunk.inference.candidates import flexible_terms, named_terms
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
-from granswim_pymunk.inference.noise import Noise
+from granswim_pymunk.inference.noise import drawn_noises
 from granswim_pymunk.inference.result import Diagnosis
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.inference.start import Bar, Guided, describe_starts
@@ -30,7 +30,7 @@ from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, noise_floor, right_law_errors
-from granswim_pymunk.inference.tracks.innovations import white_sizes
+from granswim_pymunk.inference.tracks.innovations import seen_by, white_sizes
 from granswim_pymunk.inference.tracks.intervals import with_limits
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
 from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
@@ -633,17 +633,29 @@ def test_what_a_right_law_leaves_where_its_numbers_are_found():
     errors = right_law_errors(fit, [case], predictor, lambda: False, np.random.default_rng(4), 60)
     powers = np.vander(case.t / case.t[-1], 3)
     learnt, scored = powers[case.training], powers[case.scored]
-    leverage = np.sum((scored @ np.linalg.inv(learnt.T @ learnt)) * scored, axis=1)
-    shown = np.mean(white_sizes(fit, [case], np.random.default_rng(4).spawn(1)[0], 60) ** 2)
-    assert shown == pytest.approx(1.0, rel=0.6)
-    assert np.mean(errors**2) == pytest.approx(shown * NOISE**2 * (1 + leverage.mean()), rel=0.2)
+    foretold = scored @ np.linalg.inv(learnt.T @ learnt) @ learnt.T
+    again = np.random.default_rng(4)
+    sizes = white_sizes(fit, [case], again.spawn(1)[0], 60)
+    assert np.mean(sizes**2) == pytest.approx(1.0, rel=0.6)
+    # so few frames do not say whether the noise has a slow part: some of the repeats have one
+    noises = drawn_noises(seen_by(fit, [case]), again.spawn(1)[0], 60)
+    assert 0.2 < np.mean([noise.size > 0 for noise in noises]) < 0.8
+    apart = np.hstack([np.eye(len(scored)), -foretold])  # held-out noise, less what the learnt frames foretell
+    order = np.concatenate([np.flatnonzero(case.scored), np.flatnonzero(case.training)])
+    away = np.abs(np.subtract.outer(order, order))
+    expected = [
+        size**2 * NOISE**2 * np.mean(np.diag(apart @ (np.eye(len(away)) + noise.size**2 * np.exp(-away / noise.memory))
+                                             @ apart.T))
+        for size, noise in zip(sizes, noises, strict=True)
+    ]  # fmt: skip
+    assert np.mean(errors**2) == pytest.approx(np.mean(expected), rel=0.2)
     # with errors of a fit beside it, which has no number less here
     twice = errors_of_repeats([fit, fit], [case], predictor, lambda: False, np.random.default_rng(4), 60)
     assert twice.shape == (60, 2) and np.array_equal(twice[:, 0], errors) and np.array_equal(twice[:, 1], errors)
-    # where a slow part shows the fits take more or less of it over
-    slow = replace(case, noise=Noise(1.0, 10.0))
-    wide = right_law_errors(fit_of(slow), [slow], predictor, lambda: False, np.random.default_rng(4), 60)
-    assert np.std(np.log(wide)) > np.std(np.log(errors))
+    # so that they are spread more widely than those of white noise, which the fits take less of over
+    drawn = again.normal(size=(60, len(away), 2))
+    white = sizes * np.sqrt(np.mean((apart @ drawn) ** 2, axis=(1, 2)))
+    assert np.std(np.log(errors)) > np.std(np.log(white))
     # where less noise is believed than the film shows, the film is right
     less = replace(case, sigma=case.sigma / 1.2)
     there = right_law_errors(fit_of(less), [less], predictor, lambda: False, np.random.default_rng(4), 60)
