@@ -20,7 +20,7 @@ from ..noise import Noise, drawn_noises
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
-from .innovations import seen_by, white_sizes
+from .innovations import seen_by, tells_noise, white_sizes
 from .segments import find_impacts, make_segments
 
 
@@ -432,7 +432,8 @@ def errors_of_repeats(
     count = current().left.right if repeats is None else repeats
     sizes = white_sizes(training, [c for c in cases if c.name in training.white], rng.spawn(1)[0], count)
     # where a slow part shows, a few hundred frames do not say how slow, and a few dozen not whether there is one
-    noises = drawn_noises(seen_by(training, cases), rng.spawn(1)[0], count)
+    told = tells_noise(training) or any(c.noise.size > 0 for c in cases)
+    noises = drawn_noises(seen_by(training, cases), rng.spawn(1)[0], count) if told else [None] * count
     filmed = [
         [_filmed_again(c, truths[c.name], rng, s, noise) for c in cases if c.name in truths]
         for s, noise in zip(sizes, noises, strict=True)

@@ -94,6 +94,11 @@ def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None)
     return slow_part(recordings) if recordings else Noise()
 
 
+def tells_noise(fit: Fit) -> bool:
+    """Whether what a fit leaves says something of the noise: beyond twice the most that noise may be it is physics."""
+    return fit.chi2 <= 2 * (1 + current().noise.slow_most ** 2) * fit.count
+
+
 def seen_by(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -> list[Seen]:
     """What a fit leaves of each recording, its memory not taken out, and what was fitted to it.
 

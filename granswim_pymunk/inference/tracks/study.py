@@ -21,7 +21,7 @@ from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
 from .fit import Fitter
 from .fitted import Fit
-from .innovations import memory_of
+from .innovations import memory_of, tells_noise
 from .jumps import jump_terms, scored_before_jumps
 from .kicks import cut_at_kicks
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
@@ -285,13 +285,11 @@ def with_memory(study: Study, tried: FittedAlone, best: Fit | None = None) -> tu
     Where what it leaves has no memory, or that is counted already, both as they were. A slow part is counted as far as
     it passes for noise; what is slower or larger stays with the laws, and widens intervals as before.
     """
-    # what is left beyond twice the most that noise may be is physics, and says nothing of the noise
-    most = 2 * (1 + current().noise.slow_most ** 2)
-    counted, least = any(c.noise.size for c in study.training), best or tried.best
-    if counted or study.late(current().budget.memory) or least.chi2 > most * least.count:
+    counted = any(c.noise.size for c in study.training)
+    if counted or study.late(current().budget.memory) or not tells_noise(best or tried.best):
         return study, tried
     best = best or _left_by_a_name(study, tried)
-    if best.chi2 > most * best.count:
+    if not tells_noise(best):
         return study, tried
     noise = _slow_noise(study, tried, best)
     if not noise.size:
