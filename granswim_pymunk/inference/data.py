@@ -197,7 +197,7 @@ def _scatter(t: np.ndarray, values: np.ndarray) -> float:
         sums = np.sum(left**2, axis=1)
         found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
     falls = current().noise.degree
-    return next((now for now, then in pairwise(found) if then > falls * now), found[-2:][0])
+    return next((now for now, then in pairwise(found) if then > falls * now), found[max(len(found) - 2, 0)])
 
 
 def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = True) -> Case:

@@ -84,10 +84,14 @@ def ordinary(trial: Trial) -> bool:
     return True
 
 
+def of_laboratories(trial: Trial) -> bool:
+    """Whether it is what laboratories are off by, a mass or a picture's scale, whatever its size."""
+    return trial.apparatus or any(free.ordinary for free in trial.term.free)
+
+
 def extraordinary(trial: Trial) -> bool:
-    """Whether it is what laboratories are off by, a mass or a picture's scale, and by more than they are."""
-    may_be = trial.apparatus or any(free.ordinary for free in trial.term.free)
-    return may_be and not ordinary(trial)
+    """Whether it is what laboratories are off by, and by more than they are."""
+    return of_laboratories(trial) and not ordinary(trial)
 
 
 def foretold(trial: Trial, spread: float, base_inner: float, looked: int) -> bool:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Free, Term
-from .kicks import left_by, variance_of, with_step
+from .frames import Windows, left_by, off_polynomials, windows_of
+from .kicks import with_step
 from .segments import paths_of
 
 
@@ -31,69 +31,36 @@ class Jump:
     ahead: float
 
 
-@dataclass(frozen=True)
-class _Window:
-    """Frames of one body about a jump that may be.
-
-    rows (n,), s (n,) : of the frames, and their times from 0 to 1;  places (n, 2) over the noise;  variance : of these
-    noise [m] : one standard deviation
-    """
-
-    rows: np.ndarray
-    s: np.ndarray
-    places: np.ndarray
-    variance: float
-    noise: float
-
-
-@dataclass(frozen=True)
-class _Windows:
-    """All windows of one body: what ``_Window`` has, of each.
-
-    noise [m] : one standard deviation;  across (w, n) : what of a jump a cubic does not follow
-    """
-
-    rows: np.ndarray
-    s: np.ndarray
-    places: np.ndarray
-    variance: np.ndarray
-    across: np.ndarray
-    noise: float
-
-    def normal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(w,) the row where each would jump, and the normal equations of the jump: (w,) [1/m^2], (w, 2) [1/m]."""
-        rows = self.rows[:, current().kicks.half]
-        size = np.sum(self.across**2, axis=1) / (self.variance * self.noise**2)
-        along = np.einsum("wn,wnk->wk", self.across, self.places) / (self.variance * self.noise)[:, None]
-        return rows, size, along
-
-    def at(self, row: int) -> _Window | None:
-        """The window that would jump at a row."""
-        k = int(np.searchsorted(self.rows[:, current().kicks.half], row))
-        if k == len(self.rows) or self.rows[k, current().kicks.half] != row:
-            return None
-        return _Window(self.rows[k], self.s[k], self.places[k], float(self.variance[k]), self.noise)
-
-
 def jumps_of(case: Case) -> list[Jump]:
     """Jumps of the whole picture, in order of time.
 
     In windows of frames about two that follow each other a cubic for each body and one jump for all have to follow,
     and to be ahead by far of cubics without it, of polynomials of fifth degree, and of velocities that step.
     """
+    asked = ("jumps", current().kicks)
+    if asked not in case.told:
+        case.told[asked] = _found_jumps(case)
+    return list(case.told[asked])
+
+
+def _found_jumps(case: Case) -> list[Jump]:
     c = current().kicks
     size, toward = np.zeros(len(case.t)), np.zeros((len(case.t), 2))
-    followed = [_windows(case, body, xy, noise) for body, (xy, noise) in paths_of(case).items() if noise > 0]
-    for windows in followed:
-        rows, own, along = windows.normal()
-        np.add.at(size, rows, own)
-        np.add.at(toward, rows, along)
+    every = [windows_of(case, body, xy, noise) for body, (xy, noise) in paths_of(case).items() if noise > 0]
+    followed = [windows for windows in every if windows is not None]
+    for w in followed:
+        # what of a jump a cubic does not follow, and its normal equations
+        step = np.broadcast_to(_step(), (len(w.s), 1, 2 * c.half))
+        across, rows, whole = off_polynomials(c.smooth, w.s, step)[:, 0], w.rows[:, c.half], w.whole
+        np.add.at(size, rows[whole], (np.sum(across**2, axis=1) / (w.variance * w.noise**2))[whole])
+        along = np.einsum("wn,wkn->wk", across, w.places) / (w.variance * w.noise)[:, None]
+        np.add.at(toward, rows[whole], along[whole])
     gain = np.sum(toward**2, axis=1) / np.maximum(size, np.finfo(float).tiny)
     found = []
     for row in np.flatnonzero(gain > c.sure).tolist():
-        mine = [one for windows in followed if (one := windows.at(row)) is not None]
+        mine = [(w, k) for w in followed for k in np.flatnonzero((w.rows[:, c.half] == row) & w.whole).tolist()]
         if _is_jump(mine, toward[row] / size[row]):
-            first, last = min(int(w.rows[0]) for w in mine), max(int(w.rows[-1]) for w in mine)
+            first, last = min(int(w.rows[k, 0]) for w, k in mine), max(int(w.rows[k, -1]) for w, k in mine)
             found.append(Jump(row, float(case.t[row]), toward[row] / size[row], first, last, float(gain[row])))
     kept: list[Jump] = []
     for jump in sorted(found, key=lambda j: -j.ahead):
@@ -102,44 +69,28 @@ def jumps_of(case: Case) -> list[Jump]:
     return sorted(kept, key=lambda j: j.t)
 
 
-def _windows(case: Case, body: str, xy: np.ndarray, noise: float) -> _Windows:
-    """Windows of a body, none of those with more than so many lost frames among theirs."""
-    c = current().kicks
-    seen, size = np.flatnonzero(np.isfinite(xy).all(axis=1)), 2 * c.half
-    if len(seen) < size:
-        none = np.zeros((0, size))
-        return _Windows(none.astype(int), none, np.zeros((0, size, 2)), np.zeros(0), none, noise)
-    rows, places = sliding_window_view(seen, size), sliding_window_view(xy[seen] / noise, size, axis=0)
-    times = case.t[rows]
-    span = np.ptp(times, axis=1)
-    whole = span < c.gap * np.median(span)
-    s = ((times - times[:, :1]) / span[:, None])[whole]
-    variance = sliding_window_view(variance_of(case, body)[seen], size).mean(axis=1)[whole]
-    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(c.smooth + 1)))
-    step = _step()
-    across = step - np.einsum("wpk,wlk,l->wp", q, q, step, optimize=True)
-    return _Windows(rows[whole], s, places[whole].swapaxes(1, 2), variance, across, noise)
-
-
 def _step() -> np.ndarray:
     """(n,) a jump of one in the middle of a window."""
     return np.repeat([0.0, 1.0], current().kicks.half)
 
 
-def _is_jump(windows: Sequence[_Window], change: np.ndarray) -> bool:
-    """Whether one ``change`` (2,) [m] of the places of all these bodies is ahead of all that goes without it."""
+def _is_jump(windows: Sequence[tuple[Windows, int]], change: np.ndarray) -> bool:
+    """Whether one ``change`` (2,) [m] of the places of all these bodies is ahead of all that goes without it.
+
+    windows : of each body, and which of them
+    """
     c = current().kicks
     freedom = 2 * (2 * c.half - c.smooth - 1)
     smooth = off = turning = kinked = 0.0
-    for w in windows:
-        scaled = w.places.T[None]
-        after = float(left_by(c.smooth, w.s[None], scaled - np.outer(change / w.noise, _step()))[0]) / w.variance
+    for w, k in windows:
+        s, places, variance = w.s[k : k + 1], w.places[k : k + 1], float(w.variance[k])
+        after = float(left_by(c.smooth, s, places - np.outer(change / w.noise, _step()))[0]) / variance
         if after > c.most * freedom:  # this body does not jump with the others
             return False
         off += after
-        smooth += float(left_by(c.smooth, w.s[None], scaled)[0]) / w.variance
-        turning += float(left_by(c.turning, w.s[None], scaled)[0]) / w.variance
-        kinked += with_step(w.s, w.places, c.half)[0] / w.variance
+        smooth += float(left_by(c.smooth, s, places)[0]) / variance
+        turning += float(left_by(c.turning, s, places)[0]) / variance
+        kinked += with_step(s[0], places[0].T, c.half)[0] / variance
     return min(smooth - off - c.sure, turning - off - c.turns, kinked - off - c.turns) > 0
 
 

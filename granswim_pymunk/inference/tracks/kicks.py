@@ -7,12 +7,12 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from ... import distributions as stats
 from ..criteria import current
 from ..data import Case, Kick
 from ..judge import Remains
+from .frames import left_by, windows_of
 from .segments import find_cuts, gaps_of, paths_of
 
 
@@ -32,7 +32,7 @@ def unexplained(case: Case) -> list[Kick]:
             continue
         rows = [row for b, row in struck if b == body]
         found += [
-            kick for kick in _kicks(body, case.t, xy, noise, variance_of(case, body))
+            kick for kick in _kicks(case, body, xy, noise)
             if all(abs(kick.row - other) > current().kicks.half for other in rows)
         ]  # fmt: skip
     return sorted(found, key=lambda kick: kick.t)
@@ -96,48 +96,28 @@ def _is_alone(case: Case, kick: Kick) -> bool:
     return all(gap[kick.row] > current().kicks.clear * radius for gap in gaps_of(case, kick.body))
 
 
-def variance_of(case: Case, body: str) -> np.ndarray:
-    """(T,) by how much errors of the stamps make the variance of the places of a body larger than noise does."""
-    own = [k for k, channel in enumerate(case.channels) if channel.body == body and channel.kind in ("x", "y")]
-    return np.ones(len(case.t)) if case.late is None else 1 + np.mean(case.late[:, own] ** 2, axis=1)
-
-
-def _kicks(body: str, t: np.ndarray, xy: np.ndarray, noise: float, larger: np.ndarray) -> list[Kick]:
-    """Kicks of one body; xy : (T, 2) places [m];  larger : (T,) times the square of the ``noise``, their variance."""
-    c = current().kicks
-    seen = np.flatnonzero(np.isfinite(xy).all(axis=1))
-    size = 2 * c.half
-    if len(seen) < size:
+def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
+    """Kicks of one body; xy : (T, 2) places [m]."""
+    c, windows = current().kicks, windows_of(case, body, xy, noise)
+    if windows is None:
         return []
-    times, places = sliding_window_view(t[seen], size), sliding_window_view(xy[seen] / noise, size, axis=0)
-    span = np.ptp(times, axis=1)
-    usual = np.median(span)
-    s = (times - times[:, :1]) / span[:, None]
-    variance = sliding_window_view(larger[seen], size).mean(axis=1)
-
+    size, s, places, variance = 2 * c.half, windows.s, windows.places, windows.variance
     smooth, turning = (left_by(d, s, places) / variance for d in (c.smooth, c.turning))
     freedom = 2 * (size - 4) - 1
     best: list[tuple[float, int, np.ndarray, float]] = []
-    for w in np.flatnonzero((smooth > c.sure) & (span < c.gap * usual)).tolist():
+    for w in np.flatnonzero((smooth > c.sure) & windows.whole).tolist():
         off, when, change = with_step(s[w], places[w].T, c.half)
         off /= variance[w]
         ahead = turning[w] - off > c.turns and smooth[w] - off > c.sure
         if ahead and smooth[w] - freedom > c.times * (off - freedom) and off < c.most * freedom:
-            best.append((off - smooth[w], w, change * noise / span[w], when))
+            best.append((off - smooth[w], w, change * noise / windows.span[w], when))
     kicks: list[Kick] = []
     for _, w, change, when in sorted(best, key=lambda found: found[0]):
-        at = float(times[w, 0] + when * span[w])
-        row = int(np.searchsorted(t, at))
+        at = float(windows.times[w, 0] + when * windows.span[w])
+        row = int(np.searchsorted(case.t, at))
         if all(abs(row - other.row) > size for other in kicks):
-            kicks.append(Kick(body, row, at, xy[int(seen[w + c.half])], change))
+            kicks.append(Kick(body, row, at, xy[int(windows.rows[w, c.half])], change))
     return kicks
-
-
-def left_by(degree: int, s: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """(w,) sums of squares that polynomials of a degree at s (w, n) leave of ``places`` (w, 2, n)."""
-    q, _ = np.linalg.qr(np.power(s[..., None], np.arange(degree + 1)))
-    off = places - np.einsum("wpk,wlk,wcl->wcp", q, q, places, optimize=True)
-    return np.asarray(np.sum(off**2, axis=(1, 2)))
 
 
 def with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, float, np.ndarray]:

@@ -16,7 +16,7 @@ from ..hypothesis import Free, Hypothesis, Term
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..trial import pair_gains, rows_of
-from .choose import absurd, choose, ordinary, worth
+from .choose import absurd, choose, of_laboratories, ordinary, worth
 from .fit import Fitter, side_by_side
 from .fitted import Fit, may_be_absent
 from .name import Trial, is_limit, is_part, label_of, refit
@@ -72,14 +72,17 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
             chosen.setdefault(frozenset((a.term.mechanism, b.term.mechanism)), (a, b))
         if len(chosen) == sets.partners:
             break
-    jobs = [partial(_three, base=revised, a=a, b=b) for a, b in chosen.values()]
+    pairs = list(chosen.values())
+    single = {id(s): s for pair in pairs for s in pair}
+    asked = [*pairs, *((s,) for s in single.values())]
+    fits = side_by_side(search.fitter, [partial(_beside, base=revised, signatures=signatures) for signatures in asked])
+    alone = dict(zip(single, (fit.chi2 for fit in fits[len(pairs) :]), strict=True))
     least, _ = search.inner.score(revised)
     best, answer = revised, found
-    for (a, b), (fit, *less) in zip(chosen.values(), side_by_side(search.fitter, jobs), strict=True):
-        level = search.spread(fit)
-        alone = min(other.chi2 for other in less)
+    for (a, b), fit in zip(pairs, fits[: len(pairs)], strict=True):
+        level, less = search.spread(fit), min(alone[id(a)], alone[id(b)])
         three = [law, Trial.untried(a), Trial.untried(b)]
-        if fit.chi2 > best.chi2 or (alone - fit.chi2) / level < earned or _idle(three, fit, search.first, level):
+        if fit.chi2 > best.chi2 or (less - fit.chi2) / level < earned or _idle(three, fit, search.first, level):
             continue
         score, _ = search.inner.score(fit)
         if score < least:
@@ -87,17 +90,12 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     return answer, best
 
 
-def _three(fitter: Fitter, base: Fit, a: Signature, b: Signature) -> tuple[Fit, Fit, Fit]:
-    """A fit with two laws beside those of a fit, and with each of the two alone."""
-    few = current().evaluations.pair
-
-    def with_these(*signatures: Signature) -> Fit:
-        hypothesis = base.hypothesis.with_term(*(s.term for s in signatures))
-        begin = np.array([f.first for s in signatures for f in s.term.free])
-        values, starts = fitter.beside(base, hypothesis, begin)
-        return fitter.fit(hypothesis, values, starts, evaluations=few)
-
-    return with_these(a, b), with_these(a), with_these(b)
+def _beside(fitter: Fitter, base: Fit, signatures: Sequence[Signature]) -> Fit:
+    """A fit with laws beside those of a fit, from their first-order amounts."""
+    hypothesis = base.hypothesis.with_term(*(s.term for s in signatures))
+    begin = np.array([f.first for s in signatures for f in s.term.free])
+    values, starts = fitter.beside(base, hypothesis, begin)
+    return fitter.fit(hypothesis, values, starts, evaluations=current().evaluations.pair)
 
 
 def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
@@ -698,7 +696,7 @@ def _simpler(search: SetSearch, others: Sequence[Exchange]) -> Exchange | None:
     """
 
     def simpler(e: Exchange) -> bool:
-        usual = ordinary(e.trial) and not (e.replaced.apparatus or any(f.ordinary for f in e.replaced.term.free))
+        usual = ordinary(e.trial) and not of_laboratories(e.replaced)
         return e.trial.used < e.replaced.used or (e.trial.used == e.replaced.used and usual)
 
     same = [e for e in others if e.alike and simpler(e) and not _any_field_beside(search, e)]
