@@ -19,10 +19,12 @@ from ..recording import Recording
 from ..scene import Scene
 from ..walls import gap_to_wall
 from .criteria import current
+from .filled import held_places, on_a_line
 from .linking import linked
 from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
 from .release import caught, first_free
+from .smoothed import frames_apart
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,14 @@ def grid_of(values: np.ndarray) -> float:
     return step if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
 
 
+def last_place(values: np.ndarray) -> float:
+    """The step in the last place to which all of the values (T,) are written."""
+    rounding = np.finfo(float).eps * np.abs(values)
+    digits = range(current().noise.digits)
+    told = (10.0**-d for d in digits if np.all(np.abs(values - np.round(values, d)) <= rounding))
+    return float(next(told, np.max(rounding, initial=0.0)))
+
+
 def least_step(values: np.ndarray) -> float:
     """The least difference between two of the values (T,) that are not the same, 0 where all are.
 
@@ -179,8 +189,8 @@ def least_step(values: np.ndarray) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def _scatter(t: np.ndarray, values: np.ndarray) -> float:
-    """``estimate_noise`` without a grid."""
+def _scatter(t: np.ndarray, values: np.ndarray, share: float = 0.5) -> float:
+    """``estimate_noise`` without a grid, by the window that a ``share`` of all leave less than."""
     width, degrees = min(9, len(t)), current().noise.degrees
     degrees = tuple(d for d in degrees if d <= width - 3)  # two numbers are left to tell the size from
     if not degrees:
@@ -195,7 +205,8 @@ def _scatter(t: np.ndarray, values: np.ndarray) -> float:
         span = q[..., : degree + 1]
         left = v - np.einsum("wpk,wlk,wl->wp", span, span, v, optimize=True)
         sums = np.sum(left**2, axis=1)
-        found.append(float(np.sqrt(np.median(sums) / stats.chi2.median(width - degree - 1))))
+        least = stats.chi2.isf(1 - share, width - degree - 1)
+        found.append(float(np.sqrt(np.quantile(sums, share) / least)))
     falls = current().noise.degree
     return next((now for now, then in pairwise(found) if then > falls * now), found[max(len(found) - 2, 0)])
 
@@ -244,7 +255,9 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     values = np.column_stack(columns)
     notes, lost, tau, first = list[str](), 0, 0.0, 0
     if clean:
-        recording, told = _mended(recording, values, sigmas)
+        recording, values, told = _mended(recording, values, channels, sigmas)
+        if len(recording.t) < len(t) and not known:
+            sigmas = [_noise_of(recording.t, column) for column in values.T]
         t = recording.t
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
@@ -260,8 +273,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         notes = swapped + told + notes
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
-    if lost:
-        notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
+    notes += [f"{recording.name}: {left_out(lost, 'off by more than noise')}"] * (lost > 0)
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
     last = int(np.flatnonzero(np.isfinite(values).any(axis=1))[-1])
@@ -344,11 +356,13 @@ def _relabelled(recording: Recording) -> tuple[Recording, list[str]]:
 
 
 def _mended(
-    recording: Recording, values: np.ndarray, sigmas: Sequence[float]
-) -> tuple[Recording, list[str]]:  # fmt: skip
-    """The recording with later stamps after frames that are missing though the stamps go on, and what is said of it.
+    recording: Recording, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+) -> tuple[Recording, np.ndarray, list[str]]:  # fmt: skip
+    """Recording and numbers (T, c) without what a camera or a tracker made of them, and what is said of it.
 
-    Frames of ``values`` (T, c) that are there twice become NaN.
+    Frames that are there twice and sightings that a tracker made up become NaN; stamps after frames that are missing
+    though the stamps go on become later; of tracks that were smoothed, frames so far apart that their noise is
+    independent are kept.
     """
     again = repeated(values, sigmas, [least_step(v[np.isfinite(v)]) for v in values.T])
     values[again] = np.nan
@@ -356,6 +370,7 @@ def _mended(
     if again.any():
         times = f"{again.sum()} frames, the first" if again.sum() > 1 else "a frame"
         notes.append(f"{recording.name}: {times} at t = {t[again][0]:.4g} s, shows the picture before again: left out")
+    notes += _without_filled(recording, values, channels, sigmas)
     gaps = missing(recording.t, values, sigmas)
     for row, count in gaps:
         t[row:] += count * float(np.median(np.diff(recording.t)))
@@ -365,7 +380,61 @@ def _mended(
             f"{recording.name}: all that moves jumps ahead along its way, as if frames were missing where the stamps "
             f"go on ({lost}): the stamps after that are taken as so many frames later"
         )
-    return replace(recording, t=t) if gaps else recording, notes
+        recording = replace(recording, t=t)
+    apart = _apart(recording, channels, values)
+    if apart > 1:
+        notes.append(
+            f"{recording.name}: the tracks look smoothed, neighbouring frames differ by far less than those {apart} "
+            f"frames apart: one frame in {apart} is used; tracks as they were found tell more"
+        )
+        recording, values = _thinned(recording, apart), values[::apart]
+    return recording, values, notes
+
+
+def _noise_of(t: np.ndarray, values: np.ndarray) -> float:
+    """``estimate_noise`` of (T,) of which some were not seen."""
+    seen = np.isfinite(values)
+    return estimate_noise(t[seen], values[seen])
+
+
+def _apart(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> int:
+    """How many frames apart the noise of ``values`` (T, c) is independent, 1 where impacts are all about."""
+    apart = frames_apart(recording.t, list(values.T), _scatter)
+    around = np.convolve(_meetings(recording, channels, values), np.ones(current().stamps.window * apart), mode="same")
+    return apart if np.mean(around > 0) < 1 - current().smoothed.quiet else 1
+
+
+def _thinned(recording: Recording, apart: int) -> Recording:
+    """One frame in so many of a recording."""
+    angle = None if recording.angle is None else recording.angle[::apart]
+    rate = None if recording.sampling is None else recording.sampling / apart
+    return replace(recording, t=recording.t[::apart], xy=recording.xy[::apart], angle=angle, sampling=rate)
+
+
+def _without_filled(
+    recording: Recording, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+) -> list[str]:  # fmt: skip
+    """Sightings among ``values`` (T, c) that a tracker made up become NaN; what is said of them."""
+    notes, t = list[str](), recording.t
+    stamp = last_place(t)
+    for body in dict.fromkeys(channel.body for channel in channels):
+        own = [k for k, channel in enumerate(channels) if channel.body == body]
+        shows = [_noise_of(t, values[:, k]) for k in own]
+        size = [max(sigmas[k], noise) for k, noise in zip(own, shows, strict=True)]
+        told = [values[np.isfinite(values[:, k]), k] for k in own]
+        steps, digits = [least_step(v) for v in told], [grid_of(v) or last_place(v) for v in told]
+        for made_up, how in (
+            (lambda v, s=size, g=steps: held_places(t, v, s, g), "stays at its last place and goes on from elsewhere"),
+            (lambda v, s=shows, g=digits: on_a_line(t, v, s, g, stamp), "is on a straight line between its neighbours"),
+        ):
+            rows = made_up(values[:, own])
+            if rows.any():
+                values[np.ix_(rows, np.array(own))] = np.nan
+                notes.append(
+                    f"{recording.name}: {body} {how}, to the last digit (frames: {rows.sum()}, the first at "
+                    f"t = {t[rows][0]:.4g} s), as where a tracker lost it and filled the gap: left out"
+                )
+    return notes
 
 
 def _timed_noise(

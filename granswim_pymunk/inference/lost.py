@@ -25,9 +25,9 @@ def missing(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> list[
         return []
     t, z = np.array(t, dtype=float), values / sigma
     spacing, found = float(np.median(np.diff(t))), dict[int, int]()
-    told = np.diff(t) > c.gap * spacing
+    gaps = np.diff(t) / spacing
     for _ in range(len(t)):
-        best = min((place for d, half in c.windows for place in _jumps(t, z, told, d, half, spacing)), default=None)
+        best = min((place for window in c.windows for place in _jumps(t, z, gaps, window, spacing)), default=None)
         if best is None:
             break
         _, row, count = best
@@ -37,49 +37,72 @@ def missing(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> list[
 
 
 def _jumps(
-    t: np.ndarray, z: np.ndarray, told: np.ndarray, degree: int, half: int, spacing: float
+    t: np.ndarray, z: np.ndarray, gaps: np.ndarray, window: tuple[int, int, int], spacing: float
 ) -> list[tuple[float, int, int]]:
     """(fall of chi2 below zero, row, frames) of each place where frames are missing.
 
-    z : (T, c) over their noise;  told : (T - 1,) where the stamps themselves tell of a gap
+    z : (T, c) over their noise;  gaps : (T - 1,) between the stamps, over the usual time
+    window : degree of polynomials, frames on either side, and how many are looked for
     """
+    degree, half, most = window
     c, size = current().lost, 2 * half
     if len(t) < size:
         return []
-    after = np.arange(size) >= half
     windows, places = sliding_window_view(t, size), sliding_window_view(z, size, axis=0)
-    even = ~sliding_window_view(told, size - 1).any(axis=-1)
-    full = np.isfinite(places).all(axis=2) & np.reshape(even, (-1, 1))
-    bases: dict[tuple[float, ...], np.ndarray] = {}
+    told = sliding_window_view(gaps, size - 1)
+    even = (told < c.long).all(axis=1) & (told[:, half - 1] < c.gap)
+    # each number is seen in all frames of a side but one, the ones about the gap among them
+    seen = np.isfinite(places)
+    full = (seen[..., :half].sum(axis=2) >= half - 1) & (seen[..., half:].sum(axis=2) >= half - 1)
+    full &= seen[..., half - 1] & seen[..., half] & even[:, None]
+    way = _Ways(degree, half, spacing)
     found = []
-
-    def left(times: np.ndarray, seen: np.ndarray, kink: float | None = None) -> float:
-        """What polynomials leave of chi2; their bases are the same wherever frames are evenly spaced."""
-        s = (times - times[0]) / spacing
-        key = (*np.round(s, 3).tolist(), -1.0 if kink is None else kink)
-        if key not in bases:
-            design = np.power((s / s[-1])[:, None], np.arange(degree + 1))
-            if kink is not None:
-                design = np.column_stack([design, np.maximum(np.arange(size) - kink, 0.0)])
-            bases[key] = np.linalg.qr(design)[0]
-        return float(np.sum(seen**2) - np.sum((bases[key].T @ seen) ** 2))
-
     for w in np.flatnonzero(full.any(axis=1)).tolist():
-        seen = places[w][full[w]].T
-        before = left(windows[w], seen)
-        freedom = (size - degree - 1) * seen.shape[1] - 1
+        numbers, there = places[w][full[w]], seen[w][full[w]]
+        before = way.left(windows[w], numbers, there)
+        freedom = int(there.sum()) - (degree + 1) * len(there) - 1
         if before < freedom + c.sure:
             continue
-        with_gap = [left(windows[w] + k * spacing * after, seen) for k in range(1, c.frames + 2)]
+        with_gap = [way.left(windows[w] + k * spacing * way.after, numbers, there) for k in range(1, most + 2)]
         k = int(np.argmin(with_gap))
         least = with_gap[k]
         ahead = before - least > c.sure and before - freedom > c.times * (least - freedom)
-        if k == c.frames or not ahead or least > c.most * freedom:
+        if k == most or not ahead or least > c.most * freedom:
             continue
-        kinked = min(left(windows[w], seen, float(at)) for at in np.linspace(half - 2, half + 1, 7))
+        kinked = min(way.left(windows[w], numbers, there, float(at)) for at in np.linspace(half - 2, half + 1, 7))
         if kinked - least > c.sure:
             found.append((least - before, w + half, k + 1))
     return found
+
+
+class _Ways:
+    """Polynomials over frames on either side of a gap; their bases are the same wherever frames are evenly spaced."""
+
+    def __init__(self, degree: int, half: int, spacing: float) -> None:
+        self.degree, self.size, self.spacing = degree, 2 * half, spacing
+        self.after = np.arange(self.size) >= half
+        self._bases: dict[tuple[float, ...], np.ndarray] = {}
+
+    def left(self, times: np.ndarray, numbers: np.ndarray, seen: np.ndarray, kink: float | None = None) -> float:
+        """What they leave of chi2 of numbers (c, n), where ``seen`` (c, n), at ``times`` (n,) [s]."""
+        total, first = 0.0, np.ones(len(numbers), dtype=bool)
+        while first.any():
+            mine = first & (seen == seen[int(np.argmax(first))]).all(axis=1)
+            rows = seen[int(np.argmax(first))]
+            first &= ~mine
+            part = numbers[mine][:, rows].T
+            total += float(np.sum(part**2) - np.sum((self._basis(times, rows, kink).T @ part) ** 2))
+        return total
+
+    def _basis(self, times: np.ndarray, rows: np.ndarray, kink: float | None) -> np.ndarray:
+        s = (times - times[0]) / self.spacing
+        key = (*np.round(s, 3).tolist(), *rows.tolist(), -1.0 if kink is None else kink)
+        if key not in self._bases:
+            design = np.power((s / s[-1])[:, None], np.arange(self.degree + 1))
+            if kink is not None:
+                design = np.column_stack([design, np.maximum(np.arange(self.size) - kink, 0.0)])
+            self._bases[key] = np.linalg.qr(design[rows])[0]
+        return self._bases[key]
 
 
 def repeated(values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]) -> np.ndarray:
@@ -91,7 +114,7 @@ def repeated(values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]
     two frames on either side says where a body is, (4 (x_-1 + x_1) - x_-2 - x_2)/6, give or take sigma sqrt(17/18).
     """
     sigma, step = np.asarray(sigmas, dtype=float), np.asarray(steps, dtype=float)
-    same = np.zeros(len(values), dtype=bool)
+    c, same = current().lost, np.zeros(len(values), dtype=bool)
     if not (sigma > 0).all():
         return same
     seen = np.isfinite(values)
@@ -99,5 +122,8 @@ def repeated(values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]
     there = (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     off = np.abs(values[2:-2] - there) / (sigma * np.sqrt(1 + 17 / 18))
     by_chance = np.minimum(step / (2 * sigma * np.sqrt(np.pi)), 1.0) * 2 * stats.norm.sf(off)
-    same[2:-2] = equal[1:-2] & (np.nanprod(by_chance, axis=1) < current().lost.chance)
+    chance = np.nanprod(by_chance, axis=1)
+    same[2:-2] = equal[1:-2] & (chance < c.chance)
+    if same.sum() >= c.often:  # where it happens again and again, a frame that is the same is likelier one more
+        same[2:-2] |= equal[1:-2] & (chance < c.odds * same.mean())
     return same

@@ -12,10 +12,12 @@ from .beds import RadiiCriteria
 from .general import (
     ApparatusCriteria,
     BlockCriteria,
+    FilledCriteria,
     LinkingCriteria,
     LostCriteria,
     NoiseCriteria,
     ReleaseCriteria,
+    SmoothedCriteria,
     SplitCriteria,
     StampCriteria,
     VerdictCriteria,
@@ -56,6 +58,8 @@ class Criteria:
     stamps: StampCriteria = field(default_factory=StampCriteria)
     linking: LinkingCriteria = field(default_factory=LinkingCriteria)
     lost: LostCriteria = field(default_factory=LostCriteria)
+    filled: FilledCriteria = field(default_factory=FilledCriteria)
+    smoothed: SmoothedCriteria = field(default_factory=SmoothedCriteria)
     release: ReleaseCriteria = field(default_factory=ReleaseCriteria)
     split: SplitCriteria = field(default_factory=SplitCriteria)
     blocks: BlockCriteria = field(default_factory=BlockCriteria)

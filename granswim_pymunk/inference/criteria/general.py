@@ -37,6 +37,7 @@ class NoiseCriteria:
         Choice
     two_numbers : of -2 ln L, what the size and the memory of the slow part gain by chance. Theory: 2 a number
         (Akaike 1974)
+    digits : of a number, the most that are looked at. Theory: binary64 has 15
     same_level : of the range of values, below which two are one that arithmetic has split;  on_grid : of the step of a
         grid, how far values may be off it. Theory: of ten random values that all lie so near one is by chance in 1e15
     inflated : standard deviations of chi2 over its degrees of freedom, and ``remembers`` [frames], below both of which
@@ -73,6 +74,7 @@ class NoiseCriteria:
     bands: tuple[int, ...] = (4, 12, 40)
     fast_off: float = 1.5
     two_numbers: float = 4.0
+    digits: int = 15
     same_level: float = 1e-9
     on_grid: float = 0.01
     inflated: float = 4.0
@@ -192,26 +194,90 @@ class ReleaseCriteria:
 class LostCriteria:
     """When stamps go on evenly where frames are missing, or where a frame is there twice.
 
-    windows : (degree, half) of polynomials that bodies follow over so many frames on either side of the gap. Choice: a
-        cubic follows most motions, a fifth degree half an oscillation
-    frames : missing at one place, the most that are looked for. Choice
+    windows : (degree, half, frames) of polynomials that bodies follow over so many frames on either side of the gap,
+        and how many are looked for. Choice: a parabola where the next gap is near, a cubic follows most motions, a
+        fifth degree half an oscillation
     gap : of the usual time between frames, from which the stamps themselves tell of missing ones. Theory: between one
-        and two
+        and two;  long : from which bodies may have turned meanwhile. Choice
     sure : of chi2, by which the way with the frames missing has to be ahead of the way without, and of a way with a
         kink there, which a gap that is long enough follows as well. Theory: as for a kick
     times : what the way without them leaves beyond noise over what is left with them;  most : of chi2 over its degrees
         of freedom, that may be left with them. Choice: laboratories state noise that is off by two
     chance : of numbers that are the same in two frames by chance, below which the picture is. Choice: once in a hundred
         films of 10^5 frames
+    often : pictures that are shown again, from which the share of all frames that they are tells how likely a further
+        one is. Choice;  odds : against chance, as a share, that it is one. Choice: a hundred to one
     """
 
-    windows: tuple[tuple[int, int], ...] = ((3, 6), (5, 9))
-    frames: int = 30
+    windows: tuple[tuple[int, int, int], ...] = ((2, 4, 4), (3, 6, 12), (5, 9, 18))
     gap: float = 1.5
+    long: float = 3.5
     sure: float = 50.0
     times: float = 4.0
     most: float = 4.0
     chance: float = 1e-7
+    often: int = 3
+    odds: float = 0.01
+
+
+@dataclass(frozen=True)
+class FilledCriteria:
+    """When sightings are made up by a tracker that had lost a body.
+
+    side : frames, that a cubic goes through on either side of a place that is kept, twice as many where one is open.
+        Choice
+    most : of chi2 over its degrees of freedom, that it may leave of these. Choice: laboratories state noise that is
+        off by two
+    away : standard deviations, that a body has to have gone meanwhile. Choice: as for an outlier
+    chance : with which what is measured is so by chance, below which it is made up. Choice: once in a hundred films of
+        10^5 frames
+    row : frames on a line, the least, one where they are a ``share`` of all. Choices: of pixels that are not told as a
+        grid one or two are on a line by chance, and a film with frames put in between has every second one there
+    times : the chance of one, that this share is at least;  many : frames on lines, from which it is told. Choices
+    fast : of the speeds, that are less than the one by which a stamp's last place moves a body on. Choice
+    """
+
+    side: int = 4
+    most: float = 4.0
+    away: float = 6.0
+    chance: float = 1e-7
+    row: int = 3
+    share: float = 0.2
+    times: float = 20.0
+    many: int = 10
+    fast: float = 0.9
+
+
+@dataclass(frozen=True)
+class SmoothedCriteria:
+    """When tracks are said to have been smoothed.
+
+    apart : frames, that noise is told from;  frames : so far apart, the fewest;  rows : of at most so many. Choices
+    grown : over the noise told from neighbours, that told from every third frame has to be. Theory: slow noise of a
+        camera, no larger than its white part, makes that sqrt(2) at the most;  second : that told from every second
+        one. Choice: a motion that is not followed over more frames is followed over twice as many
+    power : of the distance, with which the square of what is added may grow. Theory: noise whose neighbours are one
+        grows with the square, or the fourth power where the filter is steep; what polynomials of sixth degree do not
+        follow of a motion with the fourteenth;  steep : that of the step from three frames to four. Choice: halfway
+    level : from which distance to the next it grows no more. Choice
+    shares : of windows, that leave less than the one which tells it;  alike : how much more one may tell than another.
+        Choice: told from noise they are one, an impact is in some windows, and in them alone
+    quiet : of the frames, about which nothing is hit as far as a window reaches. Choice
+    seen : of the frames, in which a number has to be seen. Choice
+    """
+
+    apart: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
+    frames: int = 14
+    rows: int = 2000
+    grown: float = 1.5
+    second: float = 1.1
+    power: float = 5.0
+    steep: float = 7.0
+    level: float = 1.12
+    shares: tuple[float, ...] = (0.2, 0.5, 0.8)
+    alike: float = 2.0
+    quiet: float = 0.3
+    seen: float = 0.8
 
 
 @dataclass(frozen=True)
