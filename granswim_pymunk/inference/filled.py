@@ -68,17 +68,25 @@ def on_a_line(
     line = np.zeros(len(seen), dtype=bool)
     line[1:-1] = (np.abs(v[:-2] + (v[2:] - v[:-2]) * step / (s[2:] - s[:-2])[:, None] - v[1:-1]) <= digit).all(axis=1)
     chance = float(np.prod(np.minimum(2 * digit / (sigma * math.sqrt(3 * math.pi)), 1.0)))
-    often = line.mean() > c.share > c.times * chance and line.sum() > c.many
-    least, limit = (1, 1.0) if often else (c.row, c.chance)
-    runs = [(first, end) for first, end in _runs(line) if end - first >= least and chance ** (end - first) < limit]
+    if line.mean() > c.share > c.times * chance and line.sum() > c.many:
+        rows = _own_steps(v, digit, list(_runs(line)))
+        if rows.mean() > c.share:
+            mask[seen[rows]] = True
+            return mask
+    runs = [(first, end) for first, end in _runs(line) if end - first >= c.row and chance ** (end - first) < c.chance]
+    mask[seen[_own_steps(v, digit, runs)]] = True
+    return mask
+
+
+def _own_steps(v: np.ndarray, digit: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """(T,) rows of those runs along v (T, c) whose steps are taken nowhere else, to within some of the last digit."""
     steps = np.round(np.diff(v, axis=0) / (4 * digit))
-    others = np.ones(len(steps), dtype=bool)
+    others, rows = np.ones(len(steps), dtype=bool), np.zeros(len(v), dtype=bool)
     for first, end in runs:
         others[first - 1 : end] = False
     for first, end in runs:
-        again = (np.abs(steps[others] - steps[first - 1]) <= 1).all(axis=1)
-        mask[seen[first:end]] = not again.any()
-    return mask if not often or mask[seen].mean() > c.share else np.zeros_like(mask)
+        rows[first:end] = not (np.abs(steps[others] - steps[first - 1]) <= 1).all(axis=1).any()
+    return rows
 
 
 def _runs(mask: np.ndarray) -> Iterator[tuple[int, int]]:
