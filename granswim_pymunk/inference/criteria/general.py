@@ -70,7 +70,7 @@ class NoiseCriteria:
     beside_single: float = 0.0027
     row: int = 2
     hides: float = 6.0
-    share_most: float = 0.05
+    share_most: float = 0.1
     bands: tuple[int, ...] = (4, 12, 40)
     fast_off: float = 1.5
     two_numbers: float = 4.0
