@@ -187,6 +187,20 @@ class World:
             self.space.remove(*self.circles, *self.segments)
             self._shapes_in = False
 
+    def renew_shapes(self) -> None:
+        """As out and in again, once bodies are where a run begins anew: contacts and their impulses are gone.
+
+        Chipmunk is asked itself: what pymunk counts of the shapes stays as it is, and takes longer than the rest.
+        """
+        if not self._shapes_in:
+            self.add_shapes()
+            return
+        space, shapes = self.space._space, [shape._shape for shape in (*self.circles, *self.segments)]
+        for shape in shapes:
+            lib.cpSpaceRemoveShape(space, shape)
+        for shape in shapes:
+            lib.cpSpaceAddShape(space, shape)
+
     def rounds(self) -> tuple[int, int]:
         """Iterations of Chipmunk's solver, and those that do in a step in which none of the scene's bodies can touch.
 

@@ -82,7 +82,7 @@ class Case:
         """What was found in the recording, by what it was asked for: it takes long, and is asked again and again."""
         return {}
 
-    @property
+    @functools.cached_property
     def numbers(self) -> np.ndarray:
         """(T,) numbers of the frames, lost ones counted: how often the median time between frames has passed."""
         steps = np.diff(self.t)

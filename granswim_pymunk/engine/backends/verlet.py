@@ -87,14 +87,15 @@ class Verlet(Native):
         close_links(self.scene, self.joints.links, b)
         b.images[:] = 0.0
         place, speed = b.initial[:, :2] / u.length, b.initial[:, 2:] / u.velocity
-        self.world.remove_shapes()  # and with them Chipmunk's contacts and their impulses
+        if not self.impulse:
+            self.world.remove_shapes()
         self.put(place[:, 0], place[:, 1], speed[:, 0], speed[:, 1], b.turned[:, 0], b.turned[:, 1] * u.time)
         if not self.in_place:
             for k, name in enumerate(("x", "y")):
                 b.row(name)[:] = b.initial[:, k]  # walls are not read again
         self.begin_at(t)
         if self.impulse:
-            self.world.add_shapes()
+            self.world.renew_shapes()
             self.forget_events()
         self.state.numbers["step"] = 0.0
         self.context["status"] = 0
