@@ -26,7 +26,7 @@ def frames_apart(t: np.ndarray, columns: Sequence[np.ndarray], scatter: Scatter)
     apart = [s for s in c.apart if len(t) // s >= c.frames]
     moving = [k for k in columns if np.isfinite(k).mean() > c.seen and np.nanstd(k) > 0]
     moving = moving[:: max(len(moving) // c.columns, 1)]
-    if len(apart) < 3 or not moving or _told(t, moving, apart[::2][:2], scatter, 0.5)[1] < c.grown:
+    if len(apart) < 3 or not moving or _told(t, moving, apart[::2][:2], scatter, c.shares[1])[1] < c.grown:
         return 1
     told = np.array([_told(t, moving, apart, scatter, share) for share in c.shares])
     grown = np.median(told, axis=0)

@@ -252,8 +252,8 @@ class FilledCriteria:
 class SmoothedCriteria:
     """When tracks are said to have been smoothed.
 
-    apart : frames, that noise is told from;  frames : so far apart, the fewest
-    rows, columns : frames, and about how many numbers in each, that are looked at. Choices
+    apart : frames, that noise is told from;  frames : so far apart, the fewest;  rows : frames, that are
+        looked at;  columns : numbers in each, about how many. Choices
     grown : over the noise told from neighbours, that told from every third frame has to be. Theory: slow noise of a
         camera, no larger than its white part, makes that sqrt(2) at the most;  second : that told from every second
         one. Choice: a motion that is not followed over more frames is followed over twice as many
