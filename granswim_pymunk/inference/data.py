@@ -152,11 +152,14 @@ def left_out(count: int, why: str) -> str:
 def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     """Standard deviation of white noise on a smooth curve: residuals of local polynomials over 9 points, or all.
 
-    t, values : (T,) without NaN; of fewer than five, half of what neighbours differ by. Quadratics, or the least higher
-    degree (to 5) after which the next takes no more than a tenth away: over few frames of an oscillation, what a
-    quadratic leaves is no noise. The dof of each local fit are taken off; the median keeps collisions out. At least
-    what rounding to a grid leaves, which hides where a coordinate hardly moves: then most frames have the same value.
+    t, values : (T,), NaN where not seen; of fewer than five, half of what neighbours differ by. Quadratics, or the
+    least higher degree (to 5) after which the next takes no more than a tenth away: over few frames of an oscillation,
+    what a quadratic leaves is no noise. The dof of each local fit are taken off; the median keeps collisions out. At
+    least what rounding to a grid leaves, which hides where a coordinate hardly moves: then most frames have the same
+    value.
     """
+    seen = np.isfinite(values)
+    t, values = t[seen], values[seen]
     return max(_scatter(t, values), grid_of(values) / math.sqrt(12.0))
 
 
@@ -236,7 +239,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
             if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
             known = known and bool(recording.position_noise)
-            sigma = recording.position_noise or estimate_noise(t[seen], column[seen])
+            sigma = recording.position_noise or estimate_noise(t, column)
             channels.append(Channel(body, kind))
             columns.append(column)
             sigmas.append(sigma)
@@ -246,7 +249,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
             column = angle.copy()
             column[seen] = np.unwrap(angle[seen])
             known = known and bool(recording.angle_noise)
-            sigma = recording.angle_noise or estimate_noise(t[seen], column[seen])
+            sigma = recording.angle_noise or estimate_noise(t, column)
             channels.append(Channel(body, "angle"))
             columns.append(column)
             sigmas.append(sigma)
@@ -257,7 +260,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if clean:
         recording, values, told = _mended(recording, values, channels, sigmas)
         if len(recording.t) < len(t) and not known:
-            sigmas = [_noise_of(recording.t, column) for column in values.T]
+            sigmas = [estimate_noise(recording.t, column) for column in values.T]
         t = recording.t
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
@@ -273,24 +276,31 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         notes = swapped + told + notes
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
-    notes += [f"{recording.name}: {left_out(lost, 'off by more than noise')}"] * (lost > 0)
+    if lost:
+        notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
-    last = int(np.flatnonzero(np.isfinite(values).any(axis=1))[-1])
-    begin, end, free = float(t[first]), float(t[last]), np.arange(len(t)) >= first
-    before = free & (t <= begin + current().split.training * (end - begin))
-    nothing = np.zeros(len(t), dtype=bool)
-    if held_out:
-        start = free & (t <= begin + current().split.start * (end - begin))
-        training, scored = nothing, free & ~start
-    elif split:
-        training, start, scored = before, before, free & ~before
-    else:
-        training, start, scored = free, free, nothing
+    training, start, scored = _divided(t, values, first, held_out, split)
     return Case(
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None,
     )  # fmt: skip
+
+
+def _divided(
+    t: np.ndarray, values: np.ndarray, first: int, held_out: bool, split: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Masks (T,) of training, start and scored frames, from the row ``first`` on; see ``prepare`` and ``Case``."""
+    last = int(np.flatnonzero(np.isfinite(values).any(axis=1))[-1])
+    begin, end, free = float(t[first]), float(t[last]), np.arange(len(t)) >= first
+    nothing = np.zeros(len(t), dtype=bool)
+    if held_out:
+        start = free & (t <= begin + current().split.start * (end - begin))
+        return nothing, start, free & ~start
+    if split:
+        before = free & (t <= begin + current().split.training * (end - begin))
+        return before, before, free & ~before
+    return free, free, nothing
 
 
 def _without_caught(
@@ -337,7 +347,7 @@ def _relabelled(recording: Recording) -> tuple[Recording, list[str]]:
         return recording, []
     t, sigma = recording.t, recording.position_noise
     if not sigma:
-        sigma = float(np.median([estimate_noise(t[seen[:, k]], c) for k in rows for c in xy[seen[:, k], k].T]))
+        sigma = float(np.median([estimate_noise(t, np.where(seen[:, k], c, np.nan)) for k in rows for c in xy[:, k].T]))
     who = linked(t, xy[:, rows], sigma, period, strays=False).who
     if not (changed := who != np.arange(len(rows))).any():
         return recording, []
@@ -391,15 +401,11 @@ def _mended(
     return recording, values, notes
 
 
-def _noise_of(t: np.ndarray, values: np.ndarray) -> float:
-    """``estimate_noise`` of (T,) of which some were not seen."""
-    seen = np.isfinite(values)
-    return estimate_noise(t[seen], values[seen])
-
-
 def _apart(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> int:
     """How many frames apart the noise of ``values`` (T, c) is independent, 1 where impacts are all about."""
     apart = frames_apart(recording.t, list(values.T), _scatter)
+    if apart == 1:
+        return 1
     around = np.convolve(_meetings(recording, channels, values), np.ones(current().stamps.window * apart), mode="same")
     return apart if np.mean(around > 0) < 1 - current().smoothed.quiet else 1
 
@@ -419,7 +425,7 @@ def _without_filled(
     stamp = last_place(t)
     for body in dict.fromkeys(channel.body for channel in channels):
         own = [k for k, channel in enumerate(channels) if channel.body == body]
-        shows = [_noise_of(t, values[:, k]) for k in own]
+        shows = [estimate_noise(t, values[:, k]) for k in own]
         size = [max(sigmas[k], noise) for k, noise in zip(own, shows, strict=True)]
         told = [values[np.isfinite(values[:, k]), k] for k in own]
         steps, digits = [least_step(v) for v in told], [grid_of(v) or last_place(v) for v in told]
@@ -507,9 +513,7 @@ def _without_outliers(
     """
     found = np.zeros(values.shape, dtype=bool)
     for c, sigma in enumerate(sigmas):
-        seen = values[np.isfinite(values[:, c]), c]
-        estimate = estimate_noise(t[np.isfinite(values[:, c])], seen)
-        found[:, c] = outliers(t, values[:, c], max(sigma, estimate), smooth, pressed)
+        found[:, c] = outliers(t, values[:, c], max(sigma, estimate_noise(t, values[:, c])), smooth, pressed)
     for body in dict.fromkeys(channel.body for channel in channels):
         mine = [c for c, channel in enumerate(channels) if channel.body == body]
         found[:, mine] = found[:, mine].any(axis=1, keepdims=True)
@@ -533,7 +537,7 @@ def _weighed_noise(
         for c, channel in enumerate(channels):
             seen = np.isfinite(values[:, c])
             if channel.kind in kinds and seen.sum() >= current().noise.frames:
-                estimate = estimate_noise(t[seen], values[seen, c])
+                estimate = estimate_noise(t, values[:, c])
                 if estimate > 0:
                     ratios.append(np.log(estimate / sigmas[c]))
                     told += int(seen.sum())

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from .. import distributions as stats
 from .criteria import current
+from .noise import in_a_row
 
 
 def held_places(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]) -> np.ndarray:
@@ -29,7 +30,7 @@ def held_places(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], step
     again[1:] = (values[seen[1:]] == values[seen[:-1]]).all(axis=1)
     measured = seen[~again]
     same = float(np.prod(np.minimum(np.asarray(steps) / (2 * sigma * math.sqrt(math.pi)), 1.0)))
-    for first, end in _runs(again):
+    for first, end in in_a_row(again):
         run = seen[first:end]
         before, after = measured[measured < run[0]], measured[measured > run[-1]]
         if len(after):
@@ -69,11 +70,11 @@ def on_a_line(
     line[1:-1] = (np.abs(v[:-2] + (v[2:] - v[:-2]) * step / (s[2:] - s[:-2])[:, None] - v[1:-1]) <= digit).all(axis=1)
     chance = float(np.prod(np.minimum(2 * digit / (sigma * math.sqrt(3 * math.pi)), 1.0)))
     if line.mean() > c.share > c.times * chance and line.sum() > c.many:
-        rows = _own_steps(v, digit, list(_runs(line)))
+        rows = _own_steps(v, digit, in_a_row(line))
         if rows.mean() > c.share:
             mask[seen[rows]] = True
             return mask
-    runs = [(first, end) for first, end in _runs(line) if end - first >= c.row and chance ** (end - first) < c.chance]
+    runs = [(a, b) for a, b in in_a_row(line) if b - a >= c.row and chance ** (b - a) < c.chance]
     mask[seen[_own_steps(v, digit, runs)]] = True
     return mask
 
@@ -87,12 +88,6 @@ def _own_steps(v: np.ndarray, digit: np.ndarray, runs: Sequence[tuple[int, int]]
     for first, end in runs:
         rows[first:end] = not (np.abs(steps[others] - steps[first - 1]) <= 1).all(axis=1).any()
     return rows
-
-
-def _runs(mask: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and one past the last of each row of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _off_curve(

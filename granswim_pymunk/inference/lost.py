@@ -85,12 +85,9 @@ class _Ways:
 
     def left(self, times: np.ndarray, numbers: np.ndarray, seen: np.ndarray, kink: float | None = None) -> float:
         """What they leave of chi2 of numbers (c, n), where ``seen`` (c, n), at ``times`` (n,) [s]."""
-        total, first = 0.0, np.ones(len(numbers), dtype=bool)
-        while first.any():
-            mine = first & (seen == seen[int(np.argmax(first))]).all(axis=1)
-            rows = seen[int(np.argmax(first))]
-            first &= ~mine
-            part = numbers[mine][:, rows].T
+        total = 0.0
+        for rows in {row.tobytes(): row for row in seen}.values():
+            part = numbers[(seen == rows).all(axis=1)][:, rows].T
             total += float(np.sum(part**2) - np.sum((self._basis(times, rows, kink).T @ part) ** 2))
         return total
 

@@ -534,13 +534,17 @@ def single_ones(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCri
         own = residuals[np.ix_(rows, mine)]
         chance = np.asarray(stats.chi2.sf(np.sum((own / larger_by(own)) ** 2, axis=1), len(mine)))
         quiet = np.concatenate([[True], chance > criteria.beside_single, [True]])
-        far = np.concatenate([[False], chance < criteria.single / every, [False]]).astype(int)
-        begins, ends = np.flatnonzero(np.diff(far) == 1), np.flatnonzero(np.diff(far) == -1)
-        for begin, end in zip(begins, ends, strict=True):
+        for begin, end in in_a_row(chance < criteria.single / every):
             # of the padded marks the one before the first, and the one behind the last
             if end - begin <= criteria.row and quiet[begin] and quiet[end + 1]:
                 found[np.ix_(rows[begin:end], mine)] = True
     return found
+
+
+def in_a_row(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past the last of each row of True in (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def larger_by(off: np.ndarray) -> np.ndarray:

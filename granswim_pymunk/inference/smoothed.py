@@ -26,23 +26,23 @@ def frames_apart(t: np.ndarray, columns: Sequence[np.ndarray], scatter: Scatter)
     apart = [s for s in c.apart if len(t) // s >= c.frames]
     moving = [k for k in columns if np.isfinite(k).mean() > c.seen and np.nanstd(k) > 0]
     moving = moving[:: max(len(moving) // c.columns, 1)]
-    if len(apart) < 3 or not moving or _told(t, moving, apart[::2][:2], scatter, c.shares[1])[1] < c.grown:
+    if len(apart) < 3 or not moving or _told(t, moving, [apart[0], apart[2]], scatter, c.shares[1])[1] < c.grown:
         return 1
     told = np.array([_told(t, moving, apart, scatter, share) for share in c.shares])
     grown = np.median(told, axis=0)
-    beyond = np.maximum(grown**2 - 1.0, np.finfo(float).eps)
-    # the power of the distance with which the square of what is added grows; at first of all of it
-    powers = np.diff(np.log(beyond), prepend=0.0) / np.log(np.maximum(apart, 2) / np.array([1, 1, *apart[1:-1]]))
-    powers[1] = np.log(grown[1] ** 2) / np.log(2.0)
+    beyond, further = np.maximum(grown**2 - 1.0, np.finfo(float).eps), np.diff(np.log(apart))
+    # the power of the distance with which the square of what is added grows; in the first step, of all of it
+    powers = np.diff(np.log(beyond)) / further
+    powers[0] = np.log(grown[1] ** 2) / further[0]
     # impacts are in some of the windows, noise is in all alike
     second, third = told[:, 1], told[:, 2]
     if second.min() < c.second or third.min() < c.grown or third.max() > c.alike * third.min():
         return 1
-    if powers[1:3].max() > c.power or powers[3:][:1].max(initial=0.0) > c.steep:
+    if powers[:2].max() > c.power or powers[2:3].max(initial=0.0) > c.steep:
         return 1
     best = 1
     for k in range(2, len(apart)):
-        if grown[k] < c.level * grown[best] or powers[k] > c.power:
+        if grown[k] < c.level * grown[best] or powers[k - 1] > c.power:
             break
         best = k
     return apart[best]

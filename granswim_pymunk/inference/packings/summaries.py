@@ -447,12 +447,7 @@ def _from_tracks(recording: Recording, held: bool, split: bool, rng: np.random.G
 
 def _noise(t: np.ndarray, xy: np.ndarray) -> float:
     """Tracking noise [m] where it was not given."""
-    sizes = []
-    for k in range(xy.shape[1]):
-        for axis in (0, 1):
-            seen = np.isfinite(xy[:, k, axis])
-            sizes.append(estimate_noise(t[seen], xy[seen, k, axis]))
-    return float(np.median(sizes))
+    return float(np.median([estimate_noise(t, column) for column in xy.reshape(len(t), -1).T]))
 
 
 def _few(n: float) -> float:

@@ -163,7 +163,7 @@ def bed_case(
         sigma = upper
     if not sigma:
         columns = [unwrapped[:, k, a] for k in range(min(len(recording.ids), 40)) for a in (0, 1)]
-        found = [estimate_noise(recording.t[np.isfinite(c)], c[np.isfinite(c)]) for c in columns]
+        found = [estimate_noise(recording.t, c) for c in columns]
         sigma = float(np.median(found))
     # whether it is what was said that is too little, a simulated film tells later (``as_filmed``)
     likely = upper if upper > current().windows.stamps.refuted * sigma else float(sigma)
