@@ -9,7 +9,7 @@ from scipy.signal import savgol_filter
 
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.filled import held_places, on_a_line
-from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording import Recording, read_recording, resolve_recording
 from granswim_pymunk.scene import Body, Scene, Wall, use
 
 NOISE = 3e-4  # m
@@ -101,6 +101,14 @@ def test_frames_put_in_between_are_left_out():
 def test_pixels_of_a_turned_picture_are_no_filled_gaps(seed):
     for recording in (sliding(seed), sliding(seed, grid=1e-3), swinging(seed)):
         assert "filled the gap" not in notes_of(recording)
+
+
+@pytest.mark.parametrize("name", ["falling_balls", "pendulum", "double_pendulum", "string_pendulum", "two_disk_spin"])
+def test_real_tracks_that_nobody_filled_or_smoothed_are_left_as_they_are(name):
+    """Balls in films of 44 frames, one coordinate each, on pixels of a straightened picture, among them."""
+    for folder in resolve_recording(name):
+        said = notes_of(read_recording(folder))
+        assert "filled the gap" not in said and "look smoothed" not in said, folder
 
 
 def test_numbers_without_noise_are_no_filled_gaps():

@@ -55,7 +55,8 @@ def on_a_line(
     sigmas : (c,) what their noise is by these numbers;  digits : (c,) the last place in which they are told,
     stamp [s] : that of the times, between which a body moves on
     What is measured is off that line by sigma sqrt(3/2), and by no more than the last digit g with probability
-    2 g/(sigma sqrt(3 pi)). Not where the same step is taken elsewhere as well: such numbers lie on a grid of pixels.
+    2 g/(sigma sqrt(3 pi)). Pixels are on such lines more often, as single frames show, and in steps
+    that are taken elsewhere as well.
     """
     c, sigma = current().filled, np.asarray(sigmas, dtype=float)
     mask = np.zeros(len(values), dtype=bool)
@@ -69,13 +70,17 @@ def on_a_line(
     line = np.zeros(len(seen), dtype=bool)
     line[1:-1] = (np.abs(v[:-2] + (v[2:] - v[:-2]) * step / (s[2:] - s[:-2])[:, None] - v[1:-1]) <= digit).all(axis=1)
     chance = float(np.prod(np.minimum(2 * digit / (sigma * math.sqrt(3 * math.pi)), 1.0)))
+    runs = in_a_row(line)
     if line.mean() > c.share > c.times * chance and line.sum() > c.many:
-        rows = _own_steps(v, digit, in_a_row(line))
+        rows = _own_steps(v, digit, runs)
         if rows.mean() > c.share:
             mask[seen[rows]] = True
             return mask
-    runs = [(a, b) for a, b in in_a_row(line) if b - a >= c.row and chance ** (b - a) < c.chance]
-    mask[seen[_own_steps(v, digit, runs)]] = True
+    long = [(a, b) for a, b in runs if b - a >= c.row]
+    filled = sum(b - a for a, b in long)
+    # of pixels one frame and another are on a line, and so some in a row by chance
+    chance = max(chance, (line.sum() - filled) / (len(line) - filled))
+    mask[seen[_own_steps(v, digit, [(a, b) for a, b in long if chance ** (b - a) < c.chance])]] = True
     return mask
 
 

@@ -252,8 +252,9 @@ class FilledCriteria:
 class SmoothedCriteria:
     """When tracks are said to have been smoothed.
 
-    apart : frames, that noise is told from;  frames : so far apart, the fewest;  rows : frames, that are
-        looked at;  columns : numbers in each, about how many. Choices
+    apart : frames, that noise is told from;  frames : so far apart, the fewest. Theory: a size told
+        from as many is good to a fifth;  rows : frames, that are looked at;  columns : numbers in each, about how many.
+        Choices
     grown : over the noise told from neighbours, that told from every third frame has to be. Theory: slow noise of a
         camera, no larger than its white part, makes that sqrt(2) at the most;  second : that told from every second
         one. Choice: a motion that is not followed over more frames is followed over twice as many
@@ -268,7 +269,7 @@ class SmoothedCriteria:
     """
 
     apart: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
-    frames: int = 14
+    frames: int = 20
     rows: int = 1000
     columns: int = 6
     grown: float = 1.5
