@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,7 +52,22 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
                  tuple(Free(f"camera.bias_{k}", "m", -ends.bias, ends.bias, 0.0, ends.shift) for k in "xy"),
                  set_camera("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
         )  # fmt: skip
-    return terms + _oblique_terms(positions) + _lens_terms(cases)
+    plain = [t for t in terms if not t.special]
+    return terms + _of_one_recording(plain, cases) + _oblique_terms(positions) + _lens_terms(cases)
+
+
+def _of_one_recording(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:
+    """The same of one recording alone, of several that are learnt from: a camera that was moved between two films."""
+    seen = [case.name for case in cases if not case.held_out and case.training.any()]
+    if not 1 < len(seen) <= current().candidates.single:
+        return []
+    return [
+        replace(
+            fault, label=f"{fault.label} in {name}", expression=f"{fault.expression} in {name}",
+            free=tuple(replace(f, name=f"{f.name}@{name}", cases=frozenset([name])) for f in fault.free),
+        )
+        for fault in faults for name in seen
+    ]  # fmt: skip
 
 
 def _holds(law: Law) -> bool:

@@ -84,6 +84,12 @@ class Term:
     along: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     special: bool = False  # a special fault of the apparatus: of equals with as many numbers the plain one is named
 
+    @property
+    def recordings(self) -> frozenset[str] | None:
+        """Names of the recordings that all its numbers bear on alone; None where one bears on all there are."""
+        named = [f.cases for f in self.free if f.cases is not None]
+        return frozenset[str]().union(*named) if self.free and len(named) == len(self.free) else None
+
 
 @dataclass(frozen=True)
 class Hypothesis:

@@ -339,6 +339,23 @@ def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) 
     return mean, within + np.einsum("i,ik,il->kl", weights, moved - mean, moved - mean)
 
 
+def squares_in_slow_noise(
+    recordings: Sequence[Seen], others: Sequence[Seen], criteria: NoiseCriteria | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) chi2 of what two fits leave of the same recordings, in each slow noise that the second does not exclude.
+
+    What was fitted is estimated again by generalised least squares, to first order. A noise is excluded where it is
+    less likely than the likeliest by more than two numbers are by chance (``VerdictCriteria.alarm``).
+    """
+    noises = (Noise(), *_slow_noises(criteria or current().noise))
+    told = [_restricted(others, noise) for noise in noises]
+    most = min(t.deviance for t in told) + stats.chi2.isf(current().verdict.alarm, 2)
+    may_be = [(_restricted(recordings, n).squares, t.squares) for n, t in zip(noises, told, strict=True)
+              if t.deviance < most]  # fmt: skip
+    first, second = np.array(may_be).T
+    return first, second
+
+
 def drawn_noises(recordings: Sequence[Seen], rng: np.random.Generator, draws: int) -> list[Noise]:
     """Noises that these residuals may be, as often as each is likely (``averaged``)."""
     noises, _, weights = _weighed(recordings, current().noise)
@@ -377,12 +394,14 @@ class Restricted:
 
     deviance : -2 ln of the restricted likelihood but for a constant;  moved : (p,) by generalised least squares
     covariance : (p, p) of these numbers;  size : of what is left, squared, over its expectation
+    squares : chi2 of what is left, all that was fitted estimated again
     """
 
     deviance: float
     moved: np.ndarray
     covariance: np.ndarray
     size: float
+    squares: float
 
 
 def _restricted(recordings: Sequence[Seen], noise: Noise) -> Restricted:
@@ -419,7 +438,7 @@ def _restricted(recordings: Sequence[Seen], noise: Noise) -> Restricted:
         moved = np.linalg.solve(scaled, gradient / size) / size
         squares -= float(gradient @ moved)
         covariance = np.linalg.inv(scaled) / np.outer(size, size)
-    return Restricted(total + squares, moved, covariance, squares / max(count, 1))
+    return Restricted(total + squares, moved, covariance, squares / max(count, 1), squares)
 
 
 def chance_of(residuals: Sequence[np.ndarray], noise: Noise) -> float:

@@ -28,7 +28,9 @@ class NoiseCriteria:
     single : chance with which noise has any sighting of a film so far off a law that follows it, below which it is
         none;  beside_single : above which the sightings beside it pass for noise. Choices: one film in a thousand, and
         three standard deviations;  row : so many in a row. Theory: with one bad sighting in 200, each by itself, three
-        in a row come in one film of 1000 sightings in 8000
+        in a row come in one film of 1000 sightings in 8000;  laws_asked : best laws of different names, without which
+        sighting each leaves noise. Choice;  leverage : of a sighting's variance, below which a fit follows it whatever
+        it is;  freedom : numbers that have to be left over for noise to be told of what a law leaves. Choices
     hides : times what the other frames leave of a line, from which a frame among them is no position itself. Choice:
         as ``outlier``
     share_most : of a channel's sightings that may be taken out; beyond it they are no single ones. Choice
@@ -69,6 +71,9 @@ class NoiseCriteria:
     single: float = 1e-3
     beside_single: float = 0.0027
     row: int = 2
+    laws_asked: int = 3
+    leverage: float = 1e-6
+    freedom: int = 8
     hides: float = 6.0
     share_most: float = 0.1
     bands: tuple[int, ...] = (4, 12, 40)

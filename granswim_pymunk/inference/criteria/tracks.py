@@ -15,7 +15,8 @@ class CandidateCriteria:
     believed : standard deviations of a believed mass or radius, to which it is looked for;  unstated : such a standard
         deviation, relative, where nothing is said. Choice: a per cent, as a ruler on a film or the maker of a batch
         tells, and what laboratories are off by is one to three
-    single : bodies, up to which a push on each single one is a candidate. Choice: it is looked for as many times
+    single : bodies, up to which a push on each single one is a candidate, and recordings, up to which a fault of
+        the camera in each. Choice: it is looked for as many times
     step : of its typical size, by which a number first steps;  adjustable : of its range, one that is declared
     ranges : times the typical range of a law, from which it is looked for, ``shapes`` of another shape. Choice
     top : times the fastest that bodies moved, over which a drag by the speed is drawn;  fastest : quantile of the steps

@@ -335,6 +335,9 @@ def _predicted(
         with np.errstate(over="ignore", invalid="ignore"):
             bent = np.mean(POOL.spread(bend, along), axis=0)
         bent = np.where(np.isfinite(bent), bent, np.inf)
+    # what hangs on a start that no frame tells, as of a body that came later, says nothing either
+    untold = j2 - (j2 @ vt[kept].T) @ vt[kept]
+    bent[np.sum(untold**2, axis=1) > current().blocks.told * np.sum(j2**2, axis=1)] = np.inf
     raw = case.raw(here, block.frames)
     masked = (np.where(seen[rest], part[rest], np.nan) for part in (here, raw))
     return *masked, whiten, answer, bent

@@ -193,6 +193,7 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
     """
     p, taken = len(fit.values), {t.label for t in fit.hypothesis.terms}
     faults = [t for t in terms if t.label not in taken and t.free and all(f.unseen for f in t.free)]
+    faults = [t for t in faults if t.recordings is None]
     if p <= first or not faults:
         return fit
     whole = stacked(fitter, fit)

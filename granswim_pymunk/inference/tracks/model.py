@@ -64,7 +64,17 @@ from .held_out import (
     training_errors,
     worse_by_chance,
 )
-from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
+from .innovations import (
+    Whiteness,
+    WindowMap,
+    ahead_in_slow_noise,
+    locate,
+    seen_by,
+    series_of,
+    variance_by_case,
+    whiteness,
+    window_map,
+)
 from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_slopes
 from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
@@ -411,6 +421,7 @@ class Tracks(ObservationModel):
             if t is winner or not (has_idle_entry(t, spread) or is_its_special_case(t, spread))
         ]  # fmt: skip
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
+        same += self._alike_in_slow_noise(winner, [t for t in alive if not any(t is u for u in same)])
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
@@ -427,6 +438,19 @@ class Tracks(ObservationModel):
             pairs = [p for p in two_alike(search, self.tried.alive, winner) if not any(absurd(t) for t in p)]
             claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
         return claims
+
+    def _alike_in_slow_noise(self, winner: Trial, others: Sequence[Trial]) -> list[Trial]:
+        """Laws that would be told from the winner in white noise alone, where no slow part of the noise was found."""
+        if winner.fit is None or any(c.noise.size for c in self.study.training):
+            return []
+        found = []
+        for t in others:
+            if t.fit is None or t.special or worth(t, self.spread) <= current().verdict.noticed:
+                continue
+            ahead = ahead_in_slow_noise(winner.fit, t.fit, self.study.training)
+            if ahead / self.spread - 2 * (winner.used - t.used) < current().verdict.same:
+                found.append(t)
+        return found
 
     def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
         """The laws with another one in place of one of them, which training data cannot tell from it.

@@ -564,9 +564,14 @@ def label_of(*trials: Trial) -> str:
 
 
 def is_part(term: Term, others: Iterable[Term]) -> bool:
-    """Whether one of the others is the same law on these bodies and more."""
+    """Whether one of the others is the same law on these bodies and more, or the same fault of more recordings."""
     mine = set(term.bodies or ())
-    return any(o.mechanism == term.mechanism and mine < set(o.bodies or ()) for o in others)
+
+    def more(other: Term) -> bool:
+        whole = term.recordings is not None and other.recordings is None and term.bodies == other.bodies
+        return other.mechanism == term.mechanism and (whole or mine < set(other.bodies or ()))
+
+    return any(map(more, others))
 
 
 def spread_of(fit: Fit, cases: Sequence[Case]) -> float:

@@ -19,6 +19,7 @@ from ..significance import Null, at_alarm, price
 from .believed import believed_terms
 from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
+from .deleted import followed_sighting
 from .fit import Fitter
 from .fitted import Fit
 from .innovations import memory_of, tells_noise
@@ -333,7 +334,13 @@ def without_outliers(study: Study, tried: FittedAlone) -> tuple[Study, FittedAlo
     left = tried.best.innovations
     found = {c.name: standing_out(c, left[c.name], follows=True) for c in study.training if c.name in left}
     before, study = study, without_sightings(study, found)
-    return study, tried if study is before else _all_again(study, tried)
+    tried = tried if study is before else _all_again(study, tried)
+    for _ in range(current().noise.row):
+        before, study = study, without_sightings(study, followed_sighting(tried.alive, study.training))
+        if study is before:
+            break
+        tried = _all_again(study, tried)
+    return study, tried
 
 
 def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
