@@ -68,8 +68,19 @@ def test_complete_is_what_the_page_says_beside_it():
 
     def beyond(rms: float | None, repeats: int) -> bool:
         errors = np.linspace(1.0, 2.0, repeats) if repeats else np.zeros(0)
-        tracks = SimpleNamespace(held={"revised": SimpleNamespace(rms=rms)}, right=errors)
+        tracks = SimpleNamespace(held={"revised": SimpleNamespace(rms=rms)}, right=errors, _matters=lambda rms: True)
         return bool(Tracks._beyond_the_right_law(tracks))  # type: ignore[arg-type]
 
     assert beyond(2.1, 10) and not beyond(1.9, 10)
     assert not beyond(9.0, 3) and not beyond(9.0, 0) and not beyond(None, 10)
+
+
+def test_what_an_experimenter_does_not_care_about_is_not_missing():
+    def matters(rms: float, tolerance: float | None) -> bool:
+        recording = SimpleNamespace(tolerance=tolerance, angle_tolerance=None)
+        study = SimpleNamespace(cases=[SimpleNamespace(recording=recording)])
+        tracks = SimpleNamespace(unit="m rms", study=study, floor=(3e-4, 3e-4))
+        return bool(Tracks._matters(tracks, rms))  # type: ignore[arg-type]
+
+    assert matters(4e-3, None) and matters(4e-3, 3e-3)
+    assert not matters(4e-3, 2e-2) and not matters(3e-4, 1e-9)

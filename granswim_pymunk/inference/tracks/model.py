@@ -45,7 +45,7 @@ from ..significance import Null, after_looks, price
 from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
-from .choose import absurd, choose, rivals_of, worth
+from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
 from .experiment import propose
 from .fit import Fitter, joined
 from .fitted import Fit
@@ -426,12 +426,15 @@ class Tracks(ObservationModel):
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
-        found: list[Trial] = []
-        while same := [t for t in same if t.mechanism not in {winner.mechanism, *(u.mechanism for u in found)}]:
+        found, taken = list[Trial](), {winner.mechanism}
+        others = [t for t in alive if t is not winner]
+        while same := [t for t in same if t.mechanism not in taken]:
             best = choose(same, spread, least, len(self.tried.terms))
             if best is None:
                 break
-            found.append(best)
+            taken.add(best.mechanism)
+            # of another form of the winner, too, which stands for this one in such an apparatus
+            found.append(of_the_apparatus(best, others, spread))
         claims = [Claim((t,), t.fit) for t in found]
         if winner.used > 1 and not self.study.late(current().budget.pairs):
             search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
@@ -506,9 +509,7 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
-            if outcome == "fails" and (
-                self._by_its_start(revised) or self._by_its_numbers() or self._by_chance(revised)
-            ):
+            if outcome == "fails" and self._excused(judged.claim):
                 outcome = "undecided"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
@@ -519,6 +520,27 @@ class Tracks(ObservationModel):
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
             self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
+
+    def _excused(self, claim: Claim) -> bool:
+        """Whether held-out data are predicted worse by what was not known well enough, not by a law that is none."""
+        unsure = self._by_its_start(claim.fit) or self._by_its_numbers() or self._by_chance(claim.fit)
+        return unsure and self._earned_on_all_frames(claim)
+
+    def _earned_on_all_frames(self, claim: Claim) -> bool:
+        """Whether laws earn their price on training and held-out frames together, on which their numbers are sure.
+
+        What is there gains with every frame; what noise made of some of them has lost it where later ones are no worse
+        without. True where recordings are cut into segments, or cannot be followed to their ends.
+        """
+        fitter = self._fitter_of(claim.fit)
+        if fitter.segmented:
+            return True
+        whole, used = fitter.of_all_frames(self.study.cases), sum(t.used for t in claim.laws)
+        try:
+            plain, again = whole.refitted(self.tried.recalibrated), whole.refitted(claim.fit)
+        except Failed:
+            return True
+        return plain.chi2 - again.chi2 >= self.spread * price(len(self.tried.terms), used)
 
     def _by_its_start(self, revised: Fit) -> bool:
         """Whether runs through impacts are worse by no more than their starts, and numbers, are unsure.
@@ -630,12 +652,22 @@ class Tracks(ObservationModel):
     def _more_held_out(self) -> bool:
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
         rms = self.held["revised"].rms
-        return rms is not None and as_large_by_chance(rms, self.right) < current().left.chance
+        if rms is None or not self._matters(rms):
+            return False
+        return as_large_by_chance(rms, self.right) < current().left.chance
 
     def _beyond_the_right_law(self) -> bool:
         """Whether held-out data are farther off than in every repeat with the right law: what is told beside them."""
         rms, enough = self.held["revised"].rms, len(self.right) >= current().left.repeats
-        return rms is not None and enough and rms > self.right.max()
+        return rms is not None and enough and rms > self.right.max() and self._matters(rms)
+
+    def _matters(self, rms: float) -> bool:
+        """Whether what held-out errors [m or rad, rms] exceed the noise by matters to the experimenter."""
+        angles = self.unit.startswith("rad")
+        recordings = [c.recording for c in self.study.cases]
+        least = [r.angle_tolerance if angles else r.tolerance for r in recordings]
+        excess = math.sqrt(max(rms**2 - (self.floor[1] or 0.0) ** 2, 0.0))
+        return any(tolerance is None or excess > tolerance for tolerance in least)
 
     def _forms_as_good(self, claim: Claim) -> tuple[tuple[str, str, bool], ...]:
         """Forms without a name that do as well as a law, or better, see ``Remains``; none where time is up."""
