@@ -166,3 +166,12 @@ def test_impacts_are_no_filter():
     scene = Scene((Body("b", "free", 0.03, 0.05),), laws, gravity=(0.0, -9.81), walls=(Wall((-5.0, 0.0), (5.0, 0.0)),))
     t = np.round(333 * dt * np.arange(len(seen)), 7)
     assert "look smoothed" not in notes_of(Recording("ball", scene, t, ("b",), np.round(xy[:, None], 8)))
+
+
+def test_a_swing_that_is_filmed_too_seldom_is_neither_smoothed_nor_stamped_late():
+    """Four frames a second of a swing of 1.4 s: what polynomials over some of them leave is no noise."""
+    fine = swinging(4, seconds=30.0)
+    seldom = replace(fine, xy=fine.xy[::15], t=fine.t[::15], sampling=4.0)
+    case = prepare(seldom, held_out=False, split=True)
+    assert "smoothed" not in " ".join(case.notes) and "stamps" not in " ".join(case.notes)
+    assert case.late is None and len(case.t) == len(seldom.t)

@@ -179,7 +179,9 @@ def timing(
         told = [loss(float(a), stated / wider) for a in sizes]
         if min(told) < table[i, j] + current().stamps.refuted:
             return stated, float(sizes[int(np.argmin(told))]) * wider
-    if table[i, j] > alone - current().stamps.sure:
+    # frames come in their order: what looks later than that is a motion that polynomials over so few frames do not follow
+    most = current().stamps.most * float(np.median(np.diff(t)))
+    if table[i, j] > alone - current().stamps.sure or taus[j] * wider > most:
         return 0.0, 1.0
     return float(taus[j]) * wider, float(sizes[i]) * wider
 

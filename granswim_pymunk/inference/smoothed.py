@@ -34,6 +34,7 @@ def frames_apart(t: np.ndarray, columns: Sequence[np.ndarray], scatter: Scatter)
     # the power of the distance with which the square of what is added grows; in the first step, of all of it
     powers = np.diff(np.log(beyond)) / further
     powers[0] = np.log(grown[1] ** 2) / further[0]
+    shown = [(k, np.isfinite(k)) for k in moving]
     # impacts are in some of the windows, noise is in all alike
     second, third = told[:, 1], told[:, 2]
     if second.min() < c.second or third.min() < c.grown or third.max() > c.alike * third.min():
@@ -45,7 +46,9 @@ def frames_apart(t: np.ndarray, columns: Sequence[np.ndarray], scatter: Scatter)
         if grown[k] < c.level * grown[best] or powers[k - 1] > c.power:
             break
         best = k
-    return apart[best]
+    # of a motion that is seen too seldom polynomials follow nothing, over few frames as over many
+    sizes = [scatter(t[seen][:: apart[best]], k[seen][:: apart[best]], c.shares[1]) / np.nanstd(k) for k, seen in shown]
+    return apart[best] if np.median(sizes) < c.of_motion else 1
 
 
 def _told(

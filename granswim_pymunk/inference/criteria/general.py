@@ -158,6 +158,7 @@ class StampCriteria:
     stated_off : factor, one standard deviation, by which a stated white part may be off. Choice: laboratories state
         sizes that are off by two;  unstated_off : by which one told from the same frames may be, which late stamps
         enlarge
+    most : of the time from frame to frame, up to which stamps are late. Choice: beyond, frames would change places
     """
 
     window: int = 9
@@ -170,6 +171,7 @@ class StampCriteria:
     rows: int = 2000
     stated_off: float = 2.0
     unstated_off: float = 4.0
+    most: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -271,6 +273,8 @@ class SmoothedCriteria:
         Choice: told from noise they are one, an impact is in some windows, and in them alone
     quiet : of the frames, about which nothing is hit as far as a window reaches. Choice
     seen : of the frames, in which a number has to be seen. Choice
+    of_motion : of the spread of a track, from which what is told is no noise that a filter hid. Choice: a filter that
+        hides a tenth of the motion would bend the motion, too
     """
 
     apart: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
@@ -286,6 +290,7 @@ class SmoothedCriteria:
     alike: float = 2.0
     quiet: float = 0.3
     seen: float = 0.8
+    of_motion: float = 0.1
 
 
 @dataclass(frozen=True)
