@@ -179,7 +179,7 @@ def timing(
         told = [loss(float(a), stated / wider) for a in sizes]
         if min(told) < table[i, j] + current().stamps.refuted:
             return stated, float(sizes[int(np.argmin(told))]) * wider
-    # frames come in their order: what looks later than that is a motion that polynomials over so few frames do not follow
+    # frames come in their order: what looks later is a motion that polynomials over so few frames do not follow
     most = current().stamps.most * float(np.median(np.diff(t)))
     if table[i, j] > alone - current().stamps.sure or taus[j] * wider > most:
         return 0.0, 1.0
@@ -356,6 +356,11 @@ def squares_in_slow_noise(
               if t.deviance < most]  # fmt: skip
     first, second = np.array(may_be).T
     return first, second
+
+
+def size_in(recordings: Sequence[Seen], noise: Noise) -> float:
+    """Squares of what is left in a noise over their expectation, all that was fitted estimated again to first order."""
+    return _restricted(recordings, noise).size
 
 
 def drawn_noises(recordings: Sequence[Seen], rng: np.random.Generator, draws: int) -> list[Noise]:

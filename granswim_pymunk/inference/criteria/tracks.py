@@ -289,7 +289,9 @@ class RefitCriteria:
         have to take. Choice
     inner_scored : of the best gain, from which a law is scored on data inside the training part. Choice
     memory : of the gain of the best law, below which others are not refitted once the memory of the noise is known.
-        Choice
+        Choice;  memory_behind : the same where the best law leaves noise alone, if it is ahead in chi2 by
+        ``memory_lead``. Theory: slow noise of the size of the white part, correlated over 30 frames, makes variances 61
+        times larger, and leaves 16 of such a lead
     limits : of the range of a single limit, where the search for it begins. Choice: most of what a limit does is near
         where it is absent
     shares : of its first-order amount, from which a law is looked for;  valleys : times it, where strength and shape
@@ -318,6 +320,8 @@ class RefitCriteria:
     heat_won: float = 0.5
     inner_scored: float = 0.5
     memory: float = 0.1
+    memory_behind: float = 0.5
+    memory_lead: float = 1000.0
     limits: tuple[float, ...] = (0.08, 0.2, 0.35, 0.55)
     shares: tuple[float, ...] = (1.0, 0.2)
     valleys: tuple[float, ...] = (20.0, 400.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ...joints import arm_of
 from ...walls import gap_to_wall
 from ..criteria import current
 from ..data import Case
-from ..noise import Noise, Seen, believable, coloured, periodogram, slow_part, squares_in_slow_noise
+from ..noise import Noise, Seen, believable, coloured, periodogram, size_in, slow_part, squares_in_slow_noise
 from ..places import Place
 from ..significance import after_looks, normal_score
 from .fit import Fitter
@@ -92,6 +92,15 @@ def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None)
     """
     recordings = seen_by(fit, cases, beside)
     return slow_part(recordings) if recordings else Noise()
+
+
+def leaves_noise(fit: Fit, cases: Sequence[Case]) -> bool:
+    """Whether what a fit made before leaves nothing but the noise that the recordings are now said to have."""
+    recordings = seen_by(fit, [replace(case, noise=Noise()) for case in cases])
+    for seen, case in zip(recordings, (c for c in cases if c.name in fit.innovations), strict=True):
+        seen.residuals[~np.isfinite(case.values)] = np.nan
+    size = size_in(recordings, cases[0].noise) if recordings else math.inf
+    return size < 1 + current().noise.inflated * math.sqrt(2 / max(fit.count - fit.numbers, 1))
 
 
 def tells_noise(fit: Fit) -> bool:

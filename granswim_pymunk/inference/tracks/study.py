@@ -22,7 +22,7 @@ from .closer import joined_closely
 from .deleted import followed_sighting
 from .fit import Fitter
 from .fitted import Fit
-from .innovations import memory_of, tells_noise
+from .innovations import leaves_noise, memory_of, tells_noise
 from .jumps import jump_terms, scored_before_jumps
 from .kicks import cut_at_kicks
 from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
@@ -354,12 +354,16 @@ def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
     recalibrated = naive if tried.recalibrated is tried.naive else again(tried.recalibrated)
     bank = make_bank(fitter, recalibrated, tried.terms)
     forms_bank = make_bank(fitter, recalibrated, [t.term for t in tried.forms])
-    alive, untried = list[Trial](), list(tried.untried)
+    alive, untried, refits = list[Trial](), list(tried.untried), current().refits
+    # beside a law that leaves noise alone no second one is looked for, and none that is far behind is its equal
+    first = max(tried.alive, key=lambda t: t.gain, default=None)
+    alone = first is not None and first.fit is not None and leaves_noise(first.fit, training)
     for kind, signatures in ((tried.alive, bank.signatures), (tried.forms, forms_bank.signatures)):
         by_form = {_form(s.term): s for s in signatures}
         most = max((t.gain for t in kind), default=0.0)
         for t in kind:
-            if t.fit is None or t.gain < current().refits.memory * most:
+            behind = alone and t.gain < refits.memory_behind * most and most - t.gain > refits.memory_lead
+            if t.fit is None or t.gain < refits.memory * most or (behind and kind is tried.alive):
                 untried.append(replace(t, fit=None, reason="others explain far more"))
                 continue
             fit = again(t.fit)
