@@ -235,10 +235,11 @@ def test_held_out_data_tell_which_of_a_class_it_is_not():
 
     class Alike(Toy):
         asked: tuple[Claim, ...] = (other, last)
+        slowly: tuple[Claim, ...] = ()
         good: tuple[Claim, ...] = (last,)
 
-        def alike(self, judged):
-            return self.asked
+        def alike(self, judged, slow=False):
+            return self.slowly if slow else self.asked
 
         def hold_out(self, judged):
             self.outcome = "holds" if judged.claim in self.good else "fails"
@@ -257,6 +258,14 @@ def test_held_out_data_tell_which_of_a_class_it_is_not():
     found = diagnose_by(model).verdict
     assert found["verdict"] == "unmodelled" and found["rivals"][0]["name"] == "linear_drag"
     assert model.notes.count("looked at linear_drag p=0") == 2 and "looked at quadratic_drag" not in model.notes
+    # those that only slow noise leaves open are asked where none of the class holds, and not before
+    model = Alike()
+    model.asked, model.slowly = (other,), (last,)
+    assert [m["name"] for m in diagnose_by(model).verdict["mechanisms"]] == ["quadratic_drag"]
+    model = Alike()
+    model.good = model.slowly = (other, last)
+    model.asked = (last,)
+    assert [m["name"] for m in diagnose_by(model).verdict["mechanisms"]] == ["quadratic_drag"]
 
 
 @pytest.mark.parametrize("good", ["quadratic_drag", "cubic_drag", ""])
@@ -264,7 +273,7 @@ def test_of_a_class_the_first_that_explains_unseen_blocks_is_named(good):
     """Fits cannot tell three laws apart, and only one of them explains blocks that it was not fitted to."""
 
     class Alike(Toy):
-        def alike(self, judged):
+        def alike(self, judged, slow=False):
             return tuple(Claim((Law(name, name),), "") for name in ("quadratic_drag", "cubic_drag", "linear_drag"))
 
         def weigh(self, claim):

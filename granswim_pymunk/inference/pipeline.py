@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -77,27 +78,17 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     training data name by the same rules, the next one stands whose errors are those of its numbers; where more is
     missing, so that there is none, the one that predicts held-out data best.  Where errors are only larger than in
     every repeat with the law, which chance does in one of a dozen films, those of another have to be none such, and
-    smaller; the one that predicts best stands.  Otherwise all is as it was.
+    smaller; the one that predicts best stands.  Where none of the class does, those are asked that slower noise than
+    was found leaves open.  Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
     sure = fails or held.unlike
     if not (sure or held.beyond) or not judged.claim.laws or judged.claim.nameless:
         return judged, held
-    better, last = [], judged
-    for claim in model.alike(judged):
-        other, found, notes = _looked_at(model, claim)
-        if found is None:
-            continue
-        last = other
-        # what bends the picture predicts a little better whatever is missing
-        fault = bends(other) and not bends(judged)
-        if found.outcome != "holds" or (fault and found.unlike) or (not sure and (fault or found.beyond)):
-            continue
-        if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
-            continue
-        better.append((other, found, notes))
-        if sure and not found.unlike:
-            break
+    better, last = _better_of(model, judged, held, model.alike(judged))
+    if not better:
+        better, after = _better_of(model, judged, held, model.alike(judged, slow=True))
+        last = last if after is judged else after
     if not better:
         # what the model keeps of its last look belongs to the first claim again
         return judged, held if last is judged else model.hold_out(judged)
@@ -111,6 +102,30 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         " data that were learnt from cannot"
     )
     return other, found if last is other else model.hold_out(other)
+
+
+def _better_of(
+    model: ObservationModel, judged: Judgement, held: HeldOut, claims: Sequence[Claim]
+) -> tuple[list[tuple[Judgement, HeldOut, list[str]]], Judgement]:
+    """Those of the claims that stand better than what was judged by held-out data, and what was looked at last."""
+    fails = held.outcome == "fails"
+    sure = fails or held.unlike
+    better, last = list[tuple[Judgement, HeldOut, list[str]]](), judged
+    for claim in claims:
+        other, found, notes = _looked_at(model, claim)
+        if found is None:
+            continue
+        last = other
+        # what bends the picture predicts a little better whatever is missing
+        fault = bends(other) and not bends(judged)
+        if found.outcome != "holds" or (fault and found.unlike) or (not sure and (fault or found.beyond)):
+            continue
+        if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
+            continue
+        better.append((other, found, notes))
+        if sure and not found.unlike:
+            break
+    return better, last
 
 
 def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:

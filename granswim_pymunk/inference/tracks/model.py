@@ -411,9 +411,9 @@ class Tracks(ObservationModel):
         self.notes.append(f"{Claim(tuple(those), fit).label}, in the revised scene, is not named: {why}")
         return tuple(t for t in laws if not any(t is u for u in those))
 
-    def alike(self, judged: Judgement) -> Sequence[Claim]:
+    def alike(self, judged: Judgement, slow: bool = False) -> Sequence[Claim]:
         if len(judged.claim.laws) > 1:
-            return self._alike_in_sets(judged.claim.laws)
+            return [] if slow else self._alike_in_sets(judged.claim.laws)
         winner, spread = judged.claim.laws[0], self.spread
         ahead = partial(worth, spread=spread)
         alive = [
@@ -421,21 +421,15 @@ class Tracks(ObservationModel):
             if t is winner or not (has_idle_entry(t, spread) or is_its_special_case(t, spread))
         ]  # fmt: skip
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
-        same += self._alike_in_slow_noise(winner, [t for t in alive if not any(t is u for u in same)])
+        least = self.tried.inner["recalibrated"] + self.study.inner.slack
+        looked = len(self.tried.terms)
+        in_order = partial(_in_order, winner=winner, alive=alive, spread=spread, least=least, looked=looked)
+        if slow:
+            return in_order(self._alike_in_slow_noise(winner, [t for t in alive if not any(t is u for u in same)]))
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
-        least = self.tried.inner["recalibrated"] + self.study.inner.slack
-        found, taken = list[Trial](), {winner.mechanism}
-        others = [t for t in alive if t is not winner]
-        while same := [t for t in same if t.mechanism not in taken]:
-            best = choose(same, spread, least, len(self.tried.terms))
-            if best is None:
-                break
-            taken.add(best.mechanism)
-            # of another form of the winner, too, which stands for this one in such an apparatus
-            found.append(of_the_apparatus(best, others, spread))
-        claims = [Claim((t,), t.fit) for t in found]
+        claims = in_order(same)
         if winner.used > 1 and not self.study.late(current().budget.pairs):
             search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
             pairs = [p for p in two_alike(search, self.tried.alive, winner) if not any(absurd(t) for t in p)]
@@ -865,6 +859,25 @@ def diagnose_tracks(
     verdict = dict(again.verdict)
     verdict["notes"] = [f"{number.name}, {FREED}", *verdict["notes"]]
     return replace(again, verdict=verdict, seconds=time.monotonic() - began, runs=found.runs + again.runs)
+
+
+def _in_order(
+    same: Sequence[Trial], winner: Trial, alive: Sequence[Trial], spread: float, least: float, looked: int
+) -> list[Claim]:
+    """Laws that cannot be told from the winner, first the one that would be named without it, and so on.
+
+    alive : all that were refitted;  other arguments as of ``choose``
+    """
+    found, taken = list[Trial](), {winner.mechanism}
+    others = [t for t in alive if t is not winner]
+    while same := [t for t in same if t.mechanism not in taken]:
+        best = choose(same, spread, least, looked)
+        if best is None:
+            break
+        taken.add(best.mechanism)
+        # of another form of the winner, too, which stands for this one in such an apparatus
+        found.append(of_the_apparatus(best, others, spread))
+    return [Claim((t,), t.fit) for t in found]
 
 
 def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:
