@@ -96,10 +96,12 @@ def memory_of(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None)
 
 def leaves_noise(fit: Fit, cases: Sequence[Case]) -> bool:
     """Whether what a fit made before leaves nothing but the noise that the recordings are now said to have."""
-    recordings = seen_by(fit, [replace(case, noise=Noise()) for case in cases])
-    for seen, case in zip(recordings, (c for c in cases if c.name in fit.innovations), strict=True):
-        seen.residuals[~np.isfinite(case.values)] = np.nan
-    size = size_in(recordings, cases[0].noise) if recordings else math.inf
+    used = [case for case in cases if case.name in fit.innovations]
+    recordings = [
+        replace(seen, residuals=np.where(np.isfinite(case.values), seen.residuals, np.nan))  # of what is still there
+        for seen, case in zip(seen_by(fit, [replace(c, noise=Noise()) for c in used]), used, strict=True)
+    ]
+    size = size_in(recordings, used[0].noise) if recordings else math.inf
     return size < 1 + current().noise.inflated * math.sqrt(2 / max(fit.count - fit.numbers, 1))
 
 

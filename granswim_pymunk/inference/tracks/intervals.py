@@ -192,8 +192,10 @@ def with_slopes(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequ
     terms : of which those with such sizes are taken that the fit lacks
     """
     p, taken = len(fit.values), {t.label for t in fit.hypothesis.terms}
-    faults = [t for t in terms if t.label not in taken and t.free and all(f.unseen for f in t.free)]
-    faults = [t for t in faults if t.recordings is None]
+    faults = [
+        t for t in terms
+        if t.label not in taken and t.recordings is None and t.free and all(f.unseen for f in t.free)
+    ]  # fmt: skip
     if p <= first or not faults:
         return fit
     whole = stacked(fitter, fit)
