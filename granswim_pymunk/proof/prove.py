@@ -40,7 +40,7 @@ FULL = {
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1012),
-    "small-unseen": range(1058, 1106),
+    "small-unseen": range(1078, 1126),
     "curve": range(1000, 1004),
     "small-curve": range(1004, 1020),
 }
