@@ -103,7 +103,7 @@ def test_a_bent_picture_takes_no_law_s_place_where_none_is_right(monkeypatch):
 
     def end(first: Trial, other: Trial, ahead: bool = True) -> str:
         stub = SimpleNamespace(
-            notes=[], alike=lambda judged, slow=False: [] if slow else [Claim((other,), other.fit)],
+            notes=[], alike=lambda judged: [Claim((other,), other.fit)], alike_in_slow_noise=lambda judged: [],
             weigh=lambda c: None, mismatch=lambda c: None,
             plain=None, settle=lambda j: judged_of(other), hold_out=lambda j: held[j.claim.laws[0].mechanism],
             predicts_better=lambda a, b: ahead,

@@ -161,11 +161,12 @@ class ObservationModel(ABC):
         """The numbers of what is told, as they are written: intervals, runs of the scene as it is handed over."""
         return judged
 
-    def alike(self, judged: Judgement, slow: bool = False) -> Sequence[Claim]:
-        """Laws that training data cannot tell from what was claimed, one or two of them, best first.
+    def alike(self, judged: Judgement) -> Sequence[Claim]:
+        """Laws that training data cannot tell from what was claimed, one or two of them, best first."""
+        return ()
 
-        slow : those instead that only slower noise than was found, and than these data exclude, leaves open
-        """
+    def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:
+        """Laws beside those that only slower noise than was found, and that these data do not exclude, leaves open."""
         return ()
 
     def parts(self, judged: Judgement) -> Sequence[Claim]:

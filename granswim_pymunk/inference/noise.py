@@ -342,20 +342,17 @@ def averaged(recordings: Sequence[Seen], criteria: NoiseCriteria | None = None) 
 
 
 def squares_in_slow_noise(
-    recordings: Sequence[Seen], others: Sequence[Seen], criteria: NoiseCriteria | None = None
+    recordings: Sequence[Seen], criteria: NoiseCriteria | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) chi2 of what two fits leave of the same recordings, in each slow noise that the second does not exclude.
+    """(m,) chi2 of what a fit leaves, first in white noise, then in each slow one, and which of these it excludes not.
 
     What was fitted is estimated again by generalised least squares, to first order. A noise is excluded where it is
     less likely than the likeliest by more than two numbers are by chance (``VerdictCriteria.alarm``).
     """
-    noises = (Noise(), *_slow_noises(criteria or current().noise))
-    told = [_restricted(others, noise) for noise in noises]
-    most = min(t.deviance for t in told) + stats.chi2.isf(current().verdict.alarm, 2)
-    may_be = [(_restricted(recordings, n).squares, t.squares) for n, t in zip(noises, told, strict=True)
-              if t.deviance < most]  # fmt: skip
-    first, second = np.array(may_be).T
-    return first, second
+    told = [_restricted(recordings, noise) for noise in (Noise(), *_slow_noises(criteria or current().noise))]
+    deviance = np.array([t.deviance for t in told])
+    may_be = deviance < deviance.min() + stats.chi2.isf(current().verdict.alarm, 2)
+    return np.array([t.squares for t in told]), may_be
 
 
 def size_in(recordings: Sequence[Seen], noise: Noise) -> float:

@@ -87,7 +87,7 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         return judged, held
     better, last = _better_of(model, judged, held, model.alike(judged))
     if not better:
-        better, after = _better_of(model, judged, held, model.alike(judged, slow=True))
+        better, after = _better_of(model, judged, held, model.alike_in_slow_noise(judged))
         last = last if after is judged else after
     if not better:
         # what the model keeps of its last look belongs to the first claim again

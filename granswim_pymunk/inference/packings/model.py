@@ -224,8 +224,8 @@ class Packings(ObservationModel):
         bodies = tuple(ids) if joint is None else (ids[joint],)
         return Left(False, Remains(rms, times, bodies, None, None, looks, phase))
 
-    def alike(self, judged: Judgement, slow: bool = False) -> Sequence[Claim]:
-        return [] if slow else [self._claim(t) for t, same in self.near if same and t.fit is not None and t.refitted]
+    def alike(self, judged: Judgement) -> Sequence[Claim]:
+        return [self._claim(t) for t, same in self.near if same and t.fit is not None and t.refitted]
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         return [(t, same) for t, same in self.near if all(t is not law for law in judged.claim.laws)]

@@ -14,7 +14,7 @@ from ...joints import arm_of
 from ...walls import gap_to_wall
 from ..criteria import current
 from ..data import Case
-from ..noise import Noise, Seen, believable, coloured, periodogram, size_in, slow_part, squares_in_slow_noise
+from ..noise import Noise, Seen, believable, coloured, periodogram, size_in, slow_part
 from ..places import Place
 from ..significance import after_looks, normal_score
 from .fit import Fitter
@@ -135,16 +135,6 @@ def seen_by(fit: Fit, cases: Sequence[Case], beside: np.ndarray | None = None) -
         ties = np.hstack([by_value[count:], by_start[count:]])
         recordings.append(Seen(residuals, frames, spread_out[0], spread_out[1], ties, fit.used(case.name)[count:]))
     return recordings
-
-
-def ahead_in_slow_noise(fit: Fit, other: Fit, cases: Sequence[Case]) -> float:
-    """By how much chi2 of a fit is below that of another at least, whatever slow part the noise may have.
-
-    Few frames hide one: each fit has taken the slowest noise away. Two laws differ in something slow, and where white
-    noise would tell them apart, noise that is correlated over as long may not.
-    """
-    mine, its = squares_in_slow_noise(seen_by(fit, cases), seen_by(other, cases))
-    return float(np.min(its - mine))
 
 
 def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:

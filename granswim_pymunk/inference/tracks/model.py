@@ -37,7 +37,7 @@ from ..judge import (
 )
 from ..mechanisms import UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
-from ..noise import LikelyNoise
+from ..noise import LikelyNoise, squares_in_slow_noise
 from ..pipeline import diagnose_by, judged_by_training
 from ..places import Place
 from ..result import Diagnosis, Progress, Used
@@ -64,17 +64,7 @@ from .held_out import (
     training_errors,
     worse_by_chance,
 )
-from .innovations import (
-    Whiteness,
-    WindowMap,
-    ahead_in_slow_noise,
-    locate,
-    seen_by,
-    series_of,
-    variance_by_case,
-    whiteness,
-    window_map,
-)
+from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_slopes
 from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
@@ -411,43 +401,45 @@ class Tracks(ObservationModel):
         self.notes.append(f"{Claim(tuple(those), fit).label}, in the revised scene, is not named: {why}")
         return tuple(t for t in laws if not any(t is u for u in those))
 
-    def alike(self, judged: Judgement, slow: bool = False) -> Sequence[Claim]:
+    def alike(self, judged: Judgement) -> Sequence[Claim]:
         if len(judged.claim.laws) > 1:
-            return [] if slow else self._alike_in_sets(judged.claim.laws)
-        winner, spread = judged.claim.laws[0], self.spread
-        ahead = partial(worth, spread=spread)
-        alive = [
-            t for t in self.tried.alive
-            if t is winner or not (has_idle_entry(t, spread) or is_its_special_case(t, spread))
-        ]  # fmt: skip
+            return self._alike_in_sets(judged.claim.laws)
+        winner, ahead = judged.claim.laws[0], partial(worth, spread=self.spread)
+        alive = _that_stand(self.tried.alive, winner, self.spread)
         same = [t for t in alive if ahead(winner) - ahead(t) < current().verdict.same]
-        least = self.tried.inner["recalibrated"] + self.study.inner.slack
-        looked = len(self.tried.terms)
-        in_order = partial(_in_order, winner=winner, alive=alive, spread=spread, least=least, looked=looked)
-        if slow:
-            return in_order(self._alike_in_slow_noise(winner, [t for t in alive if not any(t is u for u in same)]))
         if winner.special:  # what bends the picture takes a part of whatever is smooth: later data tell
             laws = sorted((t for t in alive if not t.special), key=ahead, reverse=True)
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
-        claims = in_order(same)
+        least = self.tried.inner["recalibrated"] + self.study.inner.slack
+        claims = _in_order(same, winner, alive, self.spread, least, len(self.tried.terms))
         if winner.used > 1 and not self.study.late(current().budget.pairs):
             search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
             pairs = [p for p in two_alike(search, self.tried.alive, winner) if not any(absurd(t) for t in p)]
             claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
         return claims
 
-    def _alike_in_slow_noise(self, winner: Trial, others: Sequence[Trial]) -> list[Trial]:
-        """Laws that would be told from the winner in white noise alone, where no slow part of the noise was found."""
-        if winner.fit is None or any(c.noise.size for c in self.study.training):
+    def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:
+        """Laws that would be told from the claim in white noise alone, where no slow part of the noise was found.
+
+        Few frames hide one: each fit has taken the slowest noise away. Two laws differ in something slow, and noise
+        that is correlated over as long may leave open which it is.
+        """
+        winner, training = judged.claim.laws[0], self.study.training
+        if len(judged.claim.laws) > 1 or winner.fit is None or any(c.noise.size for c in training):
             return []
+        alive, same = _that_stand(self.tried.alive, winner, self.spread), current().verdict.same
+        mine, _ = squares_in_slow_noise(seen_by(winner.fit, training))
         found = []
-        for t in others:
-            if t.fit is None or t.special or worth(t, self.spread) <= current().verdict.noticed:
+        for t in alive:
+            gained = worth(t, self.spread)
+            in_the_class = t is winner or worth(winner, self.spread) - gained < same
+            if in_the_class or t.fit is None or t.special or gained <= current().verdict.noticed:
                 continue
-            ahead = ahead_in_slow_noise(winner.fit, t.fit, self.study.training)
-            if ahead / self.spread - 2 * (winner.used - t.used) < current().verdict.same:
+            its, may_be = squares_in_slow_noise(seen_by(t.fit, training))
+            if np.min((its - mine)[may_be]) / self.spread - 2 * (winner.used - t.used) < same:
                 found.append(t)
-        return found
+        least = self.tried.inner["recalibrated"] + self.study.inner.slack
+        return _in_order(found, winner, alive, self.spread, least, len(self.tried.terms))
 
     def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
         """The laws with another one in place of one of them, which training data cannot tell from it.
@@ -859,6 +851,11 @@ def diagnose_tracks(
     verdict = dict(again.verdict)
     verdict["notes"] = [f"{number.name}, {FREED}", *verdict["notes"]]
     return replace(again, verdict=verdict, seconds=time.monotonic() - began, runs=found.runs + again.runs)
+
+
+def _that_stand(trials: Sequence[Trial], winner: Trial, spread: float) -> list[Trial]:
+    """Laws that were refitted, without those that have an entry which may be none, or are a special case then."""
+    return [t for t in trials if t is winner or not (has_idle_entry(t, spread) or is_its_special_case(t, spread))]
 
 
 def _in_order(
