@@ -58,6 +58,7 @@ class Case:
     notes : what was found of the noise;  noise : its slow part, as it was estimated from what the best fit leaves
     late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma
     kicks : where bodies go on at velocities of their own, whatever struck them
+    apart : one frame in so many of the film is used
     training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
         parameters are known; scored as held out
     """
@@ -76,6 +77,7 @@ class Case:
     noise: Noise = field(default_factory=Noise)
     late: np.ndarray | None = None
     kicks: tuple[Kick, ...] = ()
+    apart: int = 1
 
     @functools.cached_property
     def told(self) -> dict[Any, Any]:
@@ -256,11 +258,12 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
     values = np.column_stack(columns)
-    notes, lost, tau, first = list[str](), 0, 0.0, 0
+    notes, lost, tau, first, apart = list[str](), 0, 0.0, 0, 1
     if clean:
         recording, values, told = _mended(recording, values, channels, sigmas)
         if len(recording.t) < len(t) and not known:
             sigmas = [estimate_noise(recording.t, column) for column in values.T]
+        apart = -(-len(t) // len(recording.t))
         t = recording.t
         first = first_free(recording, t, values, sigmas)
         values[:first] = np.nan
@@ -283,7 +286,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     training, start, scored = _divided(t, values, first, held_out, split)
     return Case(
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
-        late=tau * slopes(t, values) / sigma_array if tau else None,
+        late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
     )  # fmt: skip
 
 

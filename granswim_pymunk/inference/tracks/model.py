@@ -88,6 +88,7 @@ from .study import (
     Study,
     beyond_nulls,
     calibrated,
+    chosen_alone,
     explained_by,
     finely,
     search_with,
@@ -95,6 +96,7 @@ from .study import (
     tried_alone,
     with_close_joints,
     with_memory,
+    without_laws,
     without_outliers,
     without_single_ones,
 )
@@ -165,6 +167,7 @@ class Tracks(ObservationModel):
         self.notes = self.study.notes
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
+        self._unfound: set[str] = set()  # laws of which a number ended where its search ends
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
@@ -237,9 +240,22 @@ class Tracks(ObservationModel):
         return again if again.chi2 < plain.chi2 - earned else None
 
     def _search(self) -> Claim:
-        study, tried = self.study, self.tried
-        explanation = explained_by(study, tried, self.chosen)
-        found, revised, self.dropped = explanation.laws, explanation.fit, explanation.dropped
+        """Laws of which every number was found; without those that were not, again, where none is left."""
+        claim, missed, dropped = self._explained(self.tried, self.chosen), set[str](), self.dropped
+        while self._unfound - missed and not claim.laws and not self.study.late(current().budget.candidates):
+            missed |= self._unfound
+            rest = without_laws(self.tried, missed)
+            chosen = None if self.null is None else chosen_alone(self.study, rest, self.null)
+            if chosen is None:
+                break
+            claim = self._explained(rest, chosen)
+            dropped = self.dropped = dropped | self.dropped
+        return claim
+
+    def _explained(self, tried: FittedAlone, chosen: Trial | None) -> Claim:
+        study = self.study
+        explanation = explained_by(study, tried, chosen)
+        found, revised, self.dropped, self._unfound = explanation.laws, explanation.fit, explanation.dropped, set()
         self.near, self.exchanged = list(explanation.near), explanation.exchanged
         self.fitter, self.tightened = study.fitter, 0.0
         if found and self.fitter.segmented:
@@ -249,10 +265,13 @@ class Tracks(ObservationModel):
             found = [replace(t, fit=revised) for t in found]
         self.spread = spread_of(revised, study.training) if found else tried.spread
         if found:
-            self.tried, self.fitter, found, revised = finely(study, tried, self.fitter, found, revised, self.spread)
+            self.tried, self.fitter, found, revised = finely(
+                study, self.tried, self.fitter, found, revised, self.spread
+            )
             plain, spread = self.tried.recalibrated, spread_of(revised, study.training)
             found, revised, gone = with_numbers_that_were_found(self.fitter, plain, found, revised, spread)
             self.dropped |= gone
+            self._unfound = set(gone)
             if gone:
                 # what could stand in place of one of several laws stood beside those that are gone, too
                 self.near = []

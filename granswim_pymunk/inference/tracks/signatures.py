@@ -248,7 +248,11 @@ def _flow_signature(
     for along, across in ((0.0, 0.0), (top, 0.0), (0.0, top)):
         probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
         probes.append(columns_of(fitter, fit, probe)[0][:, 0])
-    columns = np.column_stack([probes[0], (probes[1] - probes[0]) / top, (probes[2] - probes[0]) / top])
+    streams = [probe - probes[0] for probe in probes[1:]]
+    rounding = current().signatures.rounding * max(float(np.linalg.norm(probe)) for probe in probes)
+    # of a component that a rail takes away the difference is rounding, and looks like no other column
+    streams = [change if np.linalg.norm(change) > rounding else np.zeros_like(change) for change in streams]
+    columns = np.column_stack([probes[0], *(change / top for change in streams)])
     if not columns.any():
         return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
     term, columns = _told_along(term, columns)

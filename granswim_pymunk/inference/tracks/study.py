@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,7 +41,7 @@ from .pairs import (
 from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
-from .signatures import Bank, make_bank
+from .signatures import Bank, Signature, make_bank
 from .steps import shifts, time_steps
 from .usual import beyond_usual, is_usual, usual_errors
 from .whom import whom
@@ -367,7 +367,7 @@ def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
                 untried.append(replace(t, fit=None, reason="others explain far more"))
                 continue
             fit = again(t.fit)
-            signature = replace(by_form.get(_form(t.term), t.signature), term=t.term)
+            signature = replace(by_form.get(_form(t.term)) or _signature_of(fitter, recalibrated, t), term=t.term)
             alive.append(Trial(signature, fit, recalibrated.chi2 - fit.chi2, float("inf")))
     best = min([*(t.fit for t in alive if t.fit is not None), recalibrated], key=lambda fit: fit.chi2)
     spread = spread_of(best, training)
@@ -379,6 +379,11 @@ def _all_again(study: Study, tried: FittedAlone) -> FittedAlone:
     inner_scores = {"recalibrated": inner.score(recalibrated)[0]} | {t.term.label: t.inner for t in named + forms}
     untried = [t for t in untried if t.term.label not in flexible]
     return FittedAlone(naive, recalibrated, tried.terms, bank, named, untried, forms, best, spread, inner_scores)
+
+
+def _signature_of(fitter: Fitter, recalibrated: Fit, trial: Trial) -> Signature:
+    """The signature of a law as its trial has it, where a bank has it with other numbers."""
+    return make_bank(fitter, recalibrated, [trial.term]).signatures[0]
 
 
 def _slow_noise(study: Study, tried: FittedAlone, best: Fit) -> Noise:
@@ -417,11 +422,8 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
     gain = max((s.gain for s, counts in zip(signatures, open_, strict=True) if counts), default=0.0)
     noise = noise_of(tried.best, study.fitter.cases, tried.spread)
     null = search_nulls(tried.bank, noise, open_, gain, replicates, study.rng)
+    chosen = chosen_alone(study, tried, null)
     least = tried.inner["recalibrated"] + study.inner.slack
-    # a law is named for what it explains beyond what any apparatus is off by
-    beyond = beyond_usual(tried.bank, tried.alive, tried.spread) > at_alarm(null.gains)
-    named = [t for t, more in zip(tried.alive, beyond, strict=True) if more or is_usual(t)]
-    chosen = choose(named, tried.spread, least, len(tried.terms))
     if chosen is not None:
         null = replace(null, case=chosen.gain)
     elif (ahead := choose(tried.alive, tried.spread, least, len(tried.terms))) is not None:
@@ -435,6 +437,21 @@ def beyond_nulls(study: Study, tried: FittedAlone) -> tuple[Null | None, Trial |
             moved = np.hstack(list(errors.values()))
             null = search_nulls(tried.bank, noise, open_, ahead.gain, replicates, study.rng, moved)
     return null, chosen if null.p <= current().verdict.alarm else None
+
+
+def chosen_alone(study: Study, tried: FittedAlone, null: Null) -> Trial | None:
+    """The candidate to be named first: for what it explains beyond what any apparatus is off by."""
+    beyond = beyond_usual(tried.bank, tried.alive, tried.spread) > at_alarm(null.gains)
+    named = [t for t, more in zip(tried.alive, beyond, strict=True) if more or is_usual(t)]
+    return choose(named, tried.spread, tried.inner["recalibrated"] + study.inner.slack, len(tried.terms))
+
+
+def without_laws(tried: FittedAlone, mechanisms: Collection[str]) -> FittedAlone:
+    """What was tried, without some laws."""
+    return replace(
+        tried, terms=[t for t in tried.terms if t.mechanism not in mechanisms],
+        alive=[t for t in tried.alive if t.mechanism not in mechanisms],
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

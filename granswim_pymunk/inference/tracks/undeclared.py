@@ -100,7 +100,7 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
 
 def _as_rate(number: Instead, cases: Sequence[Case]) -> Instead:
     """The stretch of a clock as the frame rate of the films that it stretches."""
-    rate = 1.0 / float(np.median(np.concatenate([np.diff(c.t) for c in cases])))
+    rate = 1.0 / float(np.median(np.concatenate([np.diff(c.t) / c.apart for c in cases])))
     value, low, high = rate / number.value, rate / number.high, rate / number.low
     return replace(number, name="frame rate", unit="1/s", believed=rate, value=value, low=low, high=high)
 

@@ -40,6 +40,7 @@ def build(found: Found, options: Options, source: Path) -> Built:
     if (found.length == "px" or "px" in str(options.unit)) and options.flip_y is None and not found.y_down:
         notes.append("y is taken to point up: where it counts from the top of a picture, say --flip-y HEIGHT")
     t = _times(found, options, source, notes)
+    notes.extend(_out_of_order(found, t))
     x, y, angle = _flip(found, options, notes)
     x, y = x * length, y * length
     place = _place(found, options, length)
@@ -147,6 +148,27 @@ def _times(found: Found, options: Options, source: Path, notes: list[str]) -> np
         )
     unit = options.time_unit if options.time_unit is not None else (found.time or "s")
     return found.clock * factor(unit, TIMES, "time unit")
+
+
+def _out_of_order(found: Found, t: np.ndarray) -> list[str]:
+    """A line for a table that one stamp alone takes out of the order of time: a slip of the pen, most likely."""
+    names, said = np.array(found.body), []
+    for name in dict.fromkeys(found.body or ()):
+        rows = np.flatnonzero(names == name)
+        steps = np.diff(t[rows])
+        if (steps < 0).sum() != 1:
+            continue
+        k = int(np.argmin(steps))
+        late, early = (len(rows) < 3 or not (np.diff(np.delete(t[rows], j)) < 0).any() for j in (k, k + 1))
+        off = k if late else k + 1
+        if late or early:
+            row = "" if found.rows is None else f"row {found.rows[rows[off]]}, "
+            beside = [f"{t[rows[j]]:.6g} s" for j in (off - 1, off + 1) if 0 <= j < len(rows)]
+            said.append(
+                f"{row}body {name}: its time, {t[rows[off]]:.6g} s, is not in the order of the rows beside it "
+                f"({' and '.join(beside)}): is it a slip? Rows are put in the order of time"
+            )
+    return said
 
 
 def _flip(found: Found, options: Options, notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -69,7 +69,10 @@ def recognise(source: Source) -> bool:
     x = found.get("x")
     if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
         return False  # center_x and nose_x: a wide table
-    return ("t" in found or "frame" in found) and any(key in found for key in ("x", "y", "angle"))
+    if "t" not in found and "frame" not in found:
+        # each row of a body is its next frame, where columns are called x and y and nothing else
+        return source.options.fps is not None and any(words(found.get(key, "")) == [key] for key in ("x", "y"))
+    return any(key in found for key in ("x", "y", "angle"))
 
 
 def _given(options: Options) -> dict[str, str]:
@@ -78,6 +81,16 @@ def _given(options: Options) -> dict[str, str]:
         if key not in KEYS:
             raise InputError(f"unknown name {key!r}; known: {', '.join(KEYS)}", where="columns")
     return names
+
+
+def _rows_of_each(body: Sequence[str] | None, size: int) -> np.ndarray:
+    """(size,) how many rows of the same body stand before each."""
+    before: dict[str, int] = {}
+    numbers = []
+    for name in body or [""] * size:
+        numbers.append(float(before.get(name, 0)))
+        before[name] = before.get(name, 0) + 1
+    return np.array(numbers)
 
 
 def read(source: Source, options: Options) -> Found:
@@ -89,7 +102,13 @@ def read(source: Source, options: Options) -> Found:
     for key in given.values():
         table.cells(key)
     found = find_columns(table.header, given)
-    t, counts, time = clock(table, found, options)
+    body = table.texts(found["body"]) if "body" in found else None
+    notes = []
+    if "t" in found or "frame" in found or options.fps is None:
+        t, counts, time = clock(table, found, options)
+    else:
+        t, counts, time = _rows_of_each(body, len(table)), "frame", None
+        notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
     nothing = np.full(len(t), math.nan)
@@ -99,8 +118,6 @@ def read(source: Source, options: Options) -> Found:
         y = np.where(np.isfinite(x), 0.0, math.nan)
     elif "y" in found and "x" not in found:
         x = np.where(np.isfinite(y), 0.0, math.nan)
-    notes = []
-    body = table.texts(found["body"]) if "body" in found else None
     if body is not None and "body" not in given and len(t) > 1 and len(set(body)) == len(t) == len(np.unique(t)):
         # as ImageJ labels its results: film:1, film:2 ...
         notes.append(f"{found['body']} differs in every row and is not taken for a body (--columns body=... does so)")

@@ -1,0 +1,103 @@
+"""Films as school laboratories make them: gliders on a track, a ball whose picture has no clock and a wrong scale."""
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference import diagnose
+from granswim_pymunk.inference.candidates import named_terms, with_numbers
+from granswim_pymunk.inference.tracks import model
+from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.study import FittedAlone, calibrated, study_of, without_sightings
+from granswim_pymunk.inference.tracks.study import _all_again as fitted_again
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording.importers import import_all
+from granswim_pymunk.scene import Body, Scene, use
+
+
+def gliders(name: str, m: tuple[float, float], at: tuple[float, float], v: tuple[float, float]) -> Recording:
+    """Two gliders that magnets drive apart, read to a millimetre off the scale of a track; y is not read at all."""
+    t, n = np.arange(70) / 30, 200
+    x, w, seen = np.array(at), np.array(v), []
+    for _ in t:
+        seen.append(x.copy())
+        for _ in range(n):
+            f = 2.4e-6 / (x[1] - x[0]) ** 4
+            w = w + (np.array([-f, f]) - 0.02 * w) / np.array(m) / (30 * n)
+            x = x + w / (30 * n)
+    xy = np.full((len(t), 2, 2), np.nan)
+    xy[:, :, 0] = np.round(np.array(seen), 3)
+    bodies = tuple(Body(b, "free", 0.01, mass) for b, mass in zip("ab", m, strict=True))
+    laws = (use("rail", bodies=["a", "b"], direction=(1.0, 0.0)), use("contact_elastic", restitution=1.0))
+    return Recording(name, Scene(bodies, laws), t, ("a", "b"), xy, sampling=30.0, position_noise=5e-4)
+
+
+def test_a_stream_has_no_component_that_a_rail_takes_away():
+    """Of a stream across it the difference of two runs is rounding, which looks like no other column."""
+    one = gliders("one", (0.18, 0.32), (0.3, 0.75), (0.0, -0.4))
+    films = [one, gliders("two", (0.4, 0.17), (0.1, 0.6), (0.25, -0.2))]
+    study = study_of(films, [], np.random.default_rng(0), lambda *a: None, lambda share: False)
+    naive, recalibrated = calibrated(study)
+    terms = named_terms(study.cases)
+    bank = make_bank(study.fitter, recalibrated, terms)
+    flows = [s for s in bank.signatures if s.term.mechanism == "ambient_flow" and s.directions.shape[1]]
+    assert flows and not any("u_y" in free.name for s in flows for free in s.term.free)
+
+    # fitted again without a sighting, a law whose numbers no signature of the new bank has gets its own
+    push = next(s for s in bank.signatures if s.term.mechanism == "linear_drag" and len(s.term.free) > 1)
+    less = type(push)(with_numbers(push.term, [0]), push.directions[:, :1], push.surviving, push.gain)
+    fit = study.fitter.fit(naive.hypothesis.with_term(less.term), None, naive.starts)
+    alive = [Trial(less, fit, recalibrated.chi2 - fit.chi2, 1.0)]
+    tried = FittedAlone(naive, recalibrated, terms, bank, alive, [], [], fit, 1.0, {"recalibrated": 1.0})
+    lost = np.zeros(study.cases[0].values.shape, dtype=bool)
+    lost[5, 0] = True
+    fewer = without_sightings(study, {"one": lost})
+    again = fitted_again(fewer, tried)
+    assert len(again.alive) == 1
+    assert again.alive[0].signature.directions.shape[0] == len(again.bank.left) == len(bank.left) - 1
+
+
+def test_laws_of_which_a_number_was_not_found_are_looked_for_no_more(monkeypatch):
+    """A ball falls with 7.6 m/s^2: where the law that was found ended at a bound, the next one is asked."""
+    t = np.arange(40) / 60
+    xy = np.stack([1.0 * t, 4.0 * t - 0.5 * 7.57 * t**2], axis=1)[:, None]
+    xy = xy + np.random.default_rng(2).normal(0.0, 1e-3, xy.shape)
+    scene = Scene((Body("ball", "free", 0.12, 0.62),), (use("gravity"),), gravity=(0.0, -9.81))
+    film, left = Recording("ball", scene, t, ("ball",), xy, sampling=60.0), []
+
+    def found(fitter, base, laws, revised, spread):
+        if not left:
+            left.append(laws[0].mechanism)
+            return [], base, {laws[0].mechanism: "its number ends where its search ends"}
+        return laws, revised, {}
+
+    monkeypatch.setattr(model, "with_numbers_that_were_found", found)
+    verdict = diagnose([film]).verdict
+    assert verdict["mechanisms"] and left[0] not in {m["name"] for m in verdict["mechanisms"]}
+    assert any(note.startswith(f"{left[0]}: not named") for note in verdict["notes"])
+
+
+def test_a_table_of_places_alone_is_read_with_a_frame_rate(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y\n1,5\n2,6\n3,7\n4,8\n5,9\n")
+    how = {"bodies": ["*:12cm:0.62"], "scene": "drop", "picture": False}
+    with pytest.raises(InputError, match="--fps"):
+        import_all(tmp_path / "a.csv", tmp_path / "no", **how)
+    (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", fps=50.0, unit="1mm/px", **how)
+    np.testing.assert_allclose(done.recording.t, np.arange(5) / 50)
+    np.testing.assert_allclose(done.recording.xy[:, 0, 0], [0.001, 0.002, 0.003, 0.004, 0.005])
+    # with a body named in each row, each row of a body is its next frame
+    (tmp_path / "b.csv").write_text("body,x,y\na,1,5\na,2,6\na,3,7\na,4,8\nb,1,1\nb,2,1\nb,3,1\nb,4,1\n")
+    (done,) = import_all(tmp_path / "b.csv", tmp_path / "b", fps=50.0, **how)
+    assert done.recording.xy.shape == (4, 2, 2) and np.isfinite(done.recording.xy).all()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "row"), [("0 1 2 30 4 5", "row 5"), ("0 1 2 0.3 4 5", "row 5"), ("0 1 2 3 4 5", "")]
+)
+def test_a_stamp_out_of_order_is_told_with_its_row(tmp_path, stamps, row):
+    rows = "\n".join(f"{t},{k},{2 * k}" for k, t in enumerate(stamps.split()))
+    (tmp_path / "a.csv").write_text("t,x,y\n" + rows + "\n")
+    (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["*:5mm:10g"], scene="drop", picture=False)
+    told = [note for note in done.notes if "is it a slip?" in note]
+    assert [note.startswith(row) for note in told] == ([True] if row else [])
