@@ -107,12 +107,22 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         print(f"granswim {args.command}: the run stopped: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt as error:
-        print(f"granswim {args.command}: interrupted; what was written is kept", file=sys.stderr)
+        print(f"granswim {args.command}: interrupted{_kept(args)}", file=sys.stderr)
         return 128 + (signal.SIGTERM if isinstance(error, Terminated) else signal.SIGINT)
     except BrokenPipeError:
         return 1
     finally:
         warnings.formatwarning = shown
+
+
+def _kept(args: argparse.Namespace) -> str:
+    """What is said of a folder in which something was written."""
+    out = getattr(args, "out", None)
+    try:
+        written = out is not None and any(os.scandir(out))
+    except OSError:  # not there yet, or a file
+        written = os.path.isfile(out)
+    return f"; what was written is kept in {out}" if written else ""
 
 
 def at_the_end(code: int) -> int:
