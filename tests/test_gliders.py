@@ -1,4 +1,7 @@
-"""Films as school laboratories make them: gliders on a track, a ball whose picture has no clock and a wrong scale."""
+"""Films as school laboratories make them: gliders on a track, places without a clock, arms that whip between frames."""
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,12 +9,14 @@ import pytest
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.candidates import named_terms, with_numbers
+from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.tracks import model
+from granswim_pymunk.inference.tracks.kicks import unexplained
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.study import FittedAlone, calibrated, study_of, without_sightings
 from granswim_pymunk.inference.tracks.study import _all_again as fitted_again
-from granswim_pymunk.recording import Recording
+from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.recording.importers import import_all
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -101,3 +106,22 @@ def test_a_stamp_out_of_order_is_told_with_its_row(tmp_path, stamps, row):
     (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["*:5mm:10g"], scene="drop", picture=False)
     told = [note for note in done.notes if "is it a slip?" in note]
     assert [note.startswith(row) for note in told] == ([True] if row else [])
+
+
+@pytest.mark.parametrize("rate", [25.0, 60.0, 100.0])
+def test_arms_that_whip_between_frames_are_struck_by_nothing(rate):
+    """The lower one of two arms of 20 cm turns by a radian in 30 ms: a film that is slower shows steps of its speed."""
+    arm, q, p = 0.0985, 1.4, -0.4
+    first = np.array([arm * math.sin(q), -arm * math.cos(q)])
+    at = (first, 2 * first + [arm * math.sin(p), -arm * math.cos(p)])
+    bodies = tuple(
+        Body(b, "free", 0.02, 0.095, initial=(*xy, 0.0, 0.0), inertia=3.07e-4) for b, xy in zip("ab", at, strict=True)
+    )
+    hinges = (
+        use("hinge", bodies=["a"], anchor_a=(0.0, 0.0985), anchor=(0.0, 0.0)),
+        use("hinge", bodies=["a", "b"], anchor_a=(0.0, -0.0985), anchor_b=(0.0, 0.0985)),
+    )
+    scene = Scene(bodies, (use("gravity"), *hinges), gravity=(0.0, -9.81))
+    seen = film(scene, np.arange(0.0, 5.6, 1.0 / rate), rng=np.random.default_rng(3), noise=5e-4)
+    case = prepare(replace(seen, position_noise=5e-4), held_out=False, split=True)
+    assert not unexplained(case)

@@ -58,6 +58,8 @@ class KickCriteria:
     smooth : degree of the polynomials that follow what does not step;  turning : of those that follow sharp turns
     rounds : of seven times, in which that of a step is sought: to a sixtieth of a frame. Choice
     clear : radii of a body, beyond which what it may meet does not act on it as in a contact. Choice
+    whip : of the frames in which it is looked for, how many times their time an arm of a linkage of length l has to
+        take for sqrt(l/g). Theory: with all energy of two arms that fell, the lower one turns at 3 sqrt(g/l)
     """
 
     half: int = 6
@@ -70,6 +72,7 @@ class KickCriteria:
     turning: int = 5
     rounds: int = 4
     clear: float = 2.0
+    whip: float = 3.0
 
 
 @dataclass(frozen=True)

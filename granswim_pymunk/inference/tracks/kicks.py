@@ -9,9 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from ... import distributions as stats
+from ...joints import arm_of
 from ..criteria import current
 from ..data import Case, Kick
 from ..judge import Remains
+from .follow import COUPLED
 from .frames import left_by, windows_of
 from .segments import find_cuts, gaps_of, paths_of
 
@@ -21,14 +23,14 @@ def unexplained(case: Case) -> list[Kick]:
 
     In windows of frames a parabola whose velocity steps once has to follow, and a cubic without a step to be off by
     far; what turns sharply, so that a polynomial of fifth degree follows as well, is none. Not of bodies that follow a
-    command.
+    command, nor of arms that whip about between frames.
     """
     scene = case.recording.scene
     led = {b for item in scene.laws_as("command") for b in item.bodies or ()}
     struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]
     found = []
     for body, (xy, noise) in paths_of(case).items():
-        if body in led or noise <= 0:
+        if body in led or noise <= 0 or not _turns_slowly(case, body):
             continue
         rows = [row for b, row in struck if b == body]
         found += [
@@ -36,6 +38,21 @@ def unexplained(case: Case) -> list[Kick]:
             if all(abs(kick.row - other) > current().kicks.half for other in rows)
         ]  # fmt: skip
     return sorted(found, key=lambda kick: kick.t)
+
+
+def _turns_slowly(case: Case, body: str) -> bool:
+    """Whether a body of a linkage turns slowly beside the frames from which a step of its velocity is told.
+
+    An arm of length l that hangs from another one turns by a radian within a third of sqrt(l/g): where so many frames
+    take longer, a whip of it is a step. One arm alone turns slowly, and bodies that nothing links.
+    """
+    scene = case.recording.scene
+    links, gravity = scene.laws_as(*COUPLED), float(np.hypot(*scene.gravity))
+    if len(links) < 2 or gravity == 0 or not any(body in (item.bodies or ()) for item in links):
+        return True
+    arms = [arm_of(scene, name) for item in links for name in item.bodies or ()]
+    frames = current().kicks.half * float(np.median(np.diff(case.t)))
+    return current().kicks.whip * frames < float(np.sqrt(min(arms) / gravity))
 
 
 def all_kicks(case: Case) -> list[Kick]:
