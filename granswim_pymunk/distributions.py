@@ -69,11 +69,6 @@ class chi2:
         """Where a share p lies above."""
         return special.chdtri(df, p)
 
-    @staticmethod
-    def median(df: Any) -> Any:
-        """Where a half lies above."""
-        return special.chdtri(df, 0.5)
-
 
 class f:
     """Of a ratio of mean squares with dfn over dfd degrees of freedom."""

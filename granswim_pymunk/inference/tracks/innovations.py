@@ -102,7 +102,12 @@ def leaves_noise(fit: Fit, cases: Sequence[Case]) -> bool:
         for seen, case in zip(seen_by(fit, [replace(c, noise=Noise()) for c in used]), used, strict=True)
     ]
     size = size_in(recordings, used[0].noise) if recordings else math.inf
-    return size < 1 + current().noise.inflated * math.sqrt(2 / max(fit.count - fit.numbers, 1))
+    return size < _most_of_noise(fit.count - fit.numbers)
+
+
+def _most_of_noise(freedom: int) -> float:
+    """Chi2 over its degrees of freedom that noise may have."""
+    return 1 + current().noise.inflated * math.sqrt(2 / max(freedom, 1))
 
 
 def tells_noise(fit: Fit) -> bool:
@@ -142,7 +147,7 @@ def inflation(fit: Fit, cases: Sequence[Case], free: int) -> float:
     dof = max(fit.count - free, 1)
     memory = float(np.mean([correlation_time(s) for s in series_of(fit, cases, white=True)] or [1.0]))
     size = fit.chi2 / dof
-    if size < 1 + current().noise.inflated * math.sqrt(2 / dof) and memory < current().noise.remembers:
+    if size < _most_of_noise(dof) and memory < current().noise.remembers:
         return 1.0
     return max(1.0, size) * max(1.0, memory)
 
