@@ -118,8 +118,10 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
 def _kept(args: argparse.Namespace) -> str:
     """What is said of a folder in which something was written."""
     out = getattr(args, "out", None)
+    if out is None:
+        return ""
     try:
-        written = out is not None and any(os.scandir(out))
+        written = any(os.scandir(out))
     except OSError:  # not there yet, or a file
         written = os.path.isfile(out)
     return f"; what was written is kept in {out}" if written else ""

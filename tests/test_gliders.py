@@ -10,6 +10,7 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.candidates import named_terms, with_numbers
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.hypothesis import adjustable_terms
 from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.kicks import unexplained
 from granswim_pymunk.inference.tracks.name import Trial
@@ -18,7 +19,7 @@ from granswim_pymunk.inference.tracks.study import FittedAlone, calibrated, stud
 from granswim_pymunk.inference.tracks.study import _all_again as fitted_again
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.recording.importers import import_all
-from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 
 def gliders(name: str, m: tuple[float, float], at: tuple[float, float], v: tuple[float, float]) -> Recording:
@@ -125,3 +126,38 @@ def test_arms_that_whip_between_frames_are_struck_by_nothing(rate):
     seen = film(scene, np.arange(0.0, 5.6, 1.0 / rate), rng=np.random.default_rng(3), noise=5e-4)
     case = prepare(replace(seen, position_noise=5e-4), held_out=False, split=True)
     assert not unexplained(case)
+
+
+def on_springs(*adjustable: Adjustable, stiffness: tuple[float, float] = (8.0, 12.0)):
+    """Two carts on springs of their own, as a case."""
+    bodies = tuple(Body(b, "free", 0.02, 0.2, initial=(x, 0.0, 0.0, 0.0)) for b, x in (("a", 0.36), ("b", 0.95)))
+    a, b = stiffness
+    laws = (
+        use("rail", bodies=["a", "b"], direction=(1.0, 0.0)),
+        use("spring", bodies=["a"], anchor=(0.0, 0.0), stiffness=a, length=0.3),
+        use("spring", bodies=["b"], anchor=(0.8, 0.0), stiffness=b, length=0.1),
+    )
+    scene = Scene(bodies, laws, adjustable=adjustable)
+    seen = film(scene, np.arange(0.0, 2.0, 1 / 60), rng=np.random.default_rng(0), noise=5e-4)
+    return prepare(seen, held_out=False, split=True)
+
+
+def test_a_spring_that_hardens_is_asked_for_where_the_scene_has_several():
+    """Each law takes the anchor and the length of the spring that it hardens."""
+    labels = {t.label for t in named_terms([on_springs()])}
+    assert {"nonlinear_spring", "nonlinear_spring (each body)"} <= labels
+
+
+def test_an_adjustable_number_is_shared_by_those_of_which_the_same_is_believed():
+    number = Adjustable("spring", "stiffness", 4.0, 20.0)
+    apart = adjustable_terms([on_springs(number)])
+    assert [(t.label, t.bodies, t.free[0].first) for t in apart] == [
+        ("spring.stiffness[a]", ("a",), 8.0), ("spring.stiffness[b]", ("b",), 12.0)
+    ]  # fmt: skip
+    (together,) = adjustable_terms([on_springs(number, stiffness=(8.0, 8.0))])
+    assert together.label == "spring.stiffness" and together.bodies is None
+    # what is believed beyond the bounds is not meant
+    (one,) = adjustable_terms([on_springs(number, stiffness=(8.0, 50.0))])
+    assert one.label == "spring.stiffness[a]"
+    each = adjustable_terms([on_springs(replace(number, per="body"))])
+    assert [t.free[0].first for t in each] == [8.0, 12.0]

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..joints import arm_of
 from ..laws import AUTOMATIC, Law, all_laws
 from ..scene import LawUse, Scene, use
@@ -419,25 +418,9 @@ def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
 
 
 def applies(law: Law, cases: Sequence[Case]) -> bool:
-    """Whether a law has anything to act on: a swimmer, a second body, the pin or spring whose numbers it needs."""
-    for case in cases:
-        scene = case.recording.scene
-        if law.kind == "chain" and not scene.chains:
-            continue
-        if not scene.has_bodies_for(law):
-            continue
-        values: dict[str, Any] = {}
-        for p in law.parameters:
-            if p.typical is not None or p.default is None:
-                # a typical size outside the bounds says where to begin, not that the law does not apply
-                size = min(max(float(p.typical or 0.0), p.low), p.high)
-                values[p.name] = p.choices[0] if p.choices else (size if p.size == 1 else (size,) * p.size)
-        try:
-            scene.resolved(use(law, **values))
-        except InputError:
-            continue
-        return True
-    return False
+    """Whether a law has anything to act on: a swimmer, a second body, the pin or springs whose numbers it needs."""
+    scenes = [case.recording.scene for case in cases]
+    return any(scene.admits(law) for scene in scenes if law.kind != "chain" or scene.chains)
 
 
 def flexible_terms(cases: Sequence[Case], *, each: bool = False) -> list[Term]:

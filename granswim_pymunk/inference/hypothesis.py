@@ -18,7 +18,7 @@ from ..errors import InputError, SimulationError
 from ..joints import hinged
 from ..laws import has_role
 from ..recording.camera import see
-from ..scene import Scene
+from ..scene import Adjustable, Scene
 from .criteria import current
 from .data import Case
 from .start import StartBody, numbers_at, states, turning_angle
@@ -191,13 +191,38 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
                     for b in acting
                 ]
             else:
-                copies = [(a.name, None, frozenset(c.name for c in cases if a in c.recording.scene.adjustable))]
+                where = frozenset(c.name for c in cases if a in c.recording.scene.adjustable)
+                copies = [(a.name + own, bodies, where) for own, bodies in _sharing(scene, a)]
             for name, bodies, where in copies:
                 if name in terms:
                     continue
-                first = float(np.clip(scene.resolved(scene.laws_named(a.law)[0])[a.parameter], a.low, a.high))
+                first = float(np.clip(_believed(scene, a, bodies), a.low, a.high))
                 terms[name] = adjustable_term(name, parameter.unit, (a.low, a.high), first, a.name, bodies, where)
     return tuple(terms.values())
+
+
+def _believed(scene: Scene, number: Adjustable, bodies: tuple[str, ...] | None) -> float:
+    """What is believed of an adjustable number, for some bodies or all."""
+    for item in scene.laws_named(number.law):
+        if bodies is None or item.bodies is None or set(bodies) & set(item.bodies):
+            return float(scene.resolved(item)[number.parameter])
+    raise InputError("no body has it", where=f"adjustable {number.name}")
+
+
+def _sharing(scene: Scene, number: Adjustable) -> list[tuple[str, tuple[str, ...] | None]]:
+    """Who shares an adjustable number: all, or the bodies of each of several laws of which it is believed to differ.
+
+    Two springs that are believed to be of 8 and 12 N/m have no stiffness in common; one of 50 N/m that may be adjusted
+    up to 20 N/m is not meant. With what tells their names apart.
+    """
+    uses = scene.laws_named(number.law)
+    owners = [item.bodies or () for item in uses]
+    apart = all(owners) and sum(map(len, owners)) == len({b for names in owners for b in names})
+    believed = [_believed(scene, number, names) for names in owners] if apart else list[float]()
+    if len(set(believed)) < 2:
+        return [("", None)]
+    meant = [n for n, value in zip(owners, believed, strict=True) if number.low <= value <= number.high]
+    return [(f"[{', '.join(names)}]", names) for names in meant or owners]
 
 
 def adjustable_term(
