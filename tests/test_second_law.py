@@ -70,3 +70,10 @@ def test_pairs_are_compared_at_the_ends_of_their_fits(monkeypatch):
     found = pairs._to_their_ends(search, begun)  # type: ignore[arg-type]
     assert [(b, fit.chi2) for _, b, fit in found] == [("lens", 400.0), ("repulsion", 90.0)]
     assert asked == [DEFAULT.evaluations.pair_valley] * 2
+
+
+def test_a_first_pair_has_to_take_most_of_what_is_beyond_noise():
+    """A right law has an inner score of about 1: half of a score of 2 is less than noise leaves."""
+    assert pairs.most_of_a_pair(2.0) == 1.5
+    assert pairs.most_of_a_pair(100.0) == 50.5
+    assert pairs.most_of_a_pair(0.9) == 0.9  # never more than there is

@@ -395,7 +395,8 @@ class SetCriteria:
     together : chi2 to first order that two laws have to gain beyond the better one. Theory: the price of one of ten
         candidates at ``VerdictCriteria.by_chance`` (PASTIS)
     both : chi2 over its spread, numbers paid for, that two laws gain. Choice: ``moved``
-    clearly : of the score of what there is, that the first pair has to reach. Choice
+    clearly : of what the score of what there is exceeds that of noise by, which is 1, what the first pair may leave.
+        Choice
     near_partner : of what one of two laws explains, how much another one must, to first order, to be its rival;
         ``partners``: such rivals that are refitted;  rounds : in which one of two laws may be exchanged. Choice
     stream : of the speed of the fastest body, below which a stream is rather a correction to a drag. Choice

@@ -339,7 +339,8 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
         if (search.base.chi2 - fit.chi2) / search.spread(fit) >= sets.both + 2 * len(fit.hypothesis.free)
     ]  # fmt: skip
     scores = search.inner.scores([fit for *_, fit in found])
-    pairs = [_Pair(*of, score) for of, (score, _) in zip(found, scores, strict=True) if score < sets.clearly * best]
+    most = most_of_a_pair(best)
+    pairs = [_Pair(*of, score) for of, (score, _) in zip(found, scores, strict=True) if score < most]
     for pair in _in_order(search, pairs):
         fit = pair.fit
         whole = make_bank(search.fitter, search.base, [pair.a.term, pair.b.term])
@@ -350,6 +351,15 @@ def pair_of(search: SetSearch, alive: Sequence[Trial], best: float) -> list[Tria
         winner = search.scored(fit, [Trial.untried(pair.a), Trial.untried(pair.b)], pair.score)
         return _partners(search, search.as_in(fit, winner))
     return []
+
+
+def most_of_a_pair(best: float) -> float:
+    """What the inner score of the first pair has to stay below, where ``best`` is that of what there is.
+
+    Noise has a score of 1: what predictions exceed it by has to fall clearly.
+    """
+    clearly = current().sets.clearly
+    return min(max(clearly * best, 1 + clearly * (best - 1)), best)
 
 
 def _to_their_ends(
