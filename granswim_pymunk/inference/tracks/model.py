@@ -81,6 +81,7 @@ from .settle import (
     that_may_be_absent,
     with_numbers_that_were_found,
     within_belief,
+    without_idle_numbers,
 )
 from .signatures import make_bank
 from .study import (
@@ -408,6 +409,12 @@ class Tracks(ObservationModel):
             return with_slopes(fitter, of, count, self.spread, self.tried.terms)
 
         fit = doubted(fit)
+        # of numbers that a richer law adds, none may be all there is, as they are known in the end
+        at_rest = {t.label for t in laws if is_its_special_case(replace(t, fit=fit), self.spread)}
+        if at_rest and not late():
+            search = search_with(self.study, self.tried, fitter)
+            plainer, fit = without_idle_numbers(search, laws, fit, at_rest)
+            laws, fit = tuple(plainer), doubted(fit)
         doubtful = that_may_be_absent(laws, fit, self.spread, doubted)
         if 0 < len(doubtful) < len(laws):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)

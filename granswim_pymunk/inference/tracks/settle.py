@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -249,15 +249,18 @@ def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:
     return ""
 
 
-def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
+def without_idle_numbers(
+    search: SetSearch, found: Sequence[Trial], revised: Fit, idle: Collection[str] | None = None
+) -> tuple[list[Trial], Fit]:
     """Each law as the one that it is where its further numbers add nothing: a stream at rest is a drag.
 
     Where chi2 without them rises no further than chance; of several laws as of one (``choose``).
+    idle : labels of the laws of which that is known
     """
     found = list(found)
     for k, trial in enumerate(found):
         names = special_cases(trial.term.law)
-        if not names or any(t.mechanism in names for t in found):
+        if not names or any(t.mechanism in names for t in found) or (idle is not None and trial.label not in idle):
             continue
         rows = rows_of(found, search.first)[k]
         plain = [t for t in search.terms if t.mechanism in names and len(t.free) == 1 < trial.numbers]
@@ -270,7 +273,7 @@ def without_idle_numbers(search: SetSearch, found: Sequence[Trial], revised: Fit
         if best is None:
             continue
         rise = (best[0].chi2 - revised.chi2) / search.spread(revised)
-        if by_chance(rise, trial.numbers - 1):
+        if idle is not None or by_chance(rise, trial.numbers - 1):
             revised = best[0]
             (signature,) = make_bank(search.fitter, search.base, [best[1]]).signatures
             found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
