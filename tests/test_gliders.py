@@ -9,9 +9,11 @@ import pytest
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.candidates import named_terms, with_numbers
+from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.data import prepare
-from granswim_pymunk.inference.hypothesis import adjustable_terms
+from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks import model
+from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.kicks import unexplained
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.signatures import make_bank
@@ -161,3 +163,32 @@ def test_an_adjustable_number_is_shared_by_those_of_which_the_same_is_believed()
     assert one.label == "spring.stiffness[a]"
     each = adjustable_terms([on_springs(replace(number, per="body"))])
     assert [t.free[0].first for t in each] == [8.0, 12.0]
+
+
+def test_a_strength_and_a_power_end_where_they_are_from_wherever_they_begin():
+    """Along the valley of s (r_0/d)^n differences to one side promise nothing, far from its lowest point."""
+    case = prepare(gliders("one", (0.18, 0.32), (0.3, 0.75), (0.0, -0.4)), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    laws = {t.label: t for t in named_terms([case])}
+    both = Hypothesis((laws["distance_force"], laws["linear_drag"]))
+    ends = [fitter.fit(both, begin, base.starts, evaluations=60) for begin in ([10, 3, 0.02], [1000, 5, 0.02])]
+    assert ends[0].chi2 == pytest.approx(ends[1].chi2, abs=1e-3)
+    np.testing.assert_allclose(ends[0].values, ends[1].values, rtol=1e-4)
+    assert ends[0].values[1] == pytest.approx(4.0, abs=0.05)
+
+
+def test_a_run_that_flies_off_to_no_number_spoils_none_that_comes_after():
+    """Simulations are begun again with other starts and numbers; one whose places are no numbers is not."""
+    case = prepare(gliders("one", (0.18, 0.32), (0.3, 0.75), (0.0, -0.4)), held_out=False, split=False)
+    fitter = Fitter([case], Predictor({case.name: 1e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    laws = {t.label: t for t in named_terms([case])}
+    both = Hypothesis((laws["distance_force"], laws["linear_drag"]))
+
+    def seen(*values: float) -> np.ndarray:
+        return fitter.vector(case, both, np.array(values), base.starts[case.name])
+
+    before, lost = seen(200.0, 4.0, 0.02), seen(1e90, 4.0, 0.02)
+    assert fitter.predictor.failures and np.abs(lost).max() >= DEFAULT.fits.hopeless
+    np.testing.assert_allclose(seen(200.0 + 1e-9, 4.0, 0.02), before, atol=1e-6)

@@ -374,9 +374,11 @@ class Predictor:
                     xy = simulation.sample(np.append(times, ends), rows)[:-1]
                     end = _end_of(simulation, scene, ends, after)
         except (SimulationError, InputError) as error:
+            self._leave(hypothesis, case, values)
             self.failures.append(f"{case.name}: {error}")
             raise Failed(str(error)) from None
         if not (np.abs(xy) < current().fits.escaped).all():  # so also where one is not a number
+            self._leave(hypothesis, case, values)
             why = f"a body is not within {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
@@ -409,6 +411,10 @@ class Predictor:
         if last.scene is None or last.scene[0] != key:
             last.scene = key, (case, hypothesis.terms), hypothesis.scene(case, values)
         return last.scene[2]
+
+    def _leave(self, hypothesis: Hypothesis, case: Case, values: Any) -> None:
+        """The simulation of these runs is not begun again: where bodies flew off to no number, it stays one."""
+        self._last.begun.pop(self._key(hypothesis, case, values)[:3], None)
 
     def _simulation(
         self, hypothesis: Hypothesis, case: Case, values: Any, scene: Scene, placed: Mapping[str, Any], t0: float,

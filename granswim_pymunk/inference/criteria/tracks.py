@@ -160,7 +160,8 @@ class FitCriteria:
     escaped [m] : beyond which a body is lost. Theory: squares of what is farther off may overflow
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
     straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
-        by a secant; ``updates``: how often, until they are taken anew. Choice
+        by a secant; ``updates``: how often, until they are taken anew;  valley : steps by central differences along
+        that of a strength and a shape, at most. Choice
     jump : standard deviations that a step changes the prediction by, in all, from which the derivative is asked on the
         other side, too;  unlike : of the larger one, below which the smaller one is taken: the step went beyond an
         impact. Choices
@@ -202,6 +203,7 @@ class FitCriteria:
     renewed: float = 0.25
     straight: float = 0.1
     updates: int = 3
+    valley: int = 6
     jump: float = 50.0
     unlike: float = 0.5
     own: int = 8

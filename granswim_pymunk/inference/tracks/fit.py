@@ -72,20 +72,29 @@ def joined(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
 
 def promised(fit: Fit, active: Sequence[int]) -> float:
     """The fall of chi2 that a step of Gauss-Newton from the end of a fit promises, within the bounds of its numbers."""
+    as_they_are = Straight.of(fit.hypothesis, fit.values, np.array(active, dtype=int), plainly=True)
+    return _step_ahead(fit, as_they_are, active)[0]
+
+
+def _step_ahead(fit: Fit, straight: Straight, active: Sequence[int]) -> tuple[float, np.ndarray]:
+    """The fall of chi2 that a step of Gauss-Newton promises, and the step of coordinates and starts (k + q,)."""
     names, at = list(fit.jacobian), list(active)
     r = np.concatenate([fit.used(name) for name in names])
     own = block_diag(*(fit.jacobian[name][1] for name in names))
-    j = np.hstack([np.vstack([fit.jacobian[name][0][:, at] for name in names]), own])
+    slopes = straight.slopes(straight.begin)
+    j = np.hstack([np.vstack([fit.jacobian[name][0][:, at] * slopes for name in names]), own])
     size = np.linalg.norm(j, axis=0)
     told = size > 0
     low, high = (np.full(j.shape[1], end) for end in (-np.inf, np.inf))
-    for edge, bound in zip((low, high), fit.hypothesis.bounds, strict=True):
-        edge[: len(at)] = (bound - fit.values)[at]
+    for edge, bound in zip((low, high), straight.bounds, strict=True):
+        edge[: len(at)] = bound - straight.begin
     box = np.minimum(low, 0.0)[told] * size[told], np.maximum(high, 0.0)[told] * size[told]
+    step = np.zeros(j.shape[1])
     if not told.any() or not np.isfinite(j).all():
-        return 0.0
-    step = lsq_linear(j[:, told] / size[told], r, box, method="bvls", lsq_solver="exact")
-    return float(r @ r - 2 * step.cost)
+        return 0.0, step
+    found = lsq_linear(j[:, told] / size[told], r, box, method="bvls", lsq_solver="exact")
+    step[told] = found.x / size[told]
+    return float(r @ r - 2 * found.cost), step
 
 
 def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> list[Found]:
@@ -334,7 +343,46 @@ class Fitter(Follower):
         if left > 0 and not self.stop() and promised(found, active) > enough:
             x, numbers, _ = self._solve(hypothesis, x, numbers, active, 1.0, left, False)
             found = self._finish(hypothesis, x, numbers, fixed)
+        return found if fixed or self.rough or not stages else self._along_the_valley(found, active, enough)
+
+    def _along_the_valley(self, found: Fit, active: Sequence[int], enough: float) -> Fit:
+        """A fit of a strength and a shape gone on with by central differences, where these promise ``enough`` of chi2.
+
+        A search ends where differences to one side, in which a strength and a shape nearly make up for one another,
+        promise nothing more.
+        """
+        at = np.array(active, dtype=int)
+        for _ in range(current().fits.valley):
+            straight = Straight.of(found.hypothesis, found.values, at)
+            if self.stop() or not (straight.sign != 0).any():
+                break
+            fall, step = _step_ahead(self.sharpened(found), straight, active)
+            if fall < enough:
+                break
+            again = self._stepped(found, straight, step, active)
+            if again is None:
+                break
+            found = again
         return found
+
+    def _stepped(self, found: Fit, straight: Straight, step: np.ndarray, active: Sequence[int]) -> Fit | None:
+        """The fit after a step, or a half or a quarter of it, that lowers chi2; None where none does."""
+        values, sizes = found.values.copy(), [len(found.starts[c.name]) for c in self.cases]
+        steps = np.split(step[len(active) :], np.cumsum(sizes)[:-1])
+        for share in (1.0, 1 / 2, 1 / 4):
+            part = np.clip(straight.begin + share * step[: len(active)], *straight.bounds)
+            with np.errstate(over="ignore"):  # a step that is too long ends nowhere
+                values[list(active)] = straight.values(part)
+            if not np.isfinite(values).all():
+                continue
+            starts = {c.name: found.starts[c.name] + share * s for c, s in zip(self.cases, steps, strict=True)}
+            try:
+                again = self._finish(found.hypothesis, values, starts, False)
+            except Failed:
+                continue
+            if again.chi2 < found.chi2:
+                return again
+        return None
 
     def refitted(self, fit: Fit, **how: Any) -> Fit:
         """The same hypothesis fitted once more, from where another fit of it ended; ``how`` as for ``fit``."""
@@ -559,9 +607,12 @@ class Fitter(Follower):
 
     def _solve(
         self, hypothesis: Hypothesis, x: np.ndarray, numbers: dict[str, np.ndarray], active: list[int], share: float,
-        evaluations: int, longer: bool,
+        evaluations: int, longer: bool, plainly: bool = False,
     ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:  # fmt: skip
-        """Numbers and starts, and how many evaluations are left. ``longer``: derivatives as ``FitCriteria`` says."""
+        """Numbers and starts, and how many evaluations are left. ``longer``: derivatives as ``FitCriteria`` says.
+
+        ``plainly``: by the numbers themselves, not in coordinates that are ``Straight``.
+        """
         free, cases = hypothesis.free, self.cases
         fixed, held = not active, [k for k in range(len(free)) if k not in set(active)]
         led = self.with_steps(current().fits.longer) if longer else self
@@ -572,11 +623,14 @@ class Fitter(Follower):
         scale, low, high = self._box([free[k] for k in active])
         if not len(scale):
             return x, numbers, 0
+        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), np.array(active, dtype=int), plainly)
+        low[:p], high[:p] = straight.bounds
+        scale[:p] /= np.abs(straight.slopes(straight.begin))
 
         def unpack(z):
             z = np.clip(z * scale, low, high)
             values = np.array(x)
-            values[active] = z[:p]
+            values[active] = straight.values(z[:p])
             return values, {c.name: z[offsets[k] : offsets[k + 1]] for k, c in enumerate(cases)}
 
         def residuals(z):
@@ -616,10 +670,11 @@ class Fitter(Follower):
                     result[rows[k] : rows[k + 1], at] = -column[use[c.name]] * scale[at]
             for k in set(hypothesis.believed) & set(place):
                 result[rows[-1] :, place[k]] = self._by_prior(hypothesis, values, k) * scale[place[k]]
+            result[:, :p] *= straight.slopes(z[:p] * scale[:p])
             secant.anew(z, seen, result)
             return result
 
-        z0 = np.concatenate([x[active]] + [numbers[c.name] for c in cases]) / scale
+        z0 = np.concatenate([straight.begin] + [numbers[c.name] for c in cases]) / scale
         # the solver wants to begin strictly inside the bounds
         z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
         try:
@@ -636,7 +691,10 @@ class Fitter(Follower):
         except TimeUp:
             end, left = best[1], 0
         values, starts = unpack(end)
-        return np.array(values), {name: np.array(v) for name, v in starts.items()}, left
+        numbers = {name: np.array(v) for name, v in starts.items()}
+        if left > 0 and straight.gone(end[:p] * scale[:p]):  # it may change its sign, which no logarithm does
+            return self._solve(hypothesis, np.array(values), numbers, active, share, left, longer, plainly=True)
+        return np.array(values), numbers, left
 
     def _box(self, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Scale, low and high of numbers and, after them, of all starts."""
