@@ -159,6 +159,22 @@ class Straight:
         return np.where(self.sign != 0, self.values(part), 1.0)
 
 
+def _searched(
+    residuals: Callable[[np.ndarray], np.ndarray], jacobian: Callable[[np.ndarray], np.ndarray], begin: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray], evaluations: int, fall: float,
+) -> tuple[np.ndarray, int]:  # fmt: skip
+    """Where least squares end, within bounds, and how many evaluations are left; ``fall``: of chi2, that is the end."""
+    # the solver wants to begin strictly inside the bounds
+    begin = np.clip(begin, bounds[0] + 1e-9, bounds[1] - 1e-9)
+    # a first-order amount can be far off: what overflows is a step that is taken back
+    with np.errstate(all="ignore"):
+        found = least_squares(
+            residuals, begin, jac=jacobian, bounds=bounds, x_scale="jac", max_nfev=evaluations, xtol=1e-6, gtol=1e-9,
+            ftol=fall,
+        )  # fmt: skip
+    return found.x, evaluations - int(found.nfev)
+
+
 class TimeUp(Exception):
     """The budget is spent: a fit ends where it stands."""
 
@@ -620,12 +636,10 @@ class Fitter(Follower):
         use = {c.name: np.isfinite(c.values[parts[c.name]]) for c in cases}
         p, place = len(active), {k: n for n, k in enumerate(active)}
         offsets = p + np.concatenate([[0], np.cumsum([len(numbers[c.name]) for c in cases])]).astype(int)
-        scale, low, high = self._box([free[k] for k in active])
+        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), np.array(active, dtype=int), plainly)
+        scale, low, high = self._box([free[k] for k in active], straight)
         if not len(scale):
             return x, numbers, 0
-        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), np.array(active, dtype=int), plainly)
-        low[:p], high[:p] = straight.bounds
-        scale[:p] /= np.abs(straight.slopes(straight.begin))
 
         def unpack(z):
             z = np.clip(z * scale, low, high)
@@ -648,7 +662,7 @@ class Fitter(Follower):
         last: dict[str, Any] = {}  # where the solver last looked, and what it saw there
 
         def seen_of(values):
-            seen = [last["seen"][name][use[name]] for name in parts]
+            seen = (last["seen"][name][use[name]] for name in parts)
             return np.concatenate([*seen, *(hypothesis.priors(c, values) for c in cases)])
 
         secant = Secant()
@@ -675,32 +689,25 @@ class Fitter(Follower):
             return result
 
         z0 = np.concatenate([straight.begin] + [numbers[c.name] for c in cases]) / scale
-        # the solver wants to begin strictly inside the bounds
-        z0 = np.clip(z0, low / scale + 1e-9, high / scale - 1e-9)
+        fall = self._share(int(rows[-1]), share < 1 or longer)
         try:
-            # a first-order amount can be far off: what overflows is a step that is taken back
-            with np.errstate(all="ignore"):
-                found = least_squares(
-                    residuals, z0, jac=jacobian, bounds=(low / scale, high / scale), x_scale="jac",
-                    max_nfev=evaluations, xtol=1e-6, gtol=1e-9, ftol=self._share(int(rows[-1]), share < 1 or longer),
-                )  # fmt: skip
-            end, left = found.x, evaluations - int(found.nfev)
+            end, left = _searched(residuals, jacobian, z0, (low / scale, high / scale), evaluations, fall)
         except (ValueError, np.linalg.LinAlgError) as error:
             self.predictor.failures.append(f"fit: {error}")
             return x, numbers, evaluations if longer else 0
         except TimeUp:
             end, left = best[1], 0
         values, starts = unpack(end)
-        numbers = {name: np.array(v) for name, v in starts.items()}
         if left > 0 and straight.gone(end[:p] * scale[:p]):  # it may change its sign, which no logarithm does
-            return self._solve(hypothesis, np.array(values), numbers, active, share, left, longer, plainly=True)
-        return np.array(values), numbers, left
+            return self._solve(hypothesis, values, starts, active, share, left, longer, plainly=True)
+        return np.array(values), {name: np.array(v) for name, v in starts.items()}, left
 
-    def _box(self, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Scale, low and high of numbers and, after them, of all starts."""
+    def _box(self, free: Sequence[Free], straight: Straight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Scale, low and high of the coordinates of numbers and, after them, of all starts."""
         starts = np.concatenate([self.number_scales(c.name) for c in self.cases])
         ends = np.full(len(starts), np.inf)
-        scale, low, high = ([getattr(f, name) for f in free] for name in ("scale", "low", "high"))
+        scale = np.array([f.scale for f in free]) / np.abs(straight.slopes(straight.begin))
+        low, high = straight.bounds
         return tuple(np.concatenate(both) for both in ((scale, starts), (low, -ends), (high, ends)))  # type: ignore
 
     def sharpened(self, fit: Fit) -> Fit:
