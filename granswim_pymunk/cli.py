@@ -121,7 +121,8 @@ def _kept(args: argparse.Namespace) -> str:
     if out is None:
         return ""
     try:
-        written = any(os.scandir(out))
+        with os.scandir(out) as entries:
+            written = any(entries)
     except OSError:  # not there yet, or a file
         written = os.path.isfile(out)
     return f"; what was written is kept in {out}" if written else ""

@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares, lsq_linear
 from scipy.sparse.csgraph import connected_components
 
+from ...laws import has_role
 from ...machine import cores
 from ..criteria import current
 from ..data import Case
@@ -132,10 +133,16 @@ class Straight:
     bounds: tuple[np.ndarray, np.ndarray]
 
     @classmethod
-    def of(cls, hypothesis: Hypothesis, x: np.ndarray, at: np.ndarray, plainly: bool = False) -> Straight:
-        """Of the numbers ``at`` (k,) among all (p,) of a hypothesis, which begin at ``x`` (p,); ``plainly``: none."""
+    def of(
+        cls, hypothesis: Hypothesis, x: np.ndarray, at: np.ndarray, plainly: bool = False, streams: bool = False
+    ) -> Straight:
+        """Of the numbers ``at`` (k,) among all (p,) of a hypothesis, which begin at ``x`` (p,); ``plainly``: none.
+
+        ``streams``: also of a drag in a stream, which is c u along its valley, and hardly straighter in ln c and u.
+        """
         shaped = [
             not (f.inner or f.neutral or plainly) and any(g.inner for g in term.free)
+            and (streams or not has_role(term.mechanism, "medium"))
             for term in hypothesis.terms for f in term.free
         ]  # fmt: skip
         sign = np.where(np.array(shaped, dtype=bool), np.sign(x), 0.0)[at]
@@ -489,7 +496,7 @@ class Fitter(Follower):
         ``plainly``: by the numbers themselves, not in coordinates that are ``Straight``.
         """
         at = np.array(active, dtype=int)
-        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), at, plainly)
+        straight = Straight.of(hypothesis, np.asarray(x, dtype=float), at, plainly, streams=True)
 
         def whole(part: np.ndarray) -> np.ndarray:
             values = np.array(x, dtype=float)

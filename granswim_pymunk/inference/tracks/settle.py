@@ -13,6 +13,7 @@ from ...laws import Law, all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
 from ..hypothesis import Free, Term
+from ..significance import price
 from ..simpler import all_absent, by_chance, special_cases
 from ..trial import rows_of
 from .believed import stated_terms
@@ -255,7 +256,8 @@ def without_idle_numbers(
     """Each law as the one that it is where its further numbers add nothing: a stream at rest is a drag.
 
     Where chi2 without them rises no further than chance; of several laws as of one (``choose``).
-    idle : labels of the laws of which that is known
+    idle : labels of the laws of which intervals hold that, and that alone are asked: of them chi2 rises by less than a
+        search gains by chance
     """
     found = list(found)
     for k, trial in enumerate(found):
@@ -273,7 +275,8 @@ def without_idle_numbers(
         if best is None:
             continue
         rise = (best[0].chi2 - revised.chi2) / search.spread(revised)
-        if idle is not None or by_chance(rise, trial.numbers - 1):
+        more = trial.numbers - 1
+        if by_chance(rise, more) or (idle is not None and rise < price(len(search.terms), more)):
             revised = best[0]
             (signature,) = make_bank(search.fitter, search.base, [best[1]]).signatures
             found[k] = Trial(replace(signature, term=best[1]), revised, 0.0, trial.inner)
