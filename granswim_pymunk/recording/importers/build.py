@@ -151,21 +151,22 @@ def _times(found: Found, options: Options, source: Path, notes: list[str]) -> np
 
 
 def _out_of_order(found: Found, t: np.ndarray) -> list[str]:
-    """A line for a table that one stamp alone takes out of the order of time: a slip of the pen, most likely."""
-    names, said = np.array(found.body), []
-    for name in dict.fromkeys(found.body or ()):
-        rows = np.flatnonzero(names == name)
-        steps = np.diff(t[rows])
-        if (steps < 0).sum() != 1:
-            continue
-        k = int(np.argmin(steps))
+    """A line for a body whose rows one stamp alone takes out of the order of time: a slip of the pen, most likely."""
+    names, of = np.unique(np.array(found.body or ()), return_inverse=True)
+    by_body = np.argsort(of, kind="stable")
+    back = (np.diff(of[by_body]) == 0) & (np.diff(t[by_body]) < 0)
+    once = np.flatnonzero(np.bincount(of[by_body][1:][back], minlength=len(names)) == 1)
+    ends, said = np.searchsorted(of[by_body], np.arange(len(names) + 1)), list[str]()
+    for body in once[:3].tolist():
+        rows = by_body[ends[body] : ends[body + 1]]
+        k = int(np.argmin(np.diff(t[rows])))
         late, early = (len(rows) < 3 or not (np.diff(np.delete(t[rows], j)) < 0).any() for j in (k, k + 1))
         off = k if late else k + 1
         if late or early:
             row = "" if found.rows is None else f"row {found.rows[rows[off]]}, "
             beside = [f"{t[rows[j]]:.6g} s" for j in (off - 1, off + 1) if 0 <= j < len(rows)]
             said.append(
-                f"{row}body {name}: its time, {t[rows[off]]:.6g} s, is not in the order of the rows beside it "
+                f"{row}body {names[body]}: its time, {t[rows[off]]:.6g} s, is not in the order of the rows beside it "
                 f"({' and '.join(beside)}): is it a slip? Rows are put in the order of time"
             )
     return said
