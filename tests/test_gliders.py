@@ -165,13 +165,17 @@ def test_an_adjustable_number_is_shared_by_those_of_which_the_same_is_believed()
     assert [t.free[0].first for t in each] == [8.0, 12.0]
 
 
-def test_a_strength_and_a_power_end_where_they_are_from_wherever_they_begin():
-    """Along the valley of s (r_0/d)^n differences to one side promise nothing, far from its lowest point."""
+def with_a_force_and_a_drag():
+    """A film of gliders, its fitter, the scene without a law fitted, and a hypothesis of the two laws that act."""
     case = prepare(gliders("one", (0.18, 0.32), (0.3, 0.75), (0.0, -0.4)), held_out=False, split=False)
     fitter = Fitter([case], Predictor({case.name: 1e-3}))
-    base = fitter.fit(Hypothesis(), None)
     laws = {t.label: t for t in named_terms([case])}
-    both = Hypothesis((laws["distance_force"], laws["linear_drag"]))
+    return case, fitter, fitter.fit(Hypothesis(), None), Hypothesis((laws["distance_force"], laws["linear_drag"]))
+
+
+def test_a_strength_and_a_power_end_where_they_are_from_wherever_they_begin():
+    """Along the valley of s (r_0/d)^n differences to one side promise nothing, far from its lowest point."""
+    _, fitter, base, both = with_a_force_and_a_drag()
     ends = [fitter.fit(both, begin, base.starts, evaluations=60) for begin in ([10, 3, 0.02], [1000, 5, 0.02])]
     assert ends[0].chi2 == pytest.approx(ends[1].chi2, abs=1e-3)
     np.testing.assert_allclose(ends[0].values, ends[1].values, rtol=1e-4)
@@ -180,11 +184,7 @@ def test_a_strength_and_a_power_end_where_they_are_from_wherever_they_begin():
 
 def test_a_run_that_flies_off_to_no_number_spoils_none_that_comes_after():
     """Simulations are begun again with other starts and numbers; one whose places are no numbers is not."""
-    case = prepare(gliders("one", (0.18, 0.32), (0.3, 0.75), (0.0, -0.4)), held_out=False, split=False)
-    fitter = Fitter([case], Predictor({case.name: 1e-3}))
-    base = fitter.fit(Hypothesis(), None)
-    laws = {t.label: t for t in named_terms([case])}
-    both = Hypothesis((laws["distance_force"], laws["linear_drag"]))
+    case, fitter, base, both = with_a_force_and_a_drag()
 
     def seen(*values: float) -> np.ndarray:
         return fitter.vector(case, both, np.array(values), base.starts[case.name])

@@ -164,7 +164,8 @@ class Simulation:
 
         Many times cheaper than a new Simulation of many bodies, and the same run: disks that do not spin (those in
         hinges turn as their places and velocities say), velocities at the time of the positions. Walls go where ``xy``
-        says. Verlet mode only.
+        says. Verlet mode only. Not after a run that ended in a SimulationError: beside ``contact_elastic`` a rail is
+        Chipmunk's own joint, which keeps its last impulse, and one that is no number spoils every run that follows.
 
         spin : (n,) [rad/s] of disks that do spin, for those in no hinge
         """

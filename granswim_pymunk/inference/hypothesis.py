@@ -413,7 +413,7 @@ class Predictor:
         return last.scene[2]
 
     def _leave(self, hypothesis: Hypothesis, case: Case, values: Any) -> None:
-        """The simulation of these runs is not begun again: where bodies flew off to no number, it stays one."""
+        """The simulation of these runs is not begun again, see ``Simulation.restart``."""
         self._last.begun.pop(self._key(hypothesis, case, values)[:3], None)
 
     def _simulation(

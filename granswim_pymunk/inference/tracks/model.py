@@ -168,7 +168,6 @@ class Tracks(ObservationModel):
         self.notes = self.study.notes
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
-        self._unfound: set[str] = set()  # laws of which a number ended where its search ends
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
@@ -242,21 +241,23 @@ class Tracks(ObservationModel):
 
     def _search(self) -> Claim:
         """Laws of which every number was found; without those that were not, again, where none is left."""
-        claim, missed, dropped = self._explained(self.tried, self.chosen), set[str](), self.dropped
-        while self._unfound - missed and not claim.laws and not self.study.late(current().budget.candidates):
-            missed |= self._unfound
+        claim, unfound = self._explained(self.tried, self.chosen)
+        missed, dropped = set[str](), self.dropped
+        while unfound - missed and not claim.laws and not self.study.late(current().budget.candidates):
+            missed |= unfound
             rest = without_laws(self.tried, missed)
             chosen = None if self.null is None else chosen_alone(self.study, rest, self.null)
             if chosen is None:
                 break
-            claim = self._explained(rest, chosen)
+            claim, unfound = self._explained(rest, chosen)
             dropped = self.dropped = dropped | self.dropped
         return claim
 
-    def _explained(self, tried: FittedAlone, chosen: Trial | None) -> Claim:
-        study = self.study
+    def _explained(self, tried: FittedAlone, chosen: Trial | None) -> tuple[Claim, set[str]]:
+        """What explains, and which laws would have, of which a number ended where its search ends."""
+        study, unfound = self.study, set[str]()
         explanation = explained_by(study, tried, chosen)
-        found, revised, self.dropped, self._unfound = explanation.laws, explanation.fit, explanation.dropped, set()
+        found, revised, self.dropped = explanation.laws, explanation.fit, explanation.dropped
         self.near, self.exchanged = list(explanation.near), explanation.exchanged
         self.fitter, self.tightened = study.fitter, 0.0
         if found and self.fitter.segmented:
@@ -272,13 +273,13 @@ class Tracks(ObservationModel):
             plain, spread = self.tried.recalibrated, spread_of(revised, study.training)
             found, revised, gone = with_numbers_that_were_found(self.fitter, plain, found, revised, spread)
             self.dropped |= gone
-            self._unfound = set(gone)
+            unfound = set(gone)
             if gone:
                 # what could stand in place of one of several laws stood beside those that are gone, too
                 self.near = []
                 self.fitter = self.fitter if found else study.fitter
                 self.spread = spread_of(revised, study.training) if found else tried.spread
-        return Claim(tuple(found), revised)
+        return Claim(tuple(found), revised), unfound
 
     def weigh(self, claim: Claim) -> Weighed:
         """Scores of unseen blocks: recalibrated, named, and the nameless forces that gain most."""

@@ -83,8 +83,9 @@ def _given(options: Options) -> dict[str, str]:
     return names
 
 
-def _rows_of_each(body: Sequence[str] | None, size: int) -> np.ndarray:
-    """(size,) how many rows of the same body stand before each."""
+def frames_by_row(body: Sequence[str] | None, size: int, notes: list[str]) -> np.ndarray:
+    """(size,) numbers of the frames of rows without a clock: how many of the same body stand before; a note says so."""
+    notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
     before: dict[str, int] = {}
     numbers = []
     for name in body or [""] * size:
@@ -103,12 +104,11 @@ def read(source: Source, options: Options) -> Found:
         table.cells(key)
     found = find_columns(table.header, given)
     body = table.texts(found["body"]) if "body" in found else None
-    notes = []
+    notes: list[str] = []
     if "t" in found or "frame" in found or options.fps is None:
         t, counts, time = clock(table, found, options)
     else:
-        t, counts, time = _rows_of_each(body, len(table)), "frame", None
-        notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
+        t, counts, time = frames_by_row(body, len(table), notes), "frame", None
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
     nothing = np.full(len(t), math.nan)

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError
 from .base import Found, Importer, Options
 from .headings import is_clock, is_rate
-from .long import clock, known, said_unit
+from .long import clock, frames_by_row, known, said_unit
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, is_unit, split_unit
@@ -69,10 +69,9 @@ def read(source: Source, options: Options) -> Found:
     if table is None:
         raise InputError("is not a table", file=source.path)
     clocks, places = find_places(table, options)
-    notes = []
+    notes: list[str] = []
     if not clocks and options.fps is not None:
-        t, counts, unit = np.arange(len(table), dtype=float), "frame", None
-        notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
+        t, counts, unit = frames_by_row(None, len(table), notes), "frame", None
     else:
         t, counts, unit = clock(table, clocks, options)
     if not places:
