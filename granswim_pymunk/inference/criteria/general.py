@@ -398,9 +398,9 @@ class VerdictCriteria:
     further : by how many times the d' of another experiment must be larger before it is proposed in place of an
         earlier, simpler one. Choice
     same : two laws whose chi2 differ by less cannot be told apart. Theory: the square of a d' of 2
-    alike : chi2, by which a law has to be ahead of a form without a name for its own form to be told. Theory: where
-        the form acts, d' from the law, the law is ahead by -d'^2 +- 2 d', and by as much as this once in twenty films
-        at the most, whatever d' is: sf(1.645) = 0.05
+    alike : chi2, by which a law has to be ahead of a form without a name for nothing to be said of that form. Theory:
+        where the form acts, d' from the law, the law is ahead by -d'^2 +- 2 d', and by as much as this once in twenty
+        films at the most, whatever d' is: sf(1.645) = 0.05. The name is complete where the law is ahead at all
     instead : laws, the best in the training part, that are asked of held-out data where these turn down a special fault
         of the apparatus. Choice
     simpler : how improbable the gain of further numbers must be by chance before the richer law is named. Choice

@@ -30,11 +30,16 @@ from .signatures import columns_of, stacked
 
 @dataclass(frozen=True)
 class Alike:
-    """A form without a name that these data cannot tell from a law, or prefer to it."""
+    """A form without a name that these data cannot tell from a law, or prefer to it.
+
+    better : it has more numbers than the law and earns them
+    ahead : chi2 by which it leaves less than the law, its further numbers paid for; below 0 the law is nearer
+    """
 
     form: Term
     law: Trial
     better: bool
+    ahead: float
 
 
 def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, spread: float) -> list[Alike]:
@@ -67,14 +72,14 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
             rise = least(left + numbers[:, rows] @ mine, np.hstack([columns, others])) - now
             ahead = -rise / spread - 2 * more
             if columns.any() and ahead > (verdict.same if more > 0 else -verdict.alike):
-                told.append(Alike(term, trial, more > 0))
+                told.append(Alike(term, trial, more > 0, ahead))
     return told
 
 
 def left_standing(
     told: Sequence[Alike], found: Sequence[Trial], fit: Fit, first: int, whole: Fitter, spread: float
 ) -> list[Alike]:
-    """Those forms that do as well on all frames together, held-out ones among them, by some power of the radius.
+    """Those forms that do as well on all frames together, held-out ones among them, and how far ahead they are there.
 
     Numbers and starts of the laws are found again from all frames. Where that fails, or leaves more than noise, the
     laws are not all there is, and nothing is turned down.
@@ -86,5 +91,6 @@ def left_standing(
         return list(told)
     if not completeness(series_of(again, whole.cases)).passes:
         return list(told)
-    standing = {(a.form.mechanism, a.law.mechanism) for a in forms_as_good(found, again, first, whole, spread)}
-    return [a for a in told if (a.form.mechanism, a.law.mechanism) in standing]
+    stood = {(a.form.mechanism, a.law.mechanism) for a in told}
+    standing = forms_as_good(found, again, first, whole, spread)
+    return [a for a in standing if (a.form.mechanism, a.law.mechanism) in stood]

@@ -683,7 +683,10 @@ class Tracks(ObservationModel):
         return any(tolerance is None or excess > tolerance for tolerance in least)
 
     def _forms_as_good(self, claim: Claim) -> tuple[tuple[str, str, bool], ...]:
-        """Forms without a name that do as well as a law, or better, see ``Remains``; none where time is up."""
+        """Forms without a name that do no worse than a law, see ``Remains``; none where time is up.
+
+        Those that do a little worse, and are not told apart from it, are noted.
+        """
         if self.study.late(current().budget.remains):
             return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
@@ -691,7 +694,11 @@ class Tracks(ObservationModel):
         if alike and any(case.scored.any() for case in self.study.cases):
             whole = fitter.of_all_frames(self.study.cases)
             alike = left_standing(alike, claim.laws, claim.fit, first, whole, self.spread)
-        return tuple(dict.fromkeys((a.form.mechanism, a.law.mechanism, a.better) for a in alike))
+        told = [(a.ahead, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]
+        ahead = tuple(dict.fromkeys(names for gain, names in told if gain >= 0))
+        for form, law, _ in dict.fromkeys(names for _, names in told if names not in ahead):
+            self.notes.append(f"nearly as little is left with {plainly(form)} in place of {plainly(law)}")
+        return ahead
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
