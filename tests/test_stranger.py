@@ -13,16 +13,17 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk import api
 from granswim_pymunk.inference.candidates import law_terms
 from granswim_pymunk.inference.data import prepare
-from granswim_pymunk.inference.hypothesis import Free, Term
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.inference.result import Diagnosis
 from granswim_pymunk.inference.tracks import model as tracks
+from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.kicks import cut_at_kicks, told, unexplained
 from granswim_pymunk.inference.tracks.line import strongest_line
-from granswim_pymunk.inference.tracks.undeclared import Instead
+from granswim_pymunk.inference.tracks.undeclared import Instead, declared, in_a_lost_scene
 from granswim_pymunk.inference.tracks.verdict import as_the_picture
 from granswim_pymunk.laws import get_law
 from granswim_pymunk.recording import film
-from granswim_pymunk.scene import Body, Scene, use
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
 from granswim_pymunk.walls import Wall
 
 GRAVITY = (0.0, -9.81)
@@ -424,9 +425,38 @@ def test_a_ball_of_another_size_in_another_recording_is_another_body():
     assert scene.parameter("quadratic_drag.c") == pytest.approx(0.4 * (0.03 / 0.025) ** 2)
 
 
-@pytest.mark.parametrize("complete", [True, False])
-def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkeypatch):
-    """What is told then is what was found with it; nothing, where that is not complete either."""
+@pytest.mark.parametrize("adjustable", [True, False])
+def test_a_scene_that_is_lost_is_brought_back_by_a_number_far_from_what_is_believed(adjustable):
+    """A period read off as half of what it is: a spring four times too stiff, outside the bounds that it was given."""
+    rail = use("rail", bodies=["cart"], direction=(1.0, 0.0))
+    spring = use("spring", bodies=["cart"], anchor=(0.0, 0.0), stiffness=4.8, length=0.0)
+    cart = Body("cart", "free", 0.05, 0.235, initial=(0.09, 0.0, 0.0, 0.0))
+    seen = film(
+        Scene((cart,), (rail, spring, use("linear_drag", c=0.05))), np.arange(0.0, 4.6, 0.05),
+        rng=np.random.default_rng(0), noise=1e-4,
+    )  # fmt: skip
+    believed = Scene(
+        (replace(cart, initial=None),), (rail, use("spring", **{**spring.values, "stiffness": 18.0}, bodies=["cart"])),
+        adjustable=(Adjustable("spring", "stiffness", 14.0, 23.0),) if adjustable else (),
+    )  # fmt: skip
+    case = prepare(replace(seen, scene=believed, position_noise=1e-4), held_out=False, split=True)
+    fitter = Fitter([case], Predictor({case.name: 2e-3}))
+    plain = fitter.fit_widely(Hypothesis(adjustable_terms([case])), None)
+    number = in_a_lost_scene((), plain, plain, fitter)[0]
+    assert number.name == "spring.stiffness" and number.value == pytest.approx(4.8, rel=0.02)
+    assert number.lost and number.left < 0.01 and number.bounds == ((14.0, 23.0) if adjustable else None)
+    assert ("outside its 14 to 23" in str(number)) is adjustable
+    (freed,) = declared([case.recording], number)
+    (only,) = freed.scene.adjustable
+    assert only.low < 4.8 < only.high
+    again = Fitter([replace(case, recording=freed)], fitter.predictor)
+    found = again.fit(Hypothesis(adjustable_terms(again.cases)), [number.value])
+    assert in_a_lost_scene((), found, found, again) == []
+
+
+@pytest.mark.parametrize("complete, lost", [(True, False), (False, False), (False, True)])
+def test_a_number_is_set_free_where_nothing_is_complete_without(complete, lost, monkeypatch):
+    """What is told then is what was found with it; nothing, where that is not complete either, but of a lost scene."""
     t, xy = dropped(0)
     scene = Scene(
         bodies=(Body("bob", "free", radius=0.02, mass=0.05),), gravity=GRAVITY,
@@ -435,7 +465,7 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
     recording = api.make_recording(t, xy, scene=scene)
     free = Free("pin.length", "m", 0.25, 1.0, 0.5, 1e-3)
     term = Term("adjustable", "", (free,), lambda *given: given[:2])
-    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, term, True)
+    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, term, True, lost=lost)
     asked = []
 
     class Asked:
@@ -453,9 +483,10 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, monkey
     monkeypatch.setattr(tracks, "diagnose_by", found)
     diagnosis = tracks.diagnose_tracks([recording])
     assert asked == [[], ["pin.length"]]
-    if complete:
+    if complete or lost:
         assert diagnosis.runs == 3 and diagnosis.verdict["notes"][1] == "run 2"
-        assert diagnosis.verdict["notes"][0].startswith("pin.length, which nobody declared adjustable, is fitted")
+        said = "pin.length = 0.49 m" if lost else "pin.length, which nobody declared adjustable, is fitted"
+        assert diagnosis.verdict["notes"][0].startswith(said)
     else:
         assert diagnosis.runs == 1 and diagnosis.verdict["notes"] == ["run 1"]
 

@@ -125,6 +125,8 @@ class ApparatusCriteria:
     off_level [rad] : of a table, or of a picture with gravity in it, one standard deviation that nobody notices.
         Choice: half a millimetre on a metre
     within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
+    outside : factor by which a number is sought outside its bounds where nothing within follows; of one that may be
+        zero so many widths of its range to both sides. Choice: twice a period is four times a stiffness
     usual_scale : by how much any picture's scale is off, one standard deviation. Source: what proofs under real-life
         conditions draw; usual errors of laws are declared with them
     """
@@ -139,6 +141,7 @@ class ApparatusCriteria:
     middle: float = 0.1
     off_level: float = 5e-4
     within_frame: float = 0.3
+    outside: float = 8.0
     usual_scale: float = 0.005
 
 

@@ -288,6 +288,8 @@ class RefitCriteria:
     rounds : in which candidates are tried, where a scene without a law that was stuck got free meanwhile. Choice
     leaders : laws that are fitted again from the tracks themselves, where the scene without them bent many starts, or
         where no law comes near from it: from ``pieces`` of each recording. Choice: a turn lies in one or two
+    short_pieces : the same where a scene is lost that an adjustable number may bring back, one after the other. Choice:
+        as short as starts allow, so that no period is missed, and longer ones, which tell it better
     foreseen : of the fall of chi2 that first order promises, which a good search finds. Choice
     heat : of the frames, over which candidates are compared first;  heat_frames : from which that is worth it. Choice
     heat_won : of the misfit there, that the best has to take away for others to be given up, and of that, what these
@@ -319,6 +321,7 @@ class RefitCriteria:
     rounds: int = 2
     leaders: int = 4
     pieces: int = 12
+    short_pieces: tuple[int, ...] = (96, 24)
     foreseen: float = 0.5
     heat: float = 0.35
     heat_frames: int = 600

@@ -101,7 +101,7 @@ from .study import (
     without_outliers,
     without_single_ones,
 )
-from .undeclared import Instead, declared, instead_of
+from .undeclared import Instead, declared, in_a_lost_scene, instead_of
 from .verdict import Told, as_the_picture, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
@@ -793,7 +793,8 @@ class Tracks(ObservationModel):
         if told in ("no_mismatch", "recalibrate") or self.study.late(current().budget.remains):
             return ()
         fitter = self._fitter_of(claim.fit)
-        self.undeclared = instead_of(claim.laws, claim.fit, self.tried.recalibrated, fitter, self.spread)
+        given = claim.laws, claim.fit, self.tried.recalibrated, fitter
+        self.undeclared = in_a_lost_scene(*given) or instead_of(*given, self.spread)
         return tuple(map(str, self.undeclared))
 
     def closing_notes(self, course: Course) -> list[str]:
@@ -867,6 +868,7 @@ def diagnose_tracks(
     Where more than noise is left and a number of the scene that nobody declared adjustable would do for several of the
     laws, or for most where nothing is named, all is asked again with that number free. It is told so if then only noise
     is left: a rod of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
+    So where a scene is lost that an adjustable number outside its bounds would bring back.
     Not of many bodies, of which it would take too long.
     """
     began = time.monotonic()
@@ -880,10 +882,13 @@ def diagnose_tracks(
     left = None if minutes is None else minutes - (time.monotonic() - began) / 60
     freed = (declared(recordings, number) for recordings in (training, held))
     again = diagnose_by(Tracks(*freed, minutes=left, seed=seed, progress=progress), seed)
-    if again.verdict["verdict"] not in ("missing_physics", "measurement") or not again.verdict["complete"]:
-        return found
+    told = again.verdict["verdict"]
+    if told not in ("missing_physics", "measurement") or not again.verdict["complete"]:
+        # a number that brings back a lost scene takes away most by itself, and the rest may be noise or not
+        if not number.lost or told in ("no_mismatch", "unmodelled"):
+            return found
     verdict = dict(again.verdict)
-    verdict["notes"] = [f"{number.name}, {FREED}", *verdict["notes"]]
+    verdict["notes"] = [str(number) if number.lost else f"{number.name}, {FREED}", *verdict["notes"]]
     return replace(again, verdict=verdict, seconds=time.monotonic() - began, runs=found.runs + again.runs)
 
 

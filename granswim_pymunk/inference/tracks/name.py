@@ -363,7 +363,7 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
     A scene that cannot follow has had its many starts bent to do what the law does (a swimmer is thrown so that it
     first drifts as it later swims), and no step leads back from there.
     """
-    if not fitter.of_many_numbers or fitter.segmented or not _far_off(base):
+    if not fitter.of_many_numbers or fitter.segmented or not far_off(base):
         return list(trials)
     order = [k for k in np.argsort([-t.gain for t in trials]) if trials[k].fit is not None][: current().refits.leaders]
 
@@ -384,7 +384,7 @@ def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Tri
     shooting, as a beginning only: see ``segments``.
     """
     fits = {k: t.fit for k, t in enumerate(trials) if t.fit is not None}
-    if fitter.segmented or not fits or not all(map(_far_off, [base, *fits.values()])):
+    if fitter.segmented or not fits or not all(map(far_off, [base, *fits.values()])):
         return list(trials)
     try:
         pieces = fitter.in_pieces(current().refits.pieces)
@@ -405,7 +405,7 @@ def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Tri
     return _if_better(fitter, base, trials, order, again)
 
 
-def _far_off(fit: Fit) -> bool:
+def far_off(fit: Fit) -> bool:
     """Whether a fit leaves so much that first order means little."""
     return fit.chi2 >= current().signatures.far ** 2 * fit.count
 

@@ -2,6 +2,8 @@
 
 A rod that is longer than believed swings as one with a heavier bob in a picture of another scale, and so does any in a
 film of another frame rate. What may be adjusted is the experimenter's to say; that another number does as well is told.
+So is an adjustable number that would do outside the bounds it was given: a period that was read off as half of what it
+is makes a spring four times too stiff, and no law mends that.
 """
 
 from __future__ import annotations
@@ -17,10 +19,11 @@ from ...recording import Recording
 from ...scene import Adjustable, Scene
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Failed, Free, Term, adjustable_term, set_camera
+from ..hypothesis import Failed, Free, Hypothesis, Term, adjustable_term, set_camera
+from ..mechanisms import nameless
 from .fit import Fitter
 from .fitted import Fit
-from .name import Trial
+from .name import Trial, far_off
 
 CLOCK = "frame_rate"
 
@@ -32,6 +35,7 @@ class Instead:
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
     term : by which it was fitted;  makes_room : with fewer numbers than it replaces, or where
         nothing was named, so that other laws may have a place
+    bounds : in which it was adjustable, where it does so outside them;  lost : it brings back a scene that was lost
     """
 
     name: str
@@ -44,6 +48,8 @@ class Instead:
     left: float
     term: Term
     makes_room: bool
+    bounds: tuple[float, float] | None = None
+    lost: bool = False
 
     @property
     def of_the_scene(self) -> bool:
@@ -55,6 +61,12 @@ class Instead:
         digits = 2 + max(math.ceil(math.log10(abs(self.value) / half)), 1) if half > 0 else 4
         value, low, high = (f"{v:.{digits}g}" for v in (self.value, self.low, self.high))
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        if self.bounds is not None:
+            lowest, highest = self.bounds
+            return (
+                f"{self.name} = {value}{unit} ({low} to {high}), outside its {lowest:.4g} to {highest:.4g}, leaves "
+                f"{100 * self.left:.2g} % of what is left beyond noise: look at how its bounds were found"
+            )
         does = f"does as well as {' and '.join(self.replaced)}"
         if not self.replaced:
             does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
@@ -98,6 +110,66 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
 
 
+def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter) -> list[Instead]:
+    """Numbers, adjustable ones outside their bounds and others far from what is believed, that bring a scene back.
+
+    Each takes away more than half of what is left, best first. Asked where a scene is lost, so that what is named says
+    little; laws that have a name stay.
+    Arguments as of ``instead_of``
+    """
+    named = bool(laws) and not any(nameless(t.mechanism) for t in laws)
+    base = fit if named else plain
+    if not far_off(base):
+        return []
+    scene, found = fitter.cases[0].recording.scene, []
+    adjustable = {a.name for c in fitter.cases for a in c.recording.scene.adjustable}
+    # they are the first numbers of a fit, each a term of its own
+    at = {t.label: k for k, t in enumerate(plain.hypothesis.terms) if t.label in adjustable}
+    for term in (*(plain.hypothesis.terms[k] for k in at.values()), *_numbers(fitter.cases)):
+        (free,) = term.free
+        low, high = _widely(free, scene)
+        wide = replace(term, free=(replace(free, low=low, high=high),))
+        terms, values = [*base.hypothesis.terms], base.values
+        k, bounds = at.get(term.label, len(values)), None
+        if term.label in at:
+            terms[k], bounds = wide, (free.low, free.high)
+        else:
+            terms, values = [*terms, wide], np.append(values, free.first)
+        try:
+            again = _from_short_pieces(fitter, Hypothesis(tuple(terms)), values, base)
+        except Failed:
+            continue
+        left = again.excess / base.excess
+        value, least, most = again.interval(k, max(again.chi2 / again.count, 1.0))
+        believed = bounds or (free.first, free.first)
+        if left < current().verdict.share and (most < believed[0] or least > believed[1]) and low < value < high:
+            number = Instead(free.name, free.unit, free.first, value, least, most, (), left, wide, True, bounds, True)
+            found.append((again.chi2, number))
+    return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def _widely(free: Free, scene: Scene) -> tuple[float, float]:
+    """Where a number is sought outside its bounds: of a size by ratio, of another to both sides."""
+    law, _, name = free.name.partition(".")
+    p, far = scene.laws_named(law)[0].law.parameter(name), current().apparatus.outside
+    if free.low > 0:
+        low, high = free.low / far, free.high * far
+    else:
+        low, high = free.low - far * (free.high - free.low), free.high + far * (free.high - free.low)
+    return max(low, p.low), min(high, p.high)
+
+
+def _from_short_pieces(fitter: Fitter, hypothesis: Hypothesis, values: np.ndarray, base: Fit) -> Fit:
+    """A fit whose numbers come from pieces of the recordings, first the shortest, of which no scene loses its way."""
+    if fitter.segmented:
+        return fitter.fit(hypothesis, values, base.starts)
+    for pieces in current().refits.short_pieces:
+        own = fitter.in_pieces(pieces)
+        found = own.fit(hypothesis, values)
+        values = found.values
+    return own.fit_from(found)
+
+
 def _as_rate(number: Instead, cases: Sequence[Case]) -> Instead:
     """The stretch of a clock as the frame rate of the films that it stretches."""
     rate = 1.0 / float(np.median(np.concatenate([np.diff(c.t) / c.apart for c in cases])))
@@ -110,7 +182,11 @@ def declared(recordings: Sequence[Recording], number: Instead) -> list[Recording
     law, _, parameter = number.name.partition(".")
     free = number.term.free[0]
     more = Adjustable(law, parameter, free.low, free.high)
-    return [replace(r, scene=r.scene.add(more)) for r in recordings]
+
+    def freed(scene: Scene) -> Scene:
+        return replace(scene, adjustable=tuple(a for a in scene.adjustable if a.name != number.name)).add(more)
+
+    return [replace(r, scene=freed(r.scene)) for r in recordings]
 
 
 def frame_rate() -> Term:
