@@ -439,9 +439,11 @@ class Tracks(ObservationModel):
             same += [t for t in laws[: current().verdict.instead] if not any(t is u for u in same)]
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         claims = _in_order(same, winner, alive, self.spread, least, len(self.tried.terms))
-        if winner.used > 1 and not self.study.late(current().budget.pairs):
+        numbers = max(t.used for t in (winner, *same))
+        if numbers > 1 and not self.study.late(current().budget.pairs):
             search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
-            pairs = [p for p in two_alike(search, self.tried.alive, winner) if not any(absurd(t) for t in p)]
+            pairs = two_alike(search, self.tried.alive, winner, numbers)
+            pairs = [p for p in pairs if not any(absurd(t) for t in p)]
             claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
         return claims
 

@@ -6,13 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
 from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone, is_damping
 from ..criteria import current
-from ..hypothesis import Free, Hypothesis, Term
+from ..hypothesis import Failed, Free, Hypothesis, Term
+from ..linear import basis
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..trial import pair_gains, rows_of
@@ -22,7 +24,7 @@ from .fitted import Fit, may_be_absent
 from .name import Trial, is_limit, is_part, label_of, refit
 from .nulls import noise_of, search_nulls
 from .sets import SetSearch
-from .signatures import Signature, make_bank
+from .signatures import Signature, columns_of, make_bank, stacked
 
 PUSHES = ("push", "medium")  # roles
 
@@ -175,20 +177,64 @@ def two_for_one(
     return (pair, pair[0].fit or best) if pair else (found, revised)
 
 
-def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial) -> list[list[Trial]]:
-    """Two simple laws with no more numbers than one, which training data cannot tell from it, best first.
+def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: int) -> list[list[Trial]]:
+    """Two simple laws with no more ``numbers``, which training data cannot tell from one, best first.
 
     A stream along a rail is a drag about a middle speed. So are friction and a drag with the square of the speed, until
-    the body has become slow.
+    the body has become slow. A wind up along a fall is a drag in a picture whose scale is off.
     """
     assert law.fit is not None
     least = law.fit.chi2 + current().verdict.same * search.spread(law.fit)
-    found = [
-        (a, b, fit) for a, b, fit in _beside_each(search, alive, numbers=law.used)
-        if fit.chi2 < least and not (a.term.special or b.term.special)
-    ]  # fmt: skip
-    found = sorted(found, key=lambda f: f[-1].chi2)[: current().verdict.instead]
-    return [search.scored(fit, [Trial.untried(a), Trial.untried(b)]) for a, b, fit in found]
+    best = dict[frozenset[str], tuple[float, Signature, Signature, Fit]]()
+    for a, b, fit in (*_beside_each(search, alive, numbers=numbers), *_in_place_of(search, law, numbers)):
+        left = fit.chi2 + 2 * (len(a.term.free) + len(b.term.free) - law.used)
+        labels = frozenset((a.term.label, b.term.label))
+        if left < min(least, best[labels][0] if labels in best else least) and not (a.term.special or b.term.special):
+            best[labels] = left, a, b, fit
+    nearest = sorted(best.values(), key=lambda f: f[0])[: current().verdict.instead]
+    return [search.scored(fit, [Trial.untried(a), Trial.untried(b)]) for _, a, b, fit in nearest]
+
+
+def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Signature, Signature, Fit]]:
+    """The pairs that imitate a law best, to first order about the path that it follows, each refitted from there.
+
+    Beside a scene without either a law that leaves most is no leader, and its signature is that of another path.
+    With columns J of the law times its numbers v put back a pair with columns C has the least |r + J v - C x|^2 over x.
+    """
+    assert law.fit is not None
+    fit, first = law.fit, search.first
+    whole = stacked(search.fitter, fit)
+    rows = slice(first, first + len(law.term.free))
+    mine = fit.values[rows] - np.array([f.neutral for f in law.term.free])
+    beside = basis(whole.beside(np.delete(whole.numbers, np.arange(rows.start, rows.stop), axis=1)))
+
+    def free_part(vectors: np.ndarray) -> np.ndarray:
+        vectors = whole.beside(vectors)
+        return np.asarray(vectors - beside @ (beside.T @ vectors))
+
+    target = free_part(whole.left + whole.numbers[:, rows] @ mine)
+    simple = [t for t in search.terms if t.mechanism != law.mechanism and not any(f.inner for f in t.free)]
+    # without numbers that change nothing here, each from where it is absent
+    seen = [s for s in make_bank(search.fitter, fit, simple).signatures if 0 < len(s.term.free) < numbers]
+    terms = [replace(s.term, free=tuple(replace(f, first=f.neutral) for f in s.term.free)) for s in seen]
+    columns = [free_part(columns_of(search.fitter, fit, term)[0]) for term in terms]
+    ranked = []
+    for k, l in combinations(range(len(terms)), 2):
+        a, b = terms[k], terms[l]
+        if len(a.free) + len(b.free) <= numbers and a.mechanism != b.mechanism and not any_field(a, b, search.terms):
+            both = np.hstack([columns[k], columns[l]])
+            x = np.linalg.lstsq(both, target, rcond=current().rounding.singular)[0]
+            ranked.append((float(np.sum((target - both @ x) ** 2)) + 2 * both.shape[1], k, l, x))
+    found = []
+    for _, k, l, x in sorted(ranked, key=lambda r: r[0])[: current().verdict.instead]:
+        a, b = terms[k], terms[l]
+        begin = [np.clip(f.first + v, f.low, f.high) for f, v in zip((*a.free, *b.free), x, strict=True)]
+        try:
+            again = search.fitter.fit(search.scene_with(a, b), [*fit.values[:first], *begin], fit.starts)
+        except Failed:
+            continue
+        found.append((replace(seen[k], term=a), replace(seen[l], term=b), again))
+    return found
 
 
 def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
