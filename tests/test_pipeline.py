@@ -271,6 +271,34 @@ def test_held_out_data_tell_which_of_a_class_it_is_not():
     assert [m["name"] for m in diagnose_by(model).verdict["mechanisms"]] == ["quadratic_drag"]
 
 
+@pytest.mark.parametrize("good", [("linear_drag",), ()])
+def test_names_are_asked_again_where_held_out_data_turn_down_the_form_that_took_their_place(good):
+    """Two forms without a name leave far less of unseen blocks than a drag, and predict held-out data worse."""
+    forms = tuple(replace(form(s), claim=Claim((Law(name, name),), name)) for s, name in
+                  ((0.999, "flexible_speed"), (0.998, "flexible_edge")))  # fmt: skip
+
+    class Taken(Toy):
+        def weigh(self, claim):
+            return Weighed(share(0.9), forms)
+
+        def hold_out(self, judged):
+            self.outcome = "holds" if judged.claim.laws[0].mechanism in good else "fails"
+            self.order.append(judged.claim.laws[0].label)
+            errors = dict.fromkeys(MODELS, 1.0)
+            return HeldOut(errors, errors, self.outcome, 7.0, judged.claim, judged.explained)
+
+    model = Taken()
+    found = diagnose_by(model).verdict
+    looked = [name for name in model.order if "_" in name]
+    assert looked[:3] == ["flexible_speed", "flexible_edge", "linear_drag p=0"]
+    if good:
+        assert found["verdict"] == "missing_physics" and found["heldout"] == "holds"
+        assert "better with what is told" in found["notes"][-1]
+    else:
+        assert looked[3:] == ["flexible_speed"]  # the last look is at what is told
+        assert found["verdict"] == "unmodelled" and "flexible_speed than without" in found["notes"][-1]
+
+
 @pytest.mark.parametrize("good", ["quadratic_drag", "cubic_drag", ""])
 def test_of_a_class_the_first_that_explains_unseen_blocks_is_named(good):
     """Fits cannot tell three laws apart, and only one of them explains blocks that it was not fitted to."""

@@ -159,6 +159,13 @@ class Weighed:
         """The largest share of a form without a name, at least 0; None where none was weighed."""
         return max(0.0, *(f.explained.share for f in self.forms)) if self.forms else None
 
+    def without(self, label: str) -> Weighed:
+        """The same where one of the forms is out of question."""
+        rest = tuple(f for f in self.forms if f.claim.label != label)
+        best, second = (max((f.worth for f in forms), default=-np.inf) for forms in (self.forms, rest))
+        plainer = "" if self.plainer == label else self.plainer
+        return replace(self, forms=rest, ahead=self.ahead + (best - second if best > second else 0.0), plainer=plainer)
+
 
 @dataclass(frozen=True)
 class Mismatch:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from .judge import Claim, Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
-from .mechanisms import nameless
+from .mechanisms import nameless, plainly
 from .model import Course, HeldOut, ObservationModel, Rival
 from .result import MODELS, Diagnosis, empty_verdict, rival_entries
 
@@ -27,6 +27,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     judged = first_that_explains(model, claim)  # enough of data that they were not fitted to
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
+    judged, held = names_for_a_form(model, claim, judged, held)
     judged, held = part_that_stands(model, judged, held)
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
@@ -149,6 +150,33 @@ def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) 
             return other, found
     # what the model keeps of its last look belongs to the whole claim again
     return judged, model.hold_out(judged) if looked else held
+
+
+def names_for_a_form(
+    model: ObservationModel, claim: Claim, judged: Judgement, held: HeldOut
+) -> tuple[Judgement, HeldOut]:
+    """What stands where held-out data turn down a form without a name that was told in place of names.
+
+    Such a form is no rival to them: training data are asked again without it. What is then told has to be borne out by
+    held-out data; where nothing is, all is as it was.
+    """
+    if held.outcome != "fails" or not judged.claim.nameless or not judged.closest:
+        return judged, held
+    weighed, told, tried = model.weigh(claim), len(model.notes), list[str]()
+    other, found = judged, held
+    while found.outcome == "fails" and other.claim.nameless and other.claim.label not in tried:
+        tried.append(other.claim.label)
+        weighed = weighed.without(other.claim.label)
+        other = judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
+        other = other if other.claim.nameless else model.settle(other)
+        found = model.hold_out(other) if other.claim.laws else held
+    if other.claim.laws and found.outcome == "holds":
+        forms = " and ".join(map(plainly, tried))
+        model.notes.append(f"held-out data are predicted worse with {forms} than without, and better with what is told")
+        return other, found
+    del model.notes[told:]
+    # what the model keeps of its last look belongs to the form again
+    return judged, model.hold_out(judged)
 
 
 def _looked_at(model: ObservationModel, claim: Claim) -> tuple[Judgement, HeldOut | None, list[str]]:
