@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granswim_pymunk.inference.candidates import asked_terms, named_terms
+from granswim_pymunk.inference.candidates import asked_terms, flexible_terms, named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.forms import forms_as_good, left_standing
 from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company, with_slopes
-from granswim_pymunk.inference.tracks.name import Trial
+from granswim_pymunk.inference.tracks.name import Trial, try_candidates
 from granswim_pymunk.inference.tracks.settle import known_together
 from granswim_pymunk.inference.tracks.signatures import held_at_bounds, make_bank
 from granswim_pymunk.recording import film
@@ -200,3 +200,20 @@ def test_two_laws_known_only_together_are_named_by_neither():
     # one of them is a limit
     assert known_together(both, replace(fit, limits={0: (0.01, np.inf)}), 0, 1.0) == []
     assert known_together([trial], replace(trial.fit, limits={0: (0.01, np.inf)}), 0, 1.0) == []
+
+
+def test_a_field_is_found_from_pieces_where_the_scene_without_it_is_lost():
+    """A cart whose spring the scene lacks: about a straight path a field shows one number, and has more."""
+    cart = Body("cart", "free", 0.05, 0.2, initial=(0.09, 0.0, 0.0, 0.0))
+    rail = use("rail", bodies=["cart"], direction=(1.0, 0.0))
+    spring = use("spring", bodies=["cart"], anchor=(0.0, 0.0), stiffness=5.0, length=0.0)
+    seen = film(Scene((cart,), (rail, spring)), np.arange(0, 4, 1 / 40), rng=np.random.default_rng(2), noise=2e-4)
+    believed = replace(seen, scene=Scene((replace(cart, initial=None),), (rail,)), position_noise=2e-4)
+    case = prepare(believed, held_out=False, split=True)
+    fitter = Fitter([case], Predictor({case.name: 5e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    terms = [t for t in flexible_terms([case]) if t.mechanism == "flexible_place"]
+    (trial,) = try_candidates(fitter, base, make_bank(fitter, base, terms), (1.0,), lambda *a: None)
+    assert base.chi2 > 1e4 * base.count and trial.fit.chi2 < 1.5 * base.count
+    a1 = trial.fit.values[[f.name.split(".")[-1] for f in trial.fit.hypothesis.free].index("a1")]
+    assert a1 / trial.term.fixed["size"][0] == pytest.approx(-5.0, rel=0.1)

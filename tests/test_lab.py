@@ -94,7 +94,7 @@ def test_a_repulsion_is_found_from_pieces_where_the_scene_without_it_is_lost() -
     trials = [Trial(s, f, base.chi2 - f.chi2, np.inf) for s, f in zip(signatures, first, strict=True)]
     share, s, _ = told(trials)
     assert share < 0.2 and s < 0  # an attraction, of all things
-    share, s, n = told(_from_pieces(fitter, base, trials))
+    share, s, n = told(_from_pieces(fitter, base, trials, [t.term for t in trials]))
     assert share > 0.6 and s > 0 and n == pytest.approx(4.0, abs=0.8)  # drag and tilt are still missing
 
 

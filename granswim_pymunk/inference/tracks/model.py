@@ -102,7 +102,7 @@ from .study import (
     without_single_ones,
 )
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
-from .verdict import Told, as_the_picture, revised_scene, used
+from .verdict import Told, as_the_picture, at_its_bound, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
@@ -810,6 +810,8 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
         notes += as_the_picture(self.mechanisms(course), self.study.cases)
+        if laws:
+            notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:
             notes += [told_of(c, kicks) for c in self.study.cases if (kicks := all_kicks(c))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
@@ -822,6 +824,15 @@ class Tracks(ObservationModel):
                 text += f"{least:.2g} to {most:.2g} {self.unit}"
             notes.append(text)
         return notes
+
+    def _at_bounds(self, fit: Fit) -> list[tuple[Free, float]]:
+        """Adjustable numbers that ended where they may not go on, and their values."""
+        found = []
+        for k, free in self.adjusted().items():
+            near = current().verdict.at_bound * (free.high - free.low)
+            if not free.natural and min(fit.values[k] - free.low, free.high - fit.values[k]) <= near:
+                found.append((free, float(fit.values[k])))
+        return found
 
     def revised(self, course: Course) -> dict[str, Scene]:
         fit, dt = course.judged.claim.fit, self.study.predictor.dt

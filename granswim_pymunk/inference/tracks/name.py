@@ -311,7 +311,8 @@ def try_candidates(
     ahead : the gain of the best of others that were tried before: those far behind it are not searched to their end;
     shortly : nor is any
     """
-    order = sorted(bank.signatures, key=lambda s: -s.gain)
+    ranked = sorted(zip(bank.signatures, bank.asked, strict=True), key=lambda entry: -entry[0].gain)
+    order = [signature for signature, _ in ranked]
     run = heats(fitter, base, order, late)
     forms: dict[tuple[str, int], int] = {}
     reasons: list[str] = []
@@ -342,7 +343,7 @@ def try_candidates(
         alone = tuple(trials)
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
-        trials = _from_pieces(fitter, base, trials)
+        trials = _from_pieces(fitter, base, trials, [term for _, term in ranked])
         least = current().refits.valley * (math.inf if shortly else max([ahead, *(t.gain for t in trials)]))
         # of a law that is looked for from several exponents or ranges one valley is walked through segments
         leading = {t.term.label: t for t in sorted(trials, key=lambda t: t.gain)} if fitter.segmented else {}
@@ -375,13 +376,14 @@ def _from_the_tracks(fitter: Fitter, base: Fit, trials: Sequence[Trial], stages:
     return _if_better(fitter, base, trials, order, again)
 
 
-def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Trial]:
+def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial], terms: Sequence[Term]) -> list[Trial]:
     """The leading laws again with numbers from pieces of the recordings, where no law brings a scene near that is lost.
 
     Bodies that turn at a distance go on through one another in a scene without what repels them, or collide: all starts
     and first-order amounts are then those of another motion, and no step leads from there. Over a piece with a start of
     its own the scene cannot go far astray, and what a law does there is nearly linear in its numbers. Multiple
     shooting, as a beginning only: see ``segments``.
+    terms : of the trials, with numbers too that change nothing about the path of the scene that is lost
     """
     fits = {k: t.fit for k, t in enumerate(trials) if t.fit is not None}
     if fitter.segmented or not fits or not all(map(far_off, [base, *fits.values()])):
@@ -389,7 +391,7 @@ def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial]) -> list[Tri
     try:
         pieces = fitter.in_pieces(current().refits.pieces)
         plain = pieces.fit(base.hypothesis, base.values)
-        bank = make_bank(pieces, plain, [trials[k].term for k in fits])
+        bank = make_bank(pieces, plain, [terms[k] for k in fits])
     except Failed:
         return list(trials)
     least = current().signatures.surviving

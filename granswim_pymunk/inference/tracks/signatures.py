@@ -39,12 +39,16 @@ class Signature:
 
 @dataclass(frozen=True)
 class Bank:
-    """All signatures around one fit, with the innovations they are held against."""
+    """All signatures around one fit, with the innovations they are held against.
+
+    asked : the candidate of each signature with all of its numbers: about another path those may show that do not here
+    """
 
     fit: Fit
     innovations: np.ndarray
     nuisance: np.ndarray
     signatures: tuple[Signature, ...]
+    asked: tuple[Term, ...] = ()
 
     @property
     def left(self) -> np.ndarray:
@@ -332,4 +336,4 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         usual = np.array([term.free[k].error for k in linear])
         after_all = (columns - nuisance @ (nuisance.T @ columns)) * usual if usual.all() else None
         signatures.append(Signature(rescaled(term, sizes, firsts), directions, surviving, gain, after_all))
-    return Bank(fit, r, nuisance, tuple(signatures))
+    return Bank(fit, r, nuisance, tuple(signatures), tuple(terms))

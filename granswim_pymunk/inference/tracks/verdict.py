@@ -14,7 +14,7 @@ from ...scene import Scene
 from ..candidates import joints_by_body, names_of, owners, weighed
 from ..criteria import current
 from ..data import Case
-from ..hypothesis import Term, clock, equation_with
+from ..hypothesis import Free, Term, clock, equation_with
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
@@ -22,6 +22,15 @@ from .fitted import Fit
 from .name import Trial
 
 Written = tuple[Any, Any, Any, str]  # value, low, high, unit
+
+
+def at_its_bound(number: Free, value: float) -> str:
+    """That an adjustable number would have gone on, so that what is named may do its part."""
+    unit = "" if number.unit in ("", "1") else f" {number.unit}"
+    return (
+        f"{number.name} ended at {value:.4g}{unit}, where it may not go on ({number.low:.4g} to {number.high:.4g}): "
+        "what is named may stand for the rest of it"
+    )
 
 
 def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
