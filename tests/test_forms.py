@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_comp
 from granswim_pymunk.inference.tracks.name import Trial, try_candidates
 from granswim_pymunk.inference.tracks.settle import known_together
 from granswim_pymunk.inference.tracks.signatures import held_at_bounds, make_bank
+from granswim_pymunk.inference.tracks.verdict import as_a_spring
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
@@ -217,3 +219,10 @@ def test_a_field_is_found_from_pieces_where_the_scene_without_it_is_lost():
     assert base.chi2 > 1e4 * base.count and trial.fit.chi2 < 1.5 * base.count
     a1 = trial.fit.values[[f.name.split(".")[-1] for f in trial.fit.hypothesis.free].index("a1")]
     assert a1 / trial.term.fixed["size"][0] == pytest.approx(-5.0, rel=0.1)
+    (note,) = as_a_spring(trial, trial.fit, [case])
+    stiffness = float(re.search(r"with (\S+) N/m", note)[1])
+    assert "nearly a spring to (" in note and stiffness == pytest.approx(5.0, rel=0.1)
+    # a push is no spring, nor is what drives a body away
+    for numbers in ({"a0": 0.3}, {"a1": 0.3}):
+        values = [numbers.get(f.name.split(".")[-1], 0.0) for f in trial.fit.hypothesis.free]
+        assert as_a_spring(trial, replace(trial.fit, values=np.array(values)), [case]) == []

@@ -404,6 +404,8 @@ class VerdictCriteria:
     alike : chi2, by which a law has to be ahead of a form without a name for nothing to be said of that form. Theory:
         where the form acts, d' from the law, the law is ahead by -d'^2 +- 2 d', and by as much as this once in twenty
         films at the most, whatever d' is: sf(1.645) = 0.05. The name is complete where the law is ahead at all
+    line : of the longest extent of places, below which they lie on a line;  field : of the variance of a field where it
+        was seen, that a spring may leave to be told as one. Choices
     instead : laws, the best in the training part, that are asked of held-out data where these turn down a special fault
         of the apparatus. Choice
     simpler : how improbable the gain of further numbers must be by chance before the richer law is named. Choice
@@ -429,6 +431,8 @@ class VerdictCriteria:
     usual: float = 3.0
     nearly: float = 0.7
     at_bound: float = 1e-3
+    line: float = 0.03
+    field: float = 0.05
     decides: float = 2.0
     settles: float = 4.0
     further: float = 1.1

@@ -71,6 +71,55 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     return notes
 
 
+def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
+    """That a smooth field is nearly a spring where one body was seen: F = -k (x - c), by least squares over its places.
+
+    No law with a name ties a body to a point, as a scene says where its springs are. Along a line, one component.
+    """
+    law = all_laws().get(trial.mechanism)
+    bodies = owners(trial.term) or tuple({b.id for c in cases for b in c.recording.scene.bodies if b.mobile})
+    if law is None or not has_role(law.name, "place") or len(bodies) != 1:
+        return []
+    numbers = dict(zip((f.name.split(".")[-1] for f in trial.term.free), fit.values[_rows(fit, trial)], strict=True))
+    given: dict[str, Any] = {a: 0.0 for p in law.parameters for a in p.arguments} | dict(trial.term.choices) | numbers
+    for p in law.parameters:
+        if p.name in trial.term.fixed:
+            values = np.atleast_1d(trial.term.fixed[p.name][0])
+            given |= dict(zip(p.arguments, map(float, values), strict=True))
+    places, forces = [], []
+    for case in cases:
+        scene, k = case.recording.scene, case.recording.ids.index(bodies[0])
+        seen = case.recording.on_rails().xy[case.training, k]
+        seen = seen[np.isfinite(seen).all(axis=1)]
+        mass = scene.body(bodies[0]).mass
+        places += list(seen)
+        forces += [law.function(**given, x=x, y=y, mass=mass) for x, y in seen]
+    told = current().verdict
+    where, force = np.array(places), np.array(forces)
+    middle = where.mean(axis=0)
+    _, spread, axes = np.linalg.svd(where - middle, full_matrices=False)
+    axes = axes[spread > told.line * spread[0]]  # along a line what acts across it was not seen
+    at, along = (where - middle) @ axes.T, force @ axes.T
+    # -k (x - c) = f - k x: one stiffness, a force at the middle for each component
+    n, d = at.shape
+    design = np.column_stack([-at.T.ravel(), np.kron(np.eye(d), np.ones((n, 1)))])
+    (stiffness, *at_middle), *_ = np.linalg.lstsq(design, along.T.ravel(), rcond=None)
+    left = along.T.ravel() - design @ [stiffness, *at_middle]
+    if stiffness <= 0 or left @ left > told.field * np.sum((along - along.mean(axis=0)) ** 2):
+        return []
+    x, y = middle + (np.array(at_middle) / stiffness) @ axes
+    return [
+        f"where {bodies[0]} was seen this field is nearly a spring to ({x:.3g}, {y:.3g}) m with {stiffness:.3g} N/m: "
+        "the scene may lack one"
+    ]
+
+
+def _rows(fit: Fit, trial: Trial) -> slice:
+    """Where the numbers of a trial's term lie among those of the fit."""
+    first = _offset(fit, trial)
+    return slice(first, first + len(trial.term.free))
+
+
 def _offset(fit: Fit, trial: Trial) -> int:
     """Where the numbers of a trial's term begin among those of the fit."""
     at = 0
