@@ -64,6 +64,13 @@ TEXTS = {
               scale=1e3, clock=(FRAME, ["0"] * len(T))) + "\nModel Outputs\n50\n", {}, 2),
     "qualisys": (
         mocap("NO_OF_FRAMES\t30", "FREQUENCY\t50", "MARKER_NAMES\tleft\tright", sign="\t", scale=1e3), {}, 2),
+    "qualisys_with_its_version": (
+        mocap("FILE_VERSION\t2.0.0", "NO_OF_FRAMES\t30", "NO_OF_CAMERAS\t2", "NO_OF_MARKERS\t2", "FREQUENCY\t50",
+              "DESCRIPTION\t--", "TIME_STAMP\t2025-11-17, 14:07:32.624\t313439.8", "DATA_INCLUDED\t3D",
+              "MARKER_NAMES\tcm 1\ted1", "TRAJECTORY_TYPES\tMixed\tMeasured", sign="\t", scale=1e3), {}, 2),
+    "qualisys_with_a_clock": (
+        mocap("NO_OF_FRAMES\t30", "FREQUENCY\t50", "MARKER_NAMES\tleft\tright", "Frame\tTime\tleft X\tleft Y\tleft Z",
+              sign="\t", scale=1e3, clock=(FRAME, T)), {}, 2),
     "logger_pro": (
         table("Latest: Time (s)\tLatest: X (m)\tLatest: Y (m)\tLatest: X Velocity (m/s)", T, *ALL[:, 0].T, T,
               sign="\t"), {}, 1),
@@ -106,6 +113,18 @@ def test_texts(name, tmp_path):
     assert len(r.ids) == bodies
     np.testing.assert_allclose(r.t, T, rtol=0, atol=1e-9)
     np.testing.assert_allclose(r.xy, ALL[:, :bodies], rtol=0, atol=1e-9)
+
+
+def test_markers_of_qualisys_that_are_not_seen(tmp_path):
+    head, rows = ["FILE_VERSION\t2.0.0", "NO_OF_FRAMES\t6", "FREQUENCY\t50", "MARKER_NAMES\ta\tb"], []
+    for k, seen in enumerate(("b", "ab", "", "a", "ab", "ab")):
+        cells = [f"{k + 1}\t{2 * k + 1}\t3" if name in seen else "\t\t" for name in "ab"]
+        rows.append("\t".join(cells).rstrip("\t") if k == 3 else "\t".join(cells))
+    (tmp_path / "a.tsv").write_text("\n".join(head + rows) + "\n")
+    (r,) = import_recording(tmp_path / "a.tsv", bodies=["*:5mm:10g"])
+    np.testing.assert_allclose(r.t, [0, 0.02, 0.06, 0.08, 0.1], atol=1e-12)  # of the third no row is left
+    x = 1e-3 * np.array([[np.nan, 1], [2, 2], [4, np.nan], [5, 5], [6, 6]])
+    np.testing.assert_allclose(r.xy[:, [r.ids.index(name) for name in "ab"], 0], x, atol=1e-12)
 
 
 def matlab(path, data):
@@ -200,6 +219,7 @@ REFUSED = {
     "damaged.mat": (lambda p: p.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(range(256)) * 4), "MATLAB file that can"),
     "page.xls": (lambda p: p.write_text("<html><table><tr><td>1</td></tr></table></html>"), "web page"),
     "other.xml": (lambda p: p.write_text('<?xml version="1.0"?><a/>'), "XML"),
+    "many.csv": (lambda p: p.write_text("\n".join([",".join("123456789" * 2)] * 9)), "10, 11, 12 ... .18 in all"),
     "runs.csv": (
         lambda p: p.write_text(table("Time (s) Run #1,X (m) Run #1,Time (s) Run #2,X (m) Run #2", *[T] * 4, sign=",")),
         "several runs.*--columns"),
