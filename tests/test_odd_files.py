@@ -242,6 +242,56 @@ def test_times_are_not_taken_for_frames(tmp_path):
         import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=50.0)
 
 
+def rounded_rows(folder, header):
+    """Rows of one body, 120 a second, whose stamps have three digits: from a second on some share a time."""
+    t = np.arange(180) / 120
+    x, y = 0.1 * np.sin(3 * t), 0.02 * np.cos(6 * t)
+    (folder / "rounded.csv").write_text(table(header, [f"{v:.2E}" for v in t], x, y, sign=","))
+    return folder / "rounded.csv", t, np.stack([x, y], axis=-1)
+
+
+@pytest.mark.parametrize("header", ["t,x,y", "t,x1,y1", "mass A\nt,x,y"])
+def test_stamps_that_are_rounded_are_named_and_can_be_passed_over(header, tmp_path):
+    source, t, xy = rounded_rows(tmp_path, header)
+    words = r"times are rounded: rows \d+ and \d+ are of one body.*--fps RATE \(about 120\)"
+    with pytest.raises(InputError, match=words):
+        import_recording(source, bodies=["*:5mm:10g"])
+    columns = {"t,x,y": "x=x,y=y", "t,x1,y1": "ball.x=x1,ball.y=y1"}.get(header)
+    said = {"bodies": ["*:5mm:10g"], "fps": 120.0, "columns": columns}
+    (done,) = import_all(source, tmp_path / "out", picture=False, **said)
+    np.testing.assert_allclose(done.recording.t, t, atol=1e-12)
+    np.testing.assert_allclose(done.recording.xy[:, 0], xy, atol=1e-12)
+    assert any("times in column t are not used" in note for note in done.notes)
+
+
+def test_bodies_that_are_not_told_apart_are_no_rounded_stamps(tmp_path):
+    """Nor where the second is seen for a part of the time only."""
+    other = ALL[:, 1].copy()
+    rows = [(t, *xy) for k, t in enumerate(T) for xy in (ALL[k, 0], other[k])[: 2 if 5 < k < 20 else 1]]
+    (tmp_path / "a.csv").write_text(table("t,x,y", *zip(*rows, strict=True), sign=","))
+    with pytest.raises(InputError, match=r"several rows at one time.*--columns body=NAME"):
+        import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"])
+
+
+def test_a_column_that_counts_frames_is_used_though_it_is_not_named(tmp_path):
+    kept = [k for k in range(len(T)) if k not in (4, 5)]
+    (tmp_path / "a.csv").write_text(table("t,x,y", [FRAME[k] for k in kept], *ALL[kept, 0].T, sign=","))
+    (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=50.0, columns="x=x,y=y")
+    np.testing.assert_allclose(r.t, T[kept], atol=1e-12)
+
+
+def test_masses_of_tracker_keep_their_order_with_a_frame_rate(tmp_path):
+    """The second is marked from the third frame on."""
+    lines = ["#multi:", "a,,b,,", "t,x,y,t,x,y"]
+    for k in range(12):
+        lines.append(f"{k / 120:.2E},{k},0,{(k + 2) / 120:.2E},{k + 2},1")
+    (tmp_path / "a.txt").write_text("\n".join(lines))
+    (r,) = import_recording(tmp_path / "a.txt", bodies=["*:5mm:10g"], fps=120.0)
+    np.testing.assert_allclose(r.t, np.arange(14) / 120, atol=1e-12)
+    np.testing.assert_allclose(r.xy[:, 0, 0], [*range(12), np.nan, np.nan])
+    np.testing.assert_allclose(r.xy[:, 1, 0], [np.nan, np.nan, *range(2, 14)])
+
+
 def test_numbers_that_may_be_twenty_or_twenty_thousand_are_asked_for(tmp_path):
     (tmp_path / "a.csv").write_text('t,x,y\n0,"20,000",1\n1,"21,000",1\n2,"22,000",1\n')
     with pytest.raises(InputError, match="--decimal"):

@@ -80,7 +80,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     units = parser.add_argument_group("units and axes of the file")
     units.add_argument("--unit", help="of positions: mm, '0.5 mm', 0.1mm/px, or metres per unit")
     units.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, min or seconds per unit (a time step)")
-    units.add_argument("--fps", type=float, metavar="HZ", help="frame rate [Hz]; the time column then counts frames")
+    units.add_argument(
+        "--fps", type=float, metavar="HZ",
+        help="frame rate [Hz]; the time column then counts frames; one of times is not used where --columns leaves it out",
+    )  # fmt: skip
     units.add_argument("--angle-unit", metavar="UNIT", help="rad, deg, rev or rad per unit")
     units.add_argument(
         "--flip-y", nargs="?", type=_flip, const=0.0, metavar="HEIGHT",
