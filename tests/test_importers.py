@@ -729,6 +729,23 @@ class TestScenes:
                 log, bodies=["cart:5cm:500g"], scene="cart", inputs=[given.format(log=log, folder=tmp_path)]
             )
 
+    def test_a_commanded_angle_is_given_as_a_place_and_its_rate(self, tmp_path):
+        t = np.arange(120) / 50
+        goal, angle = 0.5 * np.sin(3 * t), 0.5 * np.sin(3 * (t - 0.04))
+        rows = np.column_stack([t, goal, angle, np.gradient(goal, t)])
+        log = tmp_path / "servo.csv"
+        np.savetxt(log, rows, "%.8g", ",", header="t,goal,position,rate", comments="")
+        with pytest.raises(InputError, match=r"only the angle of arm is seen.*x=ANGLE --scene cart.*rate") as caught:
+            import_recording(log, bodies=["arm:1cm:1kg"], columns="t=t,angle=position", inputs=[f"arm={log}:goal"])
+        assert "\n" not in str(caught.value)
+        (r,) = import_recording(
+            log, bodies=["arm:1cm:1kg"], columns="t=t,x=position", inputs=[f"{log}:rate"], scene="cart"
+        )
+        assert [item.name for item in r.scene.laws] == ["rail", "drive"]
+        rate = np.interp(t, *r.scene.inputs["arm"])
+        way = np.append(0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)))
+        np.testing.assert_allclose(way, goal, atol=2e-3)
+
     def test_commands_of_arrays(self):
         t = np.arange(6) * 0.1
         told = np.array([0.0, 0.0, 0.2, 0.2, 0.2, 0.2])

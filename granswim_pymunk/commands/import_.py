@@ -82,7 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     units.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, min or seconds per unit (a time step)")
     units.add_argument(
         "--fps", type=float, metavar="HZ",
-        help="frame rate [Hz]; the time column then counts frames; one of times is not used where --columns leaves it out",
+        help="frame rate [Hz]; the time column then counts frames, or, where it holds times and --columns leaves it "
+        "out, is not used",
     )  # fmt: skip
     units.add_argument("--angle-unit", metavar="UNIT", help="rad, deg, rev or rad per unit")
     units.add_argument(

@@ -57,7 +57,8 @@ def build(found: Found, options: Options, source: Path) -> Built:
         raise InputError("is empty: no body is seen in any frame", file=source)
     data = _scene_data(found, options, source, length, notes, Tracks(t, body, x, y, angle))
     scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
-    scene = commanded(scene, options, list(dict.fromkeys(body)), notes)
+    placed = set(np.array(body)[np.isfinite(x) | np.isfinite(y)].tolist())
+    scene = commanded(scene, options, list(dict.fromkeys(body)), placed, notes)
     numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
     given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
     numbers |= {key: value for key, value in given.items() if value is not None}
