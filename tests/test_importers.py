@@ -5,6 +5,7 @@ import math
 import re
 import warnings
 from itertools import pairwise
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -618,6 +619,40 @@ class TestSaid:
         (done,) = import_all(tmp_path / "throw.csv", tmp_path / "out", bodies=["a:2cm:50g"], fps=rate, scene="drop")
         doubt = [w for w in done.look.warnings if "gravity" in w]
         assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    def bouncing(self, folder, restitution, wrong=0.0):
+        """A ball that drops from 1 m, 60 frames a second; a point of the tracker may be wrong."""
+        rng, t = np.random.default_rng(6), np.arange(60) / 60
+        hit = math.sqrt(2 / 9.81)
+        up = t - hit
+        y = np.where(up < 0, 1 - 4.905 * t**2, restitution * 9.81 * hit * up - 4.905 * up**2)
+        y += rng.normal(0, 5e-4, 60)
+        y[40] += wrong
+        x = 0.5 * t + rng.normal(0, 5e-4, 60)
+        rows = [f"{a},{b},{c}" for a, b, c in zip(t.tolist(), x.tolist(), y.tolist(), strict=True)]
+        (folder / "ball.csv").write_text("\n".join(["t,x,y", *rows]))
+        return folder / "ball.csv"
+
+    @pytest.mark.parametrize("restitution, wrong", [(0.8, 0.0), (-1.0, 0.0), (-1.0, 0.2)])
+    def test_a_bounce_where_the_scene_has_no_wall_is_told(self, tmp_path, restitution, wrong):
+        source = self.bouncing(tmp_path, restitution, wrong)
+        (done,) = import_all(source, tmp_path / "out", bodies=["ball:2cm:3g"], scene="drop", picture=False)
+        told = [w for w in done.look.warnings if "[[wall]]" in w]
+        if restitution < 0:  # it falls on
+            assert not told
+        else:
+            assert len(told) == 1 and "ball turns round within two frames at t = 0.4" in told[0]
+
+    def test_the_floor_of_the_page_on_importing_holds_a_ball(self, tmp_path):
+        page = (Path(__file__).parent.parent / "docs/import_tracks.md").read_text(encoding="utf-8")
+        (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+        (tmp_path / "floor.toml").write_text(text)
+        source = self.bouncing(tmp_path, 0.8)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["ball:2cm:3g"], scene=tmp_path / "floor.toml", picture=False
+        )
+        assert not [w for w in done.look.warnings if "[[wall]]" in w]
+        assert [wall.id for wall in read_recording(tmp_path / "out").scene.walls] == ["floor"]
 
     @pytest.mark.parametrize("length, said", [(0.5, ""), (1.0, "a point on a rod of 1 m")])
     def test_a_swing_of_another_period_than_its_rod_has_is_doubted(self, tmp_path, length, said):

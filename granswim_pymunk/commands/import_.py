@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--body", action="append", dest="bodies", metavar="ID:RADIUS:MASS[:ROLE]",
         help="a body, as bob:5mm:10g or in m and kg; * stands for all that are not named; once for each",
     )  # fmt: skip
-    scene.add_argument("--scene", metavar="NAME|TOML", help=f"{templates}; or a TOML with bodies, laws, gravity ...")
+    scene.add_argument(
+        "--scene", metavar="NAME|TOML", help=f"{templates}; or a TOML with bodies, laws, walls ([[wall]]) ..."
+    )
     scene.add_argument(
         "--law", action="append", dest="laws", metavar="LAW",
         help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",

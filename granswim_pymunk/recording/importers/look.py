@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..recording import Recording
-from .plausible import doubts
+from .plausible import bounced, doubts
 
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
@@ -109,7 +109,7 @@ def look(recording: Recording) -> Look:
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
     )  # fmt: skip
-    found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise)])
+    found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise), *bounced(recording)])
     return found
 
 
