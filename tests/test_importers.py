@@ -589,6 +589,25 @@ class TestSaid:
         assert any("5 mm across move at 240 m/s" in w and "--unit" in w for w in fast.look.warnings)
         assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
 
+    @pytest.mark.parametrize(
+        "uneven, said", [(0.0, "not seen in 3.3% of them (longest gap 0.03 s)"), (4e-3, "no gaps")]
+    )
+    def test_frames_without_a_row_are_a_gap_where_stamps_are_even(self, tmp_path, uneven, said):
+        t = np.arange(60) / 100
+        t = np.delete(t, [20, 21]) + uneven * np.random.default_rng(7).normal(size=58).round(2)
+        (tmp_path / "a.csv").write_text("t,x,y\n" + "\n".join(f"{a},{0.3 * a},0.0" for a in t.tolist()))
+        (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["a:1cm:10g"], picture=False)
+        assert any(said in line for line in done.lines()), done.lines()
+
+    def test_bodies_of_several_sizes_are_told_by_the_smallest_and_the_largest(self, tmp_path):
+        file, _, _ = wide_table(tmp_path)
+        (done,) = import_all(
+            tmp_path / file, tmp_path / "out", bodies=["1:12cm:0.6kg", "2:3.3cm:58g"], picture=False
+        )  # fmt: skip
+        assert any("sizes: 6.6 cm to 24 cm across" in line for line in done.lines())
+        (done,) = import_all(tmp_path / file, tmp_path / "alike", bodies=["*:5mm:10g"], picture=False)
+        assert any("sizes: 1 cm across" in line for line in done.lines())
+
     def test_gaps_jumps_and_noise_are_found(self, tmp_path):
         rng = np.random.default_rng(3)
         t = np.arange(400) / 100
