@@ -5,6 +5,7 @@ import math
 import re
 import warnings
 from itertools import pairwise
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -588,6 +589,25 @@ class TestSaid:
         assert any("5 mm across move at 240 m/s" in w and "--unit" in w for w in fast.look.warnings)
         assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
 
+    @pytest.mark.parametrize(
+        "uneven, said", [(0.0, "not seen in 3.3% of them (longest gap 0.03 s)"), (4e-3, "no gaps")]
+    )
+    def test_frames_without_a_row_are_a_gap_where_stamps_are_even(self, tmp_path, uneven, said):
+        t = np.arange(60) / 100
+        t = np.delete(t, [20, 21]) + uneven * np.random.default_rng(7).normal(size=58).round(2)
+        (tmp_path / "a.csv").write_text("t,x,y\n" + "\n".join(f"{a},{0.3 * a},0.0" for a in t.tolist()))
+        (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["a:1cm:10g"], picture=False)
+        assert any(said in line for line in done.lines()), done.lines()
+
+    def test_bodies_of_several_sizes_are_told_by_the_smallest_and_the_largest(self, tmp_path):
+        file, _, _ = wide_table(tmp_path)
+        (done,) = import_all(
+            tmp_path / file, tmp_path / "out", bodies=["1:12cm:0.6kg", "2:3.3cm:58g"], picture=False
+        )  # fmt: skip
+        assert any("sizes: 6.6 cm to 24 cm across" in line for line in done.lines())
+        (done,) = import_all(tmp_path / file, tmp_path / "alike", bodies=["*:5mm:10g"], picture=False)
+        assert any("sizes: 1 cm across" in line for line in done.lines())
+
     def test_gaps_jumps_and_noise_are_found(self, tmp_path):
         rng = np.random.default_rng(3)
         t = np.arange(400) / 100
@@ -618,6 +638,40 @@ class TestSaid:
         (done,) = import_all(tmp_path / "throw.csv", tmp_path / "out", bodies=["a:2cm:50g"], fps=rate, scene="drop")
         doubt = [w for w in done.look.warnings if "gravity" in w]
         assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    def bouncing(self, folder, restitution, wrong=0.0):
+        """A ball that drops from 1 m, 60 frames a second; a point of the tracker may be wrong."""
+        rng, t = np.random.default_rng(6), np.arange(60) / 60
+        hit = math.sqrt(2 / 9.81)
+        up = t - hit
+        y = np.where(up < 0, 1 - 4.905 * t**2, restitution * 9.81 * hit * up - 4.905 * up**2)
+        y += rng.normal(0, 5e-4, 60)
+        y[40] += wrong
+        x = 0.5 * t + rng.normal(0, 5e-4, 60)
+        rows = [f"{a},{b},{c}" for a, b, c in zip(t.tolist(), x.tolist(), y.tolist(), strict=True)]
+        (folder / "ball.csv").write_text("\n".join(["t,x,y", *rows]))
+        return folder / "ball.csv"
+
+    @pytest.mark.parametrize("restitution, wrong", [(0.8, 0.0), (-1.0, 0.0), (-1.0, 0.2)])
+    def test_a_bounce_where_the_scene_has_no_wall_is_told(self, tmp_path, restitution, wrong):
+        source = self.bouncing(tmp_path, restitution, wrong)
+        (done,) = import_all(source, tmp_path / "out", bodies=["ball:2cm:3g"], scene="drop", picture=False)
+        told = [w for w in done.look.warnings if "[[wall]]" in w]
+        if restitution < 0:  # it falls on
+            assert not told
+        else:
+            assert len(told) == 1 and "ball turns round within two frames at t = 0.4" in told[0]
+
+    def test_the_floor_of_the_page_on_importing_holds_a_ball(self, tmp_path):
+        page = (Path(__file__).parent.parent / "docs/import_tracks.md").read_text(encoding="utf-8")
+        (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+        (tmp_path / "floor.toml").write_text(text)
+        source = self.bouncing(tmp_path, 0.8)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["ball:2cm:3g"], scene=tmp_path / "floor.toml", picture=False
+        )
+        assert not [w for w in done.look.warnings if "[[wall]]" in w]
+        assert [wall.id for wall in read_recording(tmp_path / "out").scene.walls] == ["floor"]
 
     @pytest.mark.parametrize("length, said", [(0.5, ""), (1.0, "a point on a rod of 1 m")])
     def test_a_swing_of_another_period_than_its_rod_has_is_doubted(self, tmp_path, length, said):
@@ -728,6 +782,23 @@ class TestScenes:
             import_recording(
                 log, bodies=["cart:5cm:500g"], scene="cart", inputs=[given.format(log=log, folder=tmp_path)]
             )
+
+    def test_a_commanded_angle_is_given_as_a_place_and_its_rate(self, tmp_path):
+        t = np.arange(120) / 50
+        goal, angle = 0.5 * np.sin(3 * t), 0.5 * np.sin(3 * (t - 0.04))
+        rows = np.column_stack([t, goal, angle, np.gradient(goal, t)])
+        log = tmp_path / "servo.csv"
+        np.savetxt(log, rows, "%.8g", ",", header="t,goal,position,rate", comments="")
+        with pytest.raises(InputError, match=r"only the angle of arm is seen.*x=ANGLE --scene cart.*rate") as caught:
+            import_recording(log, bodies=["arm:1cm:1kg"], columns="t=t,angle=position", inputs=[f"arm={log}:goal"])
+        assert "\n" not in str(caught.value)
+        (r,) = import_recording(
+            log, bodies=["arm:1cm:1kg"], columns="t=t,x=position", inputs=[f"{log}:rate"], scene="cart"
+        )
+        assert [item.name for item in r.scene.laws] == ["rail", "drive"]
+        rate = np.interp(t, *r.scene.inputs["arm"])
+        way = np.append(0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)))
+        np.testing.assert_allclose(way, goal, atol=2e-3)
 
     def test_commands_of_arrays(self):
         t = np.arange(6) * 0.1

@@ -64,6 +64,13 @@ TEXTS = {
               scale=1e3, clock=(FRAME, ["0"] * len(T))) + "\nModel Outputs\n50\n", {}, 2),
     "qualisys": (
         mocap("NO_OF_FRAMES\t30", "FREQUENCY\t50", "MARKER_NAMES\tleft\tright", sign="\t", scale=1e3), {}, 2),
+    "qualisys_with_its_version": (
+        mocap("FILE_VERSION\t2.0.0", "NO_OF_FRAMES\t30", "NO_OF_CAMERAS\t2", "NO_OF_MARKERS\t2", "FREQUENCY\t50",
+              "DESCRIPTION\t--", "TIME_STAMP\t2025-11-17, 14:07:32.624\t313439.8", "DATA_INCLUDED\t3D",
+              "MARKER_NAMES\tcm 1\ted1", "TRAJECTORY_TYPES\tMixed\tMeasured", sign="\t", scale=1e3), {}, 2),
+    "qualisys_with_a_clock": (
+        mocap("NO_OF_FRAMES\t30", "FREQUENCY\t50", "MARKER_NAMES\tleft\tright", "Frame\tTime\tleft X\tleft Y\tleft Z",
+              sign="\t", scale=1e3, clock=(FRAME, T)), {}, 2),
     "logger_pro": (
         table("Latest: Time (s)\tLatest: X (m)\tLatest: Y (m)\tLatest: X Velocity (m/s)", T, *ALL[:, 0].T, T,
               sign="\t"), {}, 1),
@@ -106,6 +113,18 @@ def test_texts(name, tmp_path):
     assert len(r.ids) == bodies
     np.testing.assert_allclose(r.t, T, rtol=0, atol=1e-9)
     np.testing.assert_allclose(r.xy, ALL[:, :bodies], rtol=0, atol=1e-9)
+
+
+def test_markers_of_qualisys_that_are_not_seen(tmp_path):
+    head, rows = ["FILE_VERSION\t2.0.0", "NO_OF_FRAMES\t6", "FREQUENCY\t50", "MARKER_NAMES\ta\tb"], []
+    for k, seen in enumerate(("b", "ab", "", "a", "ab", "ab")):
+        cells = [f"{k + 1}\t{2 * k + 1}\t3" if name in seen else "\t\t" for name in "ab"]
+        rows.append("\t".join(cells).rstrip("\t") if k == 3 else "\t".join(cells))
+    (tmp_path / "a.tsv").write_text("\n".join(head + rows) + "\n")
+    (r,) = import_recording(tmp_path / "a.tsv", bodies=["*:5mm:10g"])
+    np.testing.assert_allclose(r.t, [0, 0.02, 0.06, 0.08, 0.1], atol=1e-12)  # of the third no row is left
+    x = 1e-3 * np.array([[np.nan, 1], [2, 2], [4, np.nan], [5, 5], [6, 6]])
+    np.testing.assert_allclose(r.xy[:, [r.ids.index(name) for name in "ab"], 0], x, atol=1e-12)
 
 
 def matlab(path, data):
@@ -200,6 +219,7 @@ REFUSED = {
     "damaged.mat": (lambda p: p.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(range(256)) * 4), "MATLAB file that can"),
     "page.xls": (lambda p: p.write_text("<html><table><tr><td>1</td></tr></table></html>"), "web page"),
     "other.xml": (lambda p: p.write_text('<?xml version="1.0"?><a/>'), "XML"),
+    "many.csv": (lambda p: p.write_text("\n".join([",".join("123456789" * 2)] * 9)), "10, 11, 12 ... .18 in all"),
     "runs.csv": (
         lambda p: p.write_text(table("Time (s) Run #1,X (m) Run #1,Time (s) Run #2,X (m) Run #2", *[T] * 4, sign=",")),
         "several runs.*--columns"),
@@ -220,6 +240,56 @@ def test_times_are_not_taken_for_frames(tmp_path):
     (tmp_path / "a.csv").write_text(table("t,x,y", T, T, T, sign=","))
     with pytest.raises(InputError, match=r"counts frames, but it holds 0.02"):
         import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=50.0)
+
+
+def rounded_rows(folder, header):
+    """Rows of one body, 120 a second, whose stamps have three digits: from a second on some share a time."""
+    t = np.arange(180) / 120
+    x, y = 0.1 * np.sin(3 * t), 0.02 * np.cos(6 * t)
+    (folder / "rounded.csv").write_text(table(header, [f"{v:.2E}" for v in t], x, y, sign=","))
+    return folder / "rounded.csv", t, np.stack([x, y], axis=-1)
+
+
+@pytest.mark.parametrize("header", ["t,x,y", "t,x1,y1", "mass A\nt,x,y"])
+def test_stamps_that_are_rounded_are_named_and_can_be_passed_over(header, tmp_path):
+    source, t, xy = rounded_rows(tmp_path, header)
+    words = r"times are rounded: rows \d+ and \d+ are of one body.*--fps RATE \(about 120\)"
+    with pytest.raises(InputError, match=words):
+        import_recording(source, bodies=["*:5mm:10g"])
+    columns = {"t,x,y": "x=x,y=y", "t,x1,y1": "ball.x=x1,ball.y=y1"}.get(header)
+    said = {"bodies": ["*:5mm:10g"], "fps": 120.0, "columns": columns}
+    (done,) = import_all(source, tmp_path / "out", picture=False, **said)
+    np.testing.assert_allclose(done.recording.t, t, atol=1e-12)
+    np.testing.assert_allclose(done.recording.xy[:, 0], xy, atol=1e-12)
+    assert any("times in column t are not used" in note for note in done.notes)
+
+
+def test_bodies_that_are_not_told_apart_are_no_rounded_stamps(tmp_path):
+    """Nor where the second is seen for a part of the time only."""
+    other = ALL[:, 1].copy()
+    rows = [(t, *xy) for k, t in enumerate(T) for xy in (ALL[k, 0], other[k])[: 2 if 5 < k < 20 else 1]]
+    (tmp_path / "a.csv").write_text(table("t,x,y", *zip(*rows, strict=True), sign=","))
+    with pytest.raises(InputError, match=r"several rows at one time.*--columns body=NAME"):
+        import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"])
+
+
+def test_a_column_that_counts_frames_is_used_though_it_is_not_named(tmp_path):
+    kept = [k for k in range(len(T)) if k not in (4, 5)]
+    (tmp_path / "a.csv").write_text(table("t,x,y", [FRAME[k] for k in kept], *ALL[kept, 0].T, sign=","))
+    (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=50.0, columns="x=x,y=y")
+    np.testing.assert_allclose(r.t, T[kept], atol=1e-12)
+
+
+def test_masses_of_tracker_keep_their_order_with_a_frame_rate(tmp_path):
+    """The second is marked from the third frame on."""
+    lines = ["#multi:", "a,,b,,", "t,x,y,t,x,y"]
+    for k in range(12):
+        lines.append(f"{k / 120:.2E},{k},0,{(k + 2) / 120:.2E},{k + 2},1")
+    (tmp_path / "a.txt").write_text("\n".join(lines))
+    (r,) = import_recording(tmp_path / "a.txt", bodies=["*:5mm:10g"], fps=120.0)
+    np.testing.assert_allclose(r.t, np.arange(14) / 120, atol=1e-12)
+    np.testing.assert_allclose(r.xy[:, 0, 0], [*range(12), np.nan, np.nan])
+    np.testing.assert_allclose(r.xy[:, 1, 0], [np.nan, np.nan, *range(2, 14)])
 
 
 def test_numbers_that_may_be_twenty_or_twenty_thousand_are_asked_for(tmp_path):

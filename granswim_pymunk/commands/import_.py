@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--body", action="append", dest="bodies", metavar="ID:RADIUS:MASS[:ROLE]",
         help="a body, as bob:5mm:10g or in m and kg; * stands for all that are not named; once for each",
     )  # fmt: skip
-    scene.add_argument("--scene", metavar="NAME|TOML", help=f"{templates}; or a TOML with bodies, laws, gravity ...")
+    scene.add_argument(
+        "--scene", metavar="NAME|TOML", help=f"{templates}; or a TOML with bodies, laws, walls ([[wall]]) ..."
+    )
     scene.add_argument(
         "--law", action="append", dest="laws", metavar="LAW",
         help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",
@@ -80,7 +82,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     units = parser.add_argument_group("units and axes of the file")
     units.add_argument("--unit", help="of positions: mm, '0.5 mm', 0.1mm/px, or metres per unit")
     units.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, min or seconds per unit (a time step)")
-    units.add_argument("--fps", type=float, metavar="HZ", help="frame rate [Hz]; the time column then counts frames")
+    units.add_argument(
+        "--fps", type=float, metavar="HZ",
+        help="frame rate [Hz]; the time column then counts frames, or, where it holds times and --columns leaves it "
+        "out, is not used",
+    )  # fmt: skip
     units.add_argument("--angle-unit", metavar="UNIT", help="rad, deg, rev or rad per unit")
     units.add_argument(
         "--flip-y", nargs="?", type=_flip, const=0.0, metavar="HEIGHT",

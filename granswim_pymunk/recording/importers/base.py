@@ -30,7 +30,7 @@ class Options:
     laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
     columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")
-    fps : frame rate [Hz]; the clock of the file then counts frames
+    fps : frame rate [Hz]; the clock of the file then counts frames, or is not used where ``columns`` leaves it out
     flip_y : y = height - y with a height in the file's unit, False: y points up already
     missing : texts or numbers that mean "not seen", besides nothing and NaN
     delimiter, decimal, skip_rows, encoding : of a text; left out, found by looking

@@ -16,6 +16,7 @@ from ..folder import RECORDING_KEYS
 from ..recording import Recording, rail_axes
 from .base import Found, Options
 from .commands import commanded
+from .stamps import look_rounded, rounded
 from .templates import TEMPLATES, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
 
@@ -56,7 +57,8 @@ def build(found: Found, options: Options, source: Path) -> Built:
         raise InputError("is empty: no body is seen in any frame", file=source)
     data = _scene_data(found, options, source, length, notes, Tracks(t, body, x, y, angle))
     scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
-    scene = commanded(scene, options, list(dict.fromkeys(body)), notes)
+    placed = set(np.array(body)[np.isfinite(x) | np.isfinite(y)].tolist())
+    scene = commanded(scene, options, list(dict.fromkeys(body)), placed, notes)
     numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
     given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
     numbers |= {key: value for key, value in given.items() if value is not None}
@@ -79,10 +81,12 @@ def _with_body(found: Found, options: Options, source: Path, notes: list[str]) -
     twice = np.flatnonzero(np.diff(np.sort(found.clock)) == 0)
     if len(twice):
         rows = np.flatnonzero(found.clock == np.sort(found.clock)[twice[0]])[:2]
-        which = "" if found.rows is None else f" (rows {found.rows[rows[0]]} and {found.rows[rows[1]]})"
+        which = "some rows" if found.rows is None else f"rows {found.rows[rows[0]]} and {found.rows[rows[1]]}"
+        if found.counts == "time" and look_rounded(found.clock, found.x, found.y, found.angle):
+            raise InputError(rounded(_times(found, options, source, []), which), file=source)
         raise InputError(
-            f"has several rows at one time{which}, and no column that tells bodies apart by its name: say which one "
-            "does (--columns body=NAME)",
+            f"has several rows at one time ({which}), and no column that tells bodies apart by its name: say which "
+            "one does (--columns body=NAME)",
             file=source,
         )
     if len(named) > 1:
@@ -317,6 +321,10 @@ def _assemble(
     twice = np.flatnonzero(np.diff(key[sorting]) == 0)
     if len(twice):
         first, second = (int(kept[sorting[twice[0] + n]]) for n in (0, 1))
+        own = kept[names[kept] == names[second]]
+        if look_rounded(t[own], x[own], y[own], None if angle is None else angle[own]):
+            which = "some rows" if rows is None else f"rows {rows[first]} and {rows[second]}"
+            raise InputError(rounded(t[own], which), file=source)
         other = "" if rows is None else f" (the other is row {rows[first]})"
         raise InputError(
             f"two rows for body {body[second]} at t = {t[second]:g} s{other}", file=source, where=where(second)

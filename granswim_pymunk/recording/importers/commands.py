@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,10 +44,12 @@ def driven_in(scene: Scene) -> list[str]:
     return [name for item in scene.laws_as("command") for name in item.bodies or ()]
 
 
-def commanded(scene: Scene, options: Options, bodies: Sequence[str], notes: list[str]) -> Scene:
+def commanded(
+    scene: Scene, options: Options, bodies: Sequence[str], placed: Collection[str], notes: list[str]
+) -> Scene:
     """The scene with the commands of ``options.inputs``, and what was taken for granted in ``notes``.
 
-    bodies : those that are seen. Raises InputError naming file, column or row
+    bodies : those that are seen;  placed : those whose place is seen. Raises InputError naming file, column or row
     """
     driven, series = driven_in(scene), dict[str, tuple[np.ndarray, np.ndarray]]()
     for text in options.inputs:
@@ -58,6 +60,13 @@ def commanded(scene: Scene, options: Options, bodies: Sequence[str], notes: list
     for name, (_, values) in series.items():
         if name not in bodies:
             raise InputError(f"{name!r} is no body that is seen; these are: {', '.join(bodies[:8])}", where="input")
+        if name not in placed:
+            raise InputError(
+                f"only the angle of {name} is seen, and commands are of a velocity along a line: give the angle as a "
+                "place, 1 rad as 1 m (--columns x=ANGLE --scene cart), and the rate of the commanded angle [rad/s] as "
+                "commands",
+                where="input",
+            )
         if options.hold is None and _is_held(values, None):
             notes.append(f"commands of {name} change at once and are held until the next row (--hold no: they do not)")
         if values[0]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -45,18 +45,34 @@ def clock(table: Table, found: Mapping[str, str], options: Options) -> tuple[np.
     times = table.times(column)
     frames = column == frame or is_clock(column) == "frame"
     values = table.numbers(column, required=True) if times is None else times
-    if options.fps is not None and not frames and (times is not None or (values % 1 != 0).any()):
+    if options.fps is not None and not frames and _holds_times(times, values):
         # a frame rate says that the column counts frames, whatever its name
         part = table.cells(column)[0 if times is not None else int(np.argmax(values % 1 != 0))]
         raise InputError(
             f"with --fps {column} counts frames, but it holds {part}: leave --fps out where it holds times "
-            "(--time-unit says their unit), or say which column counts (--columns t=NAME)",
+            "(--time-unit says their unit), say which column counts (--columns t=NAME), or name the columns of places "
+            "alone (--columns x=X,y=Y) where each row is the next frame",
             file=table.source,
         )
     if times is not None:
         return times, "time", "s"
     counts = "frame" if frames or options.fps is not None else "time"
     return values, counts, known(said_unit(table, column), TIMES)
+
+
+def _holds_times(times: np.ndarray | None, values: np.ndarray) -> bool:
+    """Whether a column, as clock times or as numbers, holds times: frames are whole numbers."""
+    return times is not None or bool((values % 1 != 0).any())
+
+
+def passed_over(table: Table, found: Mapping[str, str], options: Options, named: Iterable[str]) -> str:
+    """The column of times that is not to be used where a frame rate is given and columns are named, but no clock."""
+    column, named = found.get("t"), set(named)
+    if options.fps is None or column is None or not named or "t" in named or "frame" in found:
+        return ""
+    times = table.times(column)
+    values = table.numbers(column, required=True) if times is None else times
+    return column if _holds_times(times, values) else ""
 
 
 def recognise(source: Source) -> bool:
@@ -83,9 +99,18 @@ def _given(options: Options) -> dict[str, str]:
     return names
 
 
-def frames_by_row(body: Sequence[str] | None, size: int, notes: list[str]) -> np.ndarray:
-    """(size,) numbers of the frames of rows without a clock: how many of the same body stand before; a note says so."""
-    notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
+def frames_by_row(body: Sequence[str] | None, size: int, notes: list[str], passed: str = "") -> np.ndarray:
+    """(size,) numbers of the frames of rows without a clock: how many of the same body stand before; a note says so.
+
+    passed : the column of times that is there and is not used
+    """
+    if passed:
+        notes.append(
+            f"with the frame rate the times in column {passed} are not used: each row is taken for the next frame, as "
+            "if none were left out"
+        )
+    else:
+        notes.append("no column is a clock by its name: each row is taken for the next frame (--columns t=NAME)")
     before: dict[str, int] = {}
     numbers = []
     for name in body or [""] * size:
@@ -105,10 +130,11 @@ def read(source: Source, options: Options) -> Found:
     found = find_columns(table.header, given)
     body = table.texts(found["body"]) if "body" in found else None
     notes: list[str] = []
-    if "t" in found or "frame" in found or options.fps is None:
+    passed = passed_over(table, found, options, given)
+    if not passed and ("t" in found or "frame" in found or options.fps is None):
         t, counts, time = clock(table, found, options)
     else:
-        t, counts, time = frames_by_row(body, len(table), notes), "frame", None
+        t, counts, time = frames_by_row(body, len(table), notes, passed), "frame", None
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
     nothing = np.full(len(t), math.nan)

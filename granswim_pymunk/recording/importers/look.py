@@ -11,12 +11,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..recording import Recording
-from .plausible import doubts
+from .plausible import bounced, doubts
 
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
 FAST_RADII = 2e4  # radii a second; a golf ball that falls 30 m has 1e3, a swimmer's disk 1e2
 NARROW = 1e4  # times as long as wide, where a path cannot be drawn to scale
+LEFT_OUT = 1.5  # times the usual step of the stamps, from which a frame is left out for all bodies
+EVEN = 1.25  # times that step are three quarters of the steps at most, where stamps count frames at all
 FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 
 
@@ -24,7 +26,7 @@ FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 class Look:
     """Figures of a recording's tracks. Lengths in m, times in s; nan where they cannot be told.
 
-    gaps : share of the frames between first and last sight in which a body is not seen
+    gaps : share of the frames between first and last sight in which a body is not seen, those without a row as well
     jumps : steps that no motion of that kind makes;  noise : one standard deviation, off fast differences
     """
 
@@ -65,16 +67,16 @@ def look(recording: Recording) -> Look:
     """Look at the tracks as they will be diagnosed."""
     unwrapped = recording.unwrapped()
     t, xy = unwrapped.t, unwrapped.xy
-    seen = recording.seen
+    seen, counted = recording.seen, _counted(t)
     gaps, longest, possible = 0, 0.0, 0
     speeds, noises, turned = [], [], []
     jumps, jump_at = 0, ""
     for k, name in enumerate(recording.ids):
         frames = np.flatnonzero(seen[:, k])
-        possible += frames[-1] - frames[0] + 1
-        gaps += frames[-1] - frames[0] + 1 - len(frames)
-        if len(frames) > 1:
-            longest = max(longest, float(np.diff(t[frames])[np.diff(frames) > 1].max(initial=0.0)))
+        there = counted[frames[-1]] - counted[frames[0]] + 1
+        possible += there
+        gaps += there - len(frames)
+        longest = max(longest, float(np.diff(t[frames])[np.diff(counted[frames]) > 1].max(initial=0.0)))
         if recording.angle is not None:
             turned.append(noise_of(recording.angle[:, k]))
         at = np.flatnonzero(np.isfinite(xy[:, k, 0]))
@@ -109,8 +111,18 @@ def look(recording: Recording) -> Look:
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
     )  # fmt: skip
-    found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise)])
+    found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise), *bounced(recording)])
     return found
+
+
+def _counted(t: np.ndarray) -> np.ndarray:
+    """(T,) which frame of the film each is: where stamps are even but for some longer steps, these leave frames out."""
+    steps = np.diff(t)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if usual <= 0 or np.quantile(steps, 0.75) > EVEN * usual:
+        return np.arange(len(t))
+    passed = np.where(steps > LEFT_OUT * usual, np.round(steps / usual), 1.0)
+    return np.concatenate([[0.0], np.cumsum(passed)]).astype(int)
 
 
 def _nearest(recording: Recording) -> float:
@@ -177,7 +189,9 @@ def told(recording: Recording, found: Look) -> list[str]:
         lines.append(f"speeds: median {found.speed:.3g} m/s, largest {found.fastest:.3g} m/s")
         near = f", nearest centres {_length(found.nearest)}" if math.isfinite(found.nearest) else ""
         room = " x ".join(map(_length, found.extent))
-        lines.append(f"sizes: {_length(2 * found.radius)} across, in a field of {room}{near}")
+        radii = [recording.scene.bodies[row].radius for row in recording.track_rows]
+        across = dict.fromkeys(_length(2 * radius) for radius in (min(radii), max(radii)))
+        lines.append(f"sizes: {' to '.join(across)} across, in a field of {room}{near}")
     noise = [_length(found.noise)] if math.isfinite(found.noise) else []
     noise += [f"{found.angle_noise:.2g} rad"] if math.isfinite(found.angle_noise) else []
     if noise:

@@ -15,21 +15,28 @@ from .source import Source
 from .table import numeric, split
 from .units import LENGTHS
 
+KEYS_OF_QUALISYS = 40  # rows at the top among which its keys stand: a dozen, and events
+
 
 def recognise(source: Source) -> bool:
     first = source.start[0].strip() if source.start else ""
-    if first.startswith("Format Version,") or first.startswith("NO_OF_FRAMES"):
+    if first.startswith("Format Version,") or _is_qualisys(source):
         return True
     return first == "Trajectories" and any(line.startswith("Frame,Sub Frame") for line in source.start[:6])
 
 
 def read(source: Source, options: Options) -> Found:
     """Two of the three coordinates, x and y where ``columns`` does not say ``y=z``; a body for each marker."""
-    first = source.start[0]
-    rows = split(source.text or "", "\t" if first.startswith("NO_OF_FRAMES") else ",", source.path)
-    if first.startswith("NO_OF_FRAMES"):
-        return _qualisys(rows, source, options)
-    return _vicon(rows, source, options) if first.strip() == "Trajectories" else _optitrack(rows, source, options)
+    if _is_qualisys(source):
+        return _qualisys(split(source.text or "", "\t", source.path), source, options)
+    rows = split(source.text or "", ",", source.path)
+    vicon = source.start[0].strip() == "Trajectories"
+    return _vicon(rows, source, options) if vicon else _optitrack(rows, source, options)
+
+
+def _is_qualisys(source: Source) -> bool:
+    """Newer versions write FILE_VERSION above NO_OF_FRAMES."""
+    return any(line.startswith("NO_OF_FRAMES\t") for line in source.start[:KEYS_OF_QUALISYS])
 
 
 Rows = list[tuple[int, list[str]]]
@@ -109,21 +116,30 @@ def _vicon(rows: Rows, source: Source, options: Options) -> Found:
 
 
 def _qualisys(rows: Rows, source: Source, options: Options) -> Found:
-    """Track Manager: keys with a value each, MARKER_NAMES last, perhaps a header, then numbers in mm."""
-    keys = {row[0]: row[1:] for _, row in rows[:40] if row[0].isupper()}
+    """Track Manager: keys with a value each, MARKER_NAMES among them, perhaps a header, then numbers in mm.
+
+    A row may begin with its frame and time. Where it does not, the place of its line in the file is its frame: lines
+    in which no marker is seen are empty.
+    """
+    keys = {row[0]: row[1:] for _, row in rows[:KEYS_OF_QUALISYS] if row[0].isupper()}
     names = [name.strip() for name in keys.get("MARKER_NAMES", []) if name.strip()]
-    body = [(line, row) for line, row in rows if row and numeric(row[0])]
-    # with frame and time before the markers, or without
-    lead = next((n for n in (0, 1, 2) if body and len([c for c in body[0][1] if c != ""]) - n == 3 * len(names)), None)
-    if lead is None:
-        raise InputError(f"expected {3 * len(names)} coordinates in each row", file=source.path)
     rate = keys.get("FREQUENCY", [""])[0]
     if not numeric(rate) or not float(rate) > 0:
         raise InputError("says no FREQUENCY", file=source.path)
-    at = [lead + 3 * b for b in range(len(names))]
-    return _found(
-        _unlike(names), at, None if lead == 0 else 0, body, source, options, rate=float(rate), length="mm", zero=True
+    begin = next((k for k, (_, row) in enumerate(rows) if all(numeric(c) for c in row if c.strip())), len(rows))
+    body = rows[begin:]
+    # a marker that is not seen leaves its cells empty, the last one shortens the row
+    width = max((k + 1 for _, row in body for k, cell in enumerate(row) if cell.strip()), default=0)
+    lead = width - 3 * len(names)
+    if body and lead not in (0, 1, 2):
+        raise InputError(f"expected {3 * len(names)} coordinates in each row, got {width}", file=source.path)
+    at = [max(lead, 0) + 3 * b for b in range(len(names))]
+    found = _found(
+        _unlike(names), at, 0 if lead > 0 else None, body, source, options, rate=float(rate), length="mm", zero=True
     )
+    if lead == 0:
+        found.clock = np.repeat([float(line - body[0][0]) for line, _ in body], len(names))
+    return found
 
 
 def _unlike(names: list[str]) -> list[str]:

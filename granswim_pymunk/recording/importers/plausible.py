@@ -1,10 +1,14 @@
-"""Whether gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing."""
+"""Whether gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing.
+
+And whether a body that falls meets something that the scene has not.
+"""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import ellipk
 
 from ...joints import arm_of
@@ -13,6 +17,13 @@ from ..recording import Recording
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
 SWINGS_OFF = 1.5  # of the square of a period: the inertia of a rod about its end makes it 2/3
 SURE = 0.25  # of gravity, within which three standard errors of an acceleration lie
+STRETCH = 4  # frames before and after a bounce, of which a velocity is read off
+HIDDEN = 1  # frames between them, in which it touches
+SHARP = 4.0  # times what a stretch is off a fall the bounce changes the way of a frame; a wrong point makes 1.1
+REBOUND = 0.1  # of that change, by which a body moves towards what it meets, and away from it
+BEYOND = 1.5  # times what gravity changes in that time, and drag or a wrong frame rate with it
+UNUSUAL = 5.0  # times the change of most other stretches
+HELD = {"pin", "rail", "spring", "drive", "hinge", "rod"}  # laws that turn a body round themselves
 
 
 def doubts(recording: Recording, noise: float) -> list[str]:
@@ -32,6 +43,52 @@ def doubts(recording: Recording, noise: float) -> list[str]:
         elif free:
             said.append(_fall(recording, k, name, gravity, noise))
     return [s for s in said if s][:1]
+
+
+def bounced(recording: Recording) -> list[str]:
+    """A line where a single body falls and turns round between two frames, and the scene has nothing to be met."""
+    scene = recording.scene
+    alone = len(scene.bodies) == 1 and not scene.walls
+    if not alone or not any(scene.gravity) or HELD & {item.name for item in scene.laws}:
+        return []
+    seen = np.isfinite(recording.xy[:, 0]).all(axis=1)
+    t, xy = recording.t[seen], recording.xy[seen, 0]
+    at = _bounce(t, xy, np.array(scene.gravity))
+    if at is None:
+        return []
+    place = ", ".join(f"{v:.3g}" for v in xy[at])
+    return [
+        f"{recording.ids[0]} turns round within two frames at t = {t[at]:.4g} s, with its centre near ({place}) m, and "
+        "the scene has nothing there: a floor is a [[wall]] with from = [x, y] and to = [x, y], and a [[law]] "
+        "contact_elastic, in a TOML for --scene"
+    ]
+
+
+def _bounce(t: np.ndarray, xy: np.ndarray, gravity: np.ndarray) -> int | None:
+    """The frame of the strongest bounce, by velocities of the stretches before and after; None where there is none."""
+    apart = STRETCH + HIDDEN
+    if len(t) < 2 * apart:
+        return None
+    step = float(np.median(np.diff(t)))
+    times = sliding_window_view(t, STRETCH)
+    middle = times.mean(axis=1)
+    offset = times - middle[:, None]
+    # beside a free fall: there a body moves along a line until it meets something
+    lines = sliding_window_view(xy - 0.5 * np.square(t - t[0])[:, None] * gravity, STRETCH, axis=0)
+    lines = lines - lines.mean(axis=-1, keepdims=True)
+    slope = (lines * offset[:, None]).sum(axis=-1) / np.square(offset).sum(axis=-1)[:, None]
+    off = np.sqrt(np.square(lines - slope[..., None] * offset[:, None]).sum(axis=(1, 2)) / STRETCH)
+    velocity = slope + (middle - t[0])[:, None] * gravity
+    change = slope[apart:] - slope[:-apart]
+    size = np.hypot(*change.T)
+    along = change / np.maximum(size, np.finfo(float).tiny)[:, None]
+    towards, away = (velocity[:-apart] * along).sum(axis=1), (velocity[apart:] * along).sum(axis=1)
+    span = middle[apart:] - middle[:-apart]
+    turned = (towards < -REBOUND * size) & (away > REBOUND * size)
+    turned &= size * step > SHARP * np.maximum(np.median(off), np.maximum(off[:-apart], off[apart:]))
+    turned &= size > np.maximum(BEYOND * math.hypot(*gravity) * span, UNUSUAL * np.quantile(size, 0.25))
+    turned &= span < (apart + 0.5) * step  # no frame is lost in between
+    return int(np.argmax(np.where(turned, size, 0.0))) + STRETCH if turned.any() else None
 
 
 def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float) -> str:

@@ -17,6 +17,7 @@ from .base import Options, extra_needed
 from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows
 
 HEAD = 65536  # bytes that decide what a file is
+LISTED = 12  # columns of a table that a message names
 SIGNATURES = (
     (b"\x89PNG", "a PNG picture"), (b"\xff\xd8\xff", "a JPEG picture"), (b"GIF8", "a GIF"), (b"%PDF", "a PDF"),
     (b"II*\x00", "a TIFF picture"), (b"MM\x00*", "a TIFF picture"), (b"\x1aE\xdf\xa3", "a film (Matroska)"),
@@ -289,7 +290,8 @@ class Source:
         if self.encoding is None and self.table is None:
             return "is a binary file of an unknown kind"
         if self.table is not None:
-            listed = ", ".join(self.table.header[:12])
+            more = f" ... ({len(self.table.header)} in all)" if len(self.table.header) > LISTED else ""
+            listed = ", ".join(self.table.header[:LISTED]) + more
             bare = " (it has no header)" if self.table.bare else ""
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "

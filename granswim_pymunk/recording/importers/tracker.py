@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, single
+from .long import frames_by_row
 from .source import Source
 from .table import MISSING, find_decimal, find_delimiter, numeric, split
 
@@ -35,7 +36,10 @@ def recognise(source: Source) -> bool:
 
 
 def read(source: Source, options: Options) -> Found:
-    """t [s], x and y in the length of Tracker's calibration (m where nothing is said), y up."""
+    """t [s], x and y in the length of Tracker's calibration (m where nothing is said), y up.
+
+    Tracker's t is never a count of frames: with a frame rate each row of a mass is the next frame.
+    """
     text = "\n".join(_lines(source))
     lines = text.splitlines()
     head = next(k for k, line in enumerate(lines) if re.match(r"\s*t\b", line) and re.search(r"\bx\b", line))
@@ -57,6 +61,7 @@ def read(source: Source, options: Options) -> Found:
         return float(cell.replace(",", ".") if decimal == "," else cell)
 
     clock, body, x, y, at = [], [], [], [], []
+    notes: list[str] = []
     for line, row in rows:
         for name, group in zip(names, groups, strict=True):
             t = number(row, group["t"], line)
@@ -70,7 +75,18 @@ def read(source: Source, options: Options) -> Found:
     if not clock:
         raise InputError("is empty: it has no rows", file=source.path)
     xs, ys = single(np.array(x), np.array(y))
-    return Found(clock=np.array(clock), counts="time", body=body, x=xs, y=ys, time="s", rows=at)
+    times, counts = np.array(clock), "time"
+    if options.fps is not None:
+        begins = _begins(times, body, options.fps)
+        times, counts = frames_by_row(body, len(body), notes, "t"), "frame"
+        times += [begins[name] for name in body]
+    return Found(clock=times, counts=counts, body=body, x=xs, y=ys, time="s", rows=at, notes=notes)
+
+
+def _begins(times: np.ndarray, body: list[str], fps: float) -> dict[str, float]:
+    """The frame in which each mass is first seen, counted from the first of all."""
+    first = dict(zip(reversed(body), reversed(times.tolist()), strict=True))
+    return {name: float(round((t - times.min()) * fps)) for name, t in first.items()}
 
 
 def _groups(header: list[str]) -> list[dict[str, int]]:

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError
 from .base import Found, Importer, Options
 from .headings import is_clock, is_rate
-from .long import clock, frames_by_row, known, said_unit
+from .long import clock, frames_by_row, known, passed_over, said_unit
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, is_unit, split_unit
@@ -70,8 +70,9 @@ def read(source: Source, options: Options) -> Found:
         raise InputError("is not a table", file=source.path)
     clocks, places = find_places(table, options)
     notes: list[str] = []
-    if not clocks and options.fps is not None:
-        t, counts, unit = frames_by_row(None, len(table), notes), "frame", None
+    passed = passed_over(table, clocks, options, options.column_map())
+    if options.fps is not None and (passed or not clocks):
+        t, counts, unit = frames_by_row(None, len(table), notes, passed), "frame", None
     else:
         t, counts, unit = clock(table, clocks, options)
     if not places:

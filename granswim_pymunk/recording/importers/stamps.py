@@ -1,0 +1,36 @@
+"""Stamps that were rounded until rows of one body share a time, told from bodies that are not told apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+TOGETHER = 3  # rows of one body that rounding gives one time: more are other bodies, or an end of the clock
+NEARER = 2.0  # times as far apart as every other row are neighbouring rows where bodies take turns
+
+
+def look_rounded(t: np.ndarray, *seen: np.ndarray | None) -> bool:
+    """Whether rows, (k,) times and coordinates in the file's order, are of one body whose stamps were rounded.
+
+    Rows of one time are neighbours and few, and each row lies as near to the next one as to the one after that; where
+    bodies take turns, every other row is near.
+    """
+    times, counts = np.unique(t, return_counts=True)
+    shared = np.flatnonzero(np.diff(t) == 0)
+    neighbours = len(shared) == len(t) - len(times)
+    if not len(shared) or not neighbours or counts.max() > TOGETHER or (np.diff(t) < 0).any():
+        return False
+    shared = shared[shared + 2 < len(t)]
+    places = np.stack([c for c in seen if c is not None and np.isfinite(c).any()])
+    next_one = np.hypot.reduce(places[:, shared + 1] - places[:, shared])
+    after = np.hypot.reduce(places[:, shared + 2] - places[:, shared])
+    known = np.isfinite(next_one) & np.isfinite(after)
+    return bool(known.any()) and float(np.median(next_one[known])) <= NEARER * float(np.median(after[known]))
+
+
+def rounded(t: np.ndarray, rows: str) -> str:
+    """What is said of such rows. t : (k,) [s];  rows : which two share a time"""
+    about = f" (about {(len(t) - 1) / float(np.ptp(t)):.3g})" if np.ptp(t) > 0 else ""
+    return (
+        f"its times are rounded: {rows} are of one body and have one time. Say the frame rate, --fps RATE{about}, and "
+        "in a table name the columns of places alone (--columns x=X,y=Y): each row is then the next frame"
+    )
