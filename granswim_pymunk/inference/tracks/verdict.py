@@ -86,19 +86,17 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
         if p.name in trial.term.fixed:
             values = np.atleast_1d(trial.term.fixed[p.name][0])
             given |= dict(zip(p.arguments, map(float, values), strict=True))
-    places, forces = [], []
+    told, places, masses = current().verdict, list[np.ndarray](), list[float]()
     for case in cases:
-        scene, k = case.recording.scene, case.recording.ids.index(bodies[0])
-        seen = case.recording.on_rails().xy[case.training, k]
-        seen = seen[np.isfinite(seen).all(axis=1)]
-        mass = scene.body(bodies[0]).mass
-        places += list(seen)
-        forces += [law.function(**given, x=x, y=y, mass=mass) for x, y in seen]
-    told = current().verdict
-    where, force = np.array(places), np.array(forces)
+        seen = case.recording.on_rails().xy[case.training, case.recording.ids.index(bodies[0])]
+        places += list(seen[np.isfinite(seen).all(axis=1)])
+        masses += [case.recording.scene.body(bodies[0]).mass] * (len(places) - len(masses))
+    where = np.array(places)
     middle = where.mean(axis=0)
     _, spread, axes = np.linalg.svd(where - middle, full_matrices=False)
     axes = axes[spread > told.line * spread[0]]  # along a line what acts across it was not seen
+    where = middle + (where - middle) @ axes.T @ axes
+    force = np.array([law.function(**given, x=x, y=y, mass=m) for (x, y), m in zip(where, masses, strict=True)])
     at, along = (where - middle) @ axes.T, force @ axes.T
     # -k (x - c) = f - k x: one stiffness, a force at the middle for each component
     n, d = at.shape
