@@ -434,6 +434,12 @@ def test_turning_points_are_counted():
         (-0.224, -0.273, -0.175, "−0.224 kg/s", "−0.273 to −0.175"),
         (12034.0, 11500.0, 12500.0, "1.203 × 10^4 kg/s", "1.150 to 1.250 × 10^4"),
         (1.0, 1.0, 1.0, "1.00 kg/s", ""),
+        # nothing is rounded to none by a wide interval
+        (318.5, -199.4, 146235.7, "320 kg/s", "−200 to 1.5 × 10^5"),
+        (0.00314, -0.4, 0.91, "0.0031 kg/s", "−0.40 to 0.91"),
+        (0.52, 0.0043, 0.93, "0.52 kg/s", "0.0043 to 0.93"),
+        (0.07282, -0.01548, 0.15567, "0.073 kg/s", "−0.015 to 0.156"),
+        (0.5, 0.0, 1.2, "0.50 kg/s", "0.00 to 1.20"),
     ],
 )
 def test_interval_shows_the_digits_it_deserves(value, low, high, shown, between):
