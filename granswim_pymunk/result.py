@@ -225,6 +225,8 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     elif left:
         ratio, bodies = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES])
         much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
+        if ratio is not None and ratio < 1:
+            much = f"what is left is as small as the noise ({_times(ratio)} times), yet not all noise, most"
         lines.append(f"the best approximation so far: {much} on {bodies}; it looks like {left['looks_like']}")
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")

@@ -314,12 +314,34 @@ def test_page_shows_the_numbers(cases, written):
 
 def test_remainder_is_said_plainly():
     assert "nothing is left to explain" in remainder(1.1, 10.0, 1.0, "held-out", True)
+    assert "nothing is left" not in remainder(1.1, 10.0, 1.0, "held-out", False)
     assert "nothing more is claimed" in remainder(1.6, 10.0, 1.0, "held-out", True)
     # the same size, but what remains remembers
     text = remainder(1.6, 10.0, 1.0, "held-out", False)
     assert "98 %" in text and "the rest is not" in text
     assert "unexplained" in remainder(10.0, 9.0, 1.0, "held-out", False)
     assert "not known" in remainder(1.0, 9.0, None, "held-out", True)
+
+
+def test_what_is_left_is_told_as_the_verdict_has_it(cases):
+    """An error of the size of noise does not take back that more is left, nor does a verdict of noise hide it."""
+    d = cases["missing_physics"]
+    floor = d.verdict["fit"]["heldout"]["noise_floor"]
+
+    def saying(held: float, complete: bool, **left: Any) -> str:
+        fit = {**d.verdict["fit"], "heldout": {**d.verdict["fit"]["heldout"], "revised": held * floor}}
+        usual = {"rms": 7e-3, "bodies": ["a"], "when": {"t": None}, "looks_like": "a push", "alike": []}
+        verdict = {**d.verdict, "fit": fit, "complete": complete, "remains": {**usual, **left} if left else None}
+        return told(replace(d, verdict=verdict, right_law=None))
+
+    text = saying(1.27, False, times_floor=10.3)
+    assert "More than noise, 7.00\u00a0mm rms on such data, 10 times the floor" in text
+    assert "nothing is left" not in text and "1.3 times what noise alone would leave" in text
+    assert "No larger than noise on the whole, yet not all of it noise" in saying(4.0, False, times_floor=0.94)
+    assert "nothing is left to explain" in saying(1.1, True)
+    alike = saying(1.1, False, times_floor=0.9, alike=[["flexible_edge", "ambient_flow", False]])
+    assert "No more than noise; but" in alike and "nothing is left to explain" in alike
+    assert "No more than noise of the data that it was learnt from." in saying(4.0, True)
 
 
 def test_summary_admits_what_held_out_data_say_against_it(cases):
