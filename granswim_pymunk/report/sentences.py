@@ -250,9 +250,10 @@ def remainder(
 ) -> str:
     """What is left, held against the noise floor, said plainly (HTML).
 
-    ``quiet``: the verdict calls what remains noise, which a mean square near the floor does not tell. A held-out error starts from a fitted state, so that
-    in a single recording it may well be twice its mean. ``right_law``: least and most that is left of simulated
-    recordings in which nothing else is wrong, when the numbers are found from frames as noisy as these.
+    ``quiet``: the verdict calls what remains noise, which a mean square near the floor does not tell. A held-out
+    error starts from a fitted state, so that in a single recording it may well be twice its mean. ``right_law``:
+    least and most that is left of simulated recordings in which nothing else is wrong, when the numbers are found
+    from frames as noisy as these.
     """
     if not floor:
         return "How large the noise alone would be is not known."
