@@ -23,6 +23,7 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.result import empty_verdict
 from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.held_out import Errors
 from granswim_pymunk.inference.tracks.verdict import Told
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
@@ -32,7 +33,7 @@ from granswim_pymunk.report.glossary import linked
 from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.sentences import answers, headline, remainder
 from granswim_pymunk.report.style import prefixed
-from granswim_pymunk.report.track_drawing import turns_of
+from granswim_pymunk.report.track_drawing import broken, turns_of
 from granswim_pymunk.report.track_forms import _forces
 from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
@@ -428,6 +429,73 @@ def test_folder_that_cannot_be_written_is_one_clear_line(cases, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(InputError, match="cannot be written"):
         write_report(cases["no_mismatch"], tmp_path / "file")
+
+
+def run_on(gap: int = 0) -> SimpleNamespace:
+    """Two balls in flight, one of them out of sight in the held-out part, where its run begins nowhere and goes far.
+
+    gap : frames at the begin of the held-out part that are not scored
+    """
+    t = np.arange(60) * 0.02
+    balls = (Body("a", "free", 0.1, 0.6, True), Body("b", "free", 0.03, 0.06, True))
+    xy = np.stack([np.stack([1 + 2 * t, 2 + 2 * t - 2 * t**2], 1), np.stack([4 - 2 * t, 3 - t**2], 1)], 1)
+    whole = prepare(Recording("one", Scene(balls), t, ("a", "b"), xy), held_out=False, split=True)
+    values = whole.values.copy()
+    values[np.ix_(whole.scored, [c.body == "b" for c in whole.channels])] = np.nan
+    lost = whole.scored & (np.cumsum(whole.scored) <= gap)
+    case = replace(whole, values=values, scored=whole.scored & ~lost)
+    told = np.where(np.isfinite(values), whole.values + 0.01, -50.0)
+    told[~case.scored] = np.nan
+    fit = SimpleNamespace(
+        innovations={"one": np.where(whole.training[:, None], 0.0, np.nan) * values},
+        hypothesis=SimpleNamespace(terms=[]),
+    )
+    held = {"naive": Errors(0.1, {}, predicted={"one": told})}
+    return SimpleNamespace(cases=[case], naive=fit, recalibrated=fit, revised=fit, found=[], held=held)
+
+
+def test_a_body_is_drawn_where_it_was_seen_and_the_picture_is_that_of_the_tracks():
+    found = run_on()
+    (axis,) = draw.overlay(found).axes
+    values = found.cases[0].values
+    low, high = np.nanmin(values), np.nanmax(values)
+    drawn = np.concatenate([line.get_xydata() for line in axis.lines])
+    assert np.nanmin(drawn) > low - 0.1 and np.nanmax(drawn) < high + 0.1
+    assert axis.get_ylim()[0] > -2 and axis.get_xlim()[1] < 8
+    # the other one, which is seen to the end, is predicted to the end
+    (first,) = [k for k, c in enumerate(found.cases[0].channels) if (c.body, c.kind) == ("a", "x")]
+    assert np.nanmin(np.abs(drawn[:, 0] - values[-1, first] - 0.01)) < 1e-9
+    # a run that leaves the picture leaves its frame alone
+    found.held["naive"].predicted["one"][found.cases[0].scored] += 40.0
+    (axis,) = draw.overlay(found).axes
+    assert axis.get_xlim()[1] < 8
+
+
+@pytest.mark.parametrize("figure", ["overlay", "errors_over_time"])
+def test_lines_are_broken_where_frames_are_not_scored(figure):
+    found = run_on(gap=6)
+    (axis,) = getattr(draw, figure)(found).axes
+    naive = [line.get_xydata() for line in axis.lines if line.get_linestyle() == "--" and len(line.get_xydata()) > 5]
+    assert naive and any(np.isnan(xy).any() for xy in naive)
+    whole = [line.get_xydata() for line in getattr(draw, figure)(run_on()).axes[0].lines]
+    assert not any(np.isnan(xy).any() for xy in whole)
+
+
+def test_a_line_goes_on_over_a_frame_that_is_left_out_and_not_over_several():
+    t, y, seen = np.arange(9.0), np.arange(9.0), np.ones(9, dtype=bool)
+
+    def lines(*gone: int, unseen: bool = False, t: np.ndarray = t) -> int:
+        values, there = y.copy(), seen.copy()
+        values[list(gone)] = np.nan
+        there[list(gone)] = not unseen
+        return 1 + int(np.isnan(broken(t, there, t, values)[1]).sum())
+
+    assert lines() == lines(4) == lines(2, 6) == 1 and lines(4, 5) == 2
+    # where nobody looked it goes on for a while
+    assert lines(4, 5, unseen=True) == 1 and lines(2, 3, 4, 5, unseen=True) == 2
+    assert lines(1, 3, 5, 7, unseen=True) == 1
+    assert lines(t=t + 20.0 * (t > 4)) == 2
+    assert len(broken(t, seen, t, np.full(9, np.nan))[0]) == 0
 
 
 def test_null_marks_the_case_where_it_lies():
