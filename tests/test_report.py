@@ -454,9 +454,12 @@ def run_on(gap: int = 0) -> SimpleNamespace:
     return SimpleNamespace(cases=[case], naive=fit, recalibrated=fit, revised=fit, found=[], held=held)
 
 
-def test_a_body_is_drawn_where_it_was_seen_and_the_picture_is_that_of_the_tracks():
+def test_a_body_is_drawn_where_it_was_seen_and_the_picture_is_that_of_the_tracks(caplog):
     found = run_on()
-    (axis,) = draw.overlay(found).axes
+    figure = draw.overlay(found)
+    figure.canvas.draw()
+    (axis,) = figure.axes
+    assert not caplog.records
     values = found.cases[0].values
     low, high = np.nanmin(values), np.nanmax(values)
     drawn = np.concatenate([line.get_xydata() for line in axis.lines])
@@ -467,8 +470,9 @@ def test_a_body_is_drawn_where_it_was_seen_and_the_picture_is_that_of_the_tracks
     assert np.nanmin(np.abs(drawn[:, 0] - values[-1, first] - 0.01)) < 1e-9
     # a run that leaves the picture leaves its frame alone
     found.held["naive"].predicted["one"][found.cases[0].scored] += 40.0
-    (axis,) = draw.overlay(found).axes
-    assert axis.get_xlim()[1] < 8
+    figure = draw.overlay(found)
+    figure.canvas.draw()
+    assert figure.axes[0].get_xlim()[1] < 8
 
 
 @pytest.mark.parametrize("figure", ["overlay", "errors_over_time"])

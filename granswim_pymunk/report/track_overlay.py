@@ -42,7 +42,7 @@ from .track_drawing import (
     turns_of,
 )
 
-MARGIN = 0.1  # of the larger side, around the measured tracks
+MARGIN = 0.15  # of the larger side, around the measured tracks
 
 
 @styled
@@ -245,8 +245,9 @@ def _frame_tracks(axis: Axes, case: Case, columns: Mapping[str, Sequence[int]], 
             high = np.maximum(high, places.max(axis=0) + radius)
     if np.isfinite(low).all():
         room = MARGIN * float((high - low).max())
-        axis.set_xlim((low[0] - room) * factor, (high[0] + room) * factor)
-        axis.set_ylim((low[1] - room) * factor, (high[1] + room) * factor)
+        # not fixed: one side grows to the shape of the panel
+        axis.set_xlim((low[0] - room) * factor, (high[0] + room) * factor, auto=True)
+        axis.set_ylim((low[1] - room) * factor, (high[1] + room) * factor, auto=True)
 
 
 @styled
