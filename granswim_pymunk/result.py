@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
-from .inference.mechanisms import forms_in_words
+from .inference.mechanisms import NONE_DIFFERS, forms_in_words, nameless, none_differs, parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .inference.result import Diagnosis
 
 MOST_BODIES = 8  # named one by one
+MOST_NUMBERS = 6  # told one by one in a line
 MORE = 1.5  # noise floors from which a held-out error is said to be more than noise
 CENTRAL_95 = 1.959964  # standard errors to each side of a value that hold 95 % of a normal distribution
 SPOKEN = {
@@ -225,12 +226,67 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     elif left:
         ratio, bodies = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES])
         much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
+        if ratio is not None and ratio < 1:
+            much = f"what is left is as small as the noise ({_times(ratio)} times), yet not all noise, most"
         lines.append(f"the best approximation so far: {much} on {bodies}; it looks like {left['looks_like']}")
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")
     if verdict.get("heldout"):
         lines.append(f"held-out data: {verdict['heldout']}{_left_there(verdict['fit']['heldout'])}")
     return lines
+
+
+def law_line(entry: Mapping[str, Any]) -> str:
+    """The expression of a law with its numbers; those of a form without a name with their intervals."""
+    if not nameless(entry["name"]) or not entry["expression"]:
+        return str(entry["expression"])
+    # behind the equation stand the numbers, which are given anew
+    equation, *more = entry["expression"].split("; ")
+    told = []
+    for name, p in entry["parameters"].items():
+        unit = p.get("unit") or ""
+        for part, value, low, high in parts_of(name, p):
+            if isinstance(value, str | bool):
+                told.append(f"{part} = {value}")
+            else:
+                told.append(f"{part} = {in_digits(value, low, high)}{'' if unit in ('', '1') else f' {unit}'}")
+    said = [equation, *(text for text in more if " = " not in text)]
+    said += [shortly(told)] if told else []
+    return "; ".join(said + ([NONE_DIFFERS] if none_differs(entry["parameters"]) else []))
+
+
+def adjusted(verdict: Mapping[str, Any], believed: Mapping[str, Sequence[float]]) -> str:
+    """The adjustables as they were fitted, and what was believed of them (value, low, high); empty without any."""
+    told = []
+    for name, p in (verdict.get("recalibrated") or {}).items():
+        before = f", believed {believed[name][0]:.4g}" if name in believed else ""
+        told += [f"{part} = {in_digits(*numbers)}{before}" for part, *numbers in parts_of(name, p)]
+    return f"adjusted: {shortly(told, '; ')}" if told else ""
+
+
+def shortly(told: Sequence[str], between: str = ", ") -> str:
+    """The first of them, and how many there are more."""
+    more = len(told) - MOST_NUMBERS
+    return between.join(told[:MOST_NUMBERS]) + (f"{between.rstrip()} and {more} more" if more > 0 else "")
+
+
+def in_digits(value: float, low: float | None, high: float | None) -> str:
+    """ "0.873 (0.830 to 0.916)": as many digits as the interval allows, and at least two of each number."""
+    if low is None and high is None:
+        return f"{value:.4g}"
+    if low is None or high is None:
+        return f"{value:.3g} ({f'below {high:.3g}' if low is None else f'above {low:.3g}'})"
+    last = math.floor(math.log10((high - low) / 2)) - 1 if high > low else 0  # power of ten of the last digit told
+
+    def shown(x: float) -> str:
+        if x == 0:
+            return "0"
+        first = math.floor(math.log10(abs(x)))
+        digits = min(max(first - last + 1, 2), 6)
+        decimals = digits - 1 - first
+        return f"{round(x, decimals):.{max(decimals, 0)}f}" if -4 <= first < 5 else f"{x:.{digits - 1}e}"
+
+    return f"{shown(value)} ({shown(low)} to {shown(high)})"
 
 
 def _left_there(errors: Mapping[str, float | None]) -> str:
@@ -262,7 +318,10 @@ def _on(names: Sequence[str]) -> str:
 def _law_lines(entry: Mapping[str, Any]) -> list[str]:
     said = f": {entry['expression']}" if entry["expression"] else ""
     head = f"{entry['name']}{_on(entry['bodies'])}{said}"
-    return [head, *(f"    {line}" for line in _parameter_lines(entry["parameters"]))]
+    lines = _parameter_lines(entry["parameters"])
+    if nameless(entry["name"]) and none_differs(entry["parameters"]):
+        lines.append(NONE_DIFFERS)
+    return [head, *(f"    {line}" for line in lines)]
 
 
 def _parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -271,16 +330,14 @@ def _parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     lines = []
     for name, p in parameters.items():
         unit = p.get("unit") or ""
-        value, low, high = p["value"], p.get("low"), p.get("high")
-        if not isinstance(value, list):
-            lines.append(f"{name + ':':<{width}} {_with_error(value, low, high, unit)}")
+        if not isinstance(p["value"], list):
+            lines.append(f"{name + ':':<{width}} {_with_error(p['value'], p.get('low'), p.get('high'), unit)}")
             continue
-        ends = [end if isinstance(end, list) else [None] * len(value) for end in (low, high)]
-        for k, (part, a, b) in enumerate(zip(value, *ends, strict=True)):
-            told = _with_error(part, a, b, unit)
-            if a is None and b is None:  # a component that these data do not show
+        for part, value, low, high in parts_of(name, p):
+            told = _with_error(value, low, high, unit)
+            if low is None and high is None:  # a component that these data do not show
                 told = told.replace("(chosen)", "(no interval)")
-            lines.append(f"{f'{name}[{k}]:':<{width}} {told}")
+            lines.append(f"{part + ':':<{width}} {told}")
     return lines
 
 

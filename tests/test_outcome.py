@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
 from granswim_pymunk.inference.entry import grouped, kind_of
@@ -24,10 +25,10 @@ from granswim_pymunk.inference.result import (
 from granswim_pymunk.inference.together import combined, diagnose_together, weighed_together
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.report import write_diagnosis
-from granswim_pymunk.report.page import PICTURES, SECTIONS, _module, pictures
+from granswim_pymunk.report.page import PICTURES, SECTIONS, _module, page, pictures
 from granswim_pymunk.report.sentences import answers, headline
 from granswim_pymunk.report.style import Drawing
-from granswim_pymunk.result import Result
+from granswim_pymunk.result import Result, adjusted, in_digits, law_line
 from granswim_pymunk.scene import Bed, Body, Scene, read_scene, swimmer, use
 
 
@@ -90,6 +91,49 @@ def test_a_result_is_frozen_and_its_numbers_are_plain(found):
     }  # fmt: skip
     text = headline(replace(found, verdict=verdict))
     assert text == "Nothing is missing from the scene; bending.stiffness needs another value."
+
+
+def test_adjustables_are_printed_with_the_digits_of_their_intervals(found, monkeypatch, capsys, tmp_path):
+    e = {"value": 0.8732021915007299, "low": 0.8630069, "high": 0.883335}
+    verdict = {"recalibrated": {"contact_elastic.restitution": e}}
+    line = "adjusted: contact_elastic.restitution = 0.873 (0.863 to 0.883), believed 0.9"
+    believed = {"contact_elastic.restitution": (0.9, 0.3, 1.0)}
+    assert adjusted(verdict, believed) == line and adjusted({"recalibrated": {}}, {}) == ""
+    many = adjusted({"recalibrated": {f"pin[{k}].length": e for k in range(8)}}, {})
+    assert many.count(" = ") == 6 and many.endswith("; and 2 more")
+    assert in_digits(318.5, -199.4, 146235.7) == "320 (-200 to 1.46e+05)"
+    assert in_digits(12.0, 10.0, 14.0) == "12.0 (10.0 to 14.0)" and in_digits(0.0, -0.1, 0.2) == "0 (-0.10 to 0.20)"
+    assert in_digits(0.3, 0.1, None) == "0.3 (above 0.1)" and in_digits(1.0, 1.0, 1.0) == "1.0 (1.0 to 1.0)"
+    fit = {**found.verdict["fit"], "unit": "m rms"}
+    told = replace(found, verdict={**found.verdict, **verdict, "fit": fit}, believed=believed)
+    monkeypatch.setattr("granswim_pymunk.inference.entry.diagnose", lambda *_, **__: told)
+    assert main(["diagnose", "one", "--out", str(tmp_path), "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["diagnose", "one", "--out", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("  contact_friction") and lines[2] == f"  {line}"
+
+
+def test_a_form_without_a_name_is_printed_with_its_intervals(found):
+    parameters = {
+        "c0": (0.0728, -0.0155, 0.1557, "kg/s"), "c1": (0.4, -0.1, 0.9, "kg/s"), "top": (0.74, None, None, "m/s"),
+    }  # fmt: skip
+    expression = "F_i = -c(|v_i|) v_i, c piecewise linear; c0 = 0.0728 kg/s, c1 = 0.4 kg/s, top = 0.74 m/s"
+    entry = mechanism_entry("unknown", expression, ["a"], parameters, 0.9, None)
+    assert law_line(entry) == (
+        "F_i = -c(|v_i|) v_i, c piecewise linear; c0 = 0.073 (-0.015 to 0.156) kg/s, c1 = 0.40 (-0.10 to 0.90) kg/s, "
+        "top = 0.74 m/s; none of these numbers differs from zero by itself"
+    )
+    verdict = {**found.verdict, "mechanisms": [entry], "fit": {**found.verdict["fit"], "unit": "m rms"}}
+    assert "none of these numbers differs" in Result(verdict).summary()
+    more = mechanism_entry("unknown", expression, ["a"], {**parameters, "c2": (1.0, 0.9, 1.1, "kg/s")}, 0.9, None)
+    assert "none of" not in law_line(more) and "c2 = 1.00 (0.90 to 1.10) kg/s" in law_line(more)
+    idle = {**entry, "parameters": {**entry["parameters"], "c3": entry["parameters"]["c1"]}}
+    for form, told in ((idle, "4 numbers fitted; none of these numbers differs"), (more, "4 numbers fitted</p>")):
+        assert told in page(replace(found, verdict={**found.verdict, "mechanisms": [form]}), {})
+    # a law with a name is printed as it stands
+    named = found.verdict["mechanisms"][0]
+    assert law_line(named) == named["expression"]
 
 
 def test_words_and_figures_read_the_criteria_of_their_result(found, monkeypatch):

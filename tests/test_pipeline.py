@@ -201,6 +201,18 @@ def test_the_steps_come_in_their_order_and_what_is_found_is_written():
     assert verdict["recalibrated"] == {"k": {"value": 1.0, "low": 0.5, "high": None}}
 
 
+def test_several_laws_that_are_not_named_are_told_as_several():
+    laws = Claim((DRAG, SCALE, DRAG), "")
+    assert laws.label == "linear_drag p=0, camera and linear_drag p=0"
+    notes: list[str] = []
+    for named in (share(0.3), share(0.8, low=-0.1)):
+        judge(laws, Weighed(named, (form(0.2),)), REAL, PLAIN, notes)
+    assert notes == [
+        f"{laws.label} are not named: together they explain 30 % of the mismatch",
+        f"{laws.label} are not named: on some parts of the data they predict no better than the scene without them",
+    ]
+
+
 def test_held_out_data_withdraw_a_name_and_never_make_one():
     found = diagnose_by(Toy(outcome="fails")).verdict
     check_verdict(found)

@@ -13,7 +13,7 @@ import pytest
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, using
 from granswim_pymunk.inference.data import prepare_all
-from granswim_pymunk.inference.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms
+from granswim_pymunk.inference.hypothesis import Failed, Hypothesis, Predictor, adjustable_terms, left_out
 from granswim_pymunk.inference.start import describe_starts, first_numbers
 from granswim_pymunk.inference.tracks import diagnose_tracks, fit
 from granswim_pymunk.inference.tracks.fit import Fitter, promised, side_by_side
@@ -99,6 +99,13 @@ def test_a_body_that_escapes_is_a_run_that_failed():
     with pytest.raises(Failed, match="within 1e\\+09 m"):
         predictor(Hypothesis(), case, [], starts, numbers * 1e200, t[0], t)
     assert len(predictor.failures) == 1
+    # and is told as what it was
+    assert left_out(predictor.failures) == "1 trial scene was left out of the search, as bodies flew off there"
+    said = left_out([*predictor.failures * 3, "swing: no step is small enough"])
+    assert said == (
+        "3 trial scenes were left out of the search, as bodies flew off there; 1 more, as it could not be followed "
+        "to the end: swing: no step is small enough"
+    )
 
 
 def test_no_run_is_made_twice():

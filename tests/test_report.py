@@ -23,6 +23,7 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.result import empty_verdict
 from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.held_out import Errors
 from granswim_pymunk.inference.tracks.verdict import Told
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.report import figures as draw
@@ -32,7 +33,7 @@ from granswim_pymunk.report.glossary import linked
 from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.sentences import answers, headline, remainder
 from granswim_pymunk.report.style import prefixed
-from granswim_pymunk.report.track_drawing import turns_of
+from granswim_pymunk.report.track_drawing import broken, turns_of
 from granswim_pymunk.report.track_forms import _forces
 from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
@@ -314,12 +315,34 @@ def test_page_shows_the_numbers(cases, written):
 
 def test_remainder_is_said_plainly():
     assert "nothing is left to explain" in remainder(1.1, 10.0, 1.0, "held-out", True)
+    assert "nothing is left" not in remainder(1.1, 10.0, 1.0, "held-out", False)
     assert "nothing more is claimed" in remainder(1.6, 10.0, 1.0, "held-out", True)
     # the same size, but what remains remembers
     text = remainder(1.6, 10.0, 1.0, "held-out", False)
     assert "98 %" in text and "the rest is not" in text
     assert "unexplained" in remainder(10.0, 9.0, 1.0, "held-out", False)
     assert "not known" in remainder(1.0, 9.0, None, "held-out", True)
+
+
+def test_what_is_left_is_told_as_the_verdict_has_it(cases):
+    """An error of the size of noise does not take back that more is left, nor does a verdict of noise hide it."""
+    d = cases["missing_physics"]
+    floor = d.verdict["fit"]["heldout"]["noise_floor"]
+
+    def saying(held: float, complete: bool, **left: Any) -> str:
+        fit = {**d.verdict["fit"], "heldout": {**d.verdict["fit"]["heldout"], "revised": held * floor}}
+        usual = {"rms": 7e-3, "bodies": ["a"], "when": {"t": None}, "looks_like": "a push", "alike": []}
+        verdict = {**d.verdict, "fit": fit, "complete": complete, "remains": {**usual, **left} if left else None}
+        return told(replace(d, verdict=verdict, right_law=None))
+
+    text = saying(1.27, False, times_floor=10.3)
+    assert "More than noise, 7.00\u00a0mm rms on such data, 10 times the floor" in text
+    assert "nothing is left" not in text and "1.3 times what noise alone would leave" in text
+    assert "No larger than noise on the whole, yet not all of it noise" in saying(4.0, False, times_floor=0.94)
+    assert "nothing is left to explain" in saying(1.1, True)
+    alike = saying(1.1, False, times_floor=0.9, alike=[["flexible_edge", "ambient_flow", False]])
+    assert "No more than noise; but" in alike and "nothing is left to explain" in alike
+    assert "No more than noise of the data that it was learnt from." in saying(4.0, True)
 
 
 def test_summary_admits_what_held_out_data_say_against_it(cases):
@@ -408,6 +431,77 @@ def test_folder_that_cannot_be_written_is_one_clear_line(cases, tmp_path):
         write_report(cases["no_mismatch"], tmp_path / "file")
 
 
+def run_on(gap: int = 0) -> SimpleNamespace:
+    """Two balls in flight, one of them out of sight in the held-out part, where its run begins nowhere and goes far.
+
+    gap : frames at the begin of the held-out part that are not scored
+    """
+    t = np.arange(60) * 0.02
+    balls = (Body("a", "free", 0.1, 0.6, True), Body("b", "free", 0.03, 0.06, True))
+    xy = np.stack([np.stack([1 + 2 * t, 2 + 2 * t - 2 * t**2], 1), np.stack([4 - 2 * t, 3 - t**2], 1)], 1)
+    whole = prepare(Recording("one", Scene(balls), t, ("a", "b"), xy), held_out=False, split=True)
+    values = whole.values.copy()
+    values[np.ix_(whole.scored, [c.body == "b" for c in whole.channels])] = np.nan
+    lost = whole.scored & (np.cumsum(whole.scored) <= gap)
+    case = replace(whole, values=values, scored=whole.scored & ~lost)
+    told = np.where(np.isfinite(values), whole.values + 0.01, -50.0)
+    told[~case.scored] = np.nan
+    fit = SimpleNamespace(
+        innovations={"one": np.where(whole.training[:, None], 0.0, np.nan) * values},
+        hypothesis=SimpleNamespace(terms=[]),
+    )
+    held = {"naive": Errors(0.1, {}, predicted={"one": told})}
+    return SimpleNamespace(cases=[case], naive=fit, recalibrated=fit, revised=fit, found=[], held=held)
+
+
+def test_a_body_is_drawn_where_it_was_seen_and_the_picture_is_that_of_the_tracks(caplog):
+    found = run_on()
+    figure = draw.overlay(found)
+    figure.canvas.draw()
+    (axis,) = figure.axes
+    assert not caplog.records
+    values = found.cases[0].values
+    low, high = np.nanmin(values), np.nanmax(values)
+    drawn = np.concatenate([line.get_xydata() for line in axis.lines])
+    assert np.nanmin(drawn) > low - 0.1 and np.nanmax(drawn) < high + 0.1
+    assert axis.get_ylim()[0] > -2 and axis.get_xlim()[1] < 8
+    # the other one, which is seen to the end, is predicted to the end
+    (first,) = [k for k, c in enumerate(found.cases[0].channels) if (c.body, c.kind) == ("a", "x")]
+    assert np.nanmin(np.abs(drawn[:, 0] - values[-1, first] - 0.01)) < 1e-9
+    # a run that leaves the picture leaves its frame alone
+    found.held["naive"].predicted["one"][found.cases[0].scored] += 40.0
+    figure = draw.overlay(found)
+    figure.canvas.draw()
+    assert figure.axes[0].get_xlim()[1] < 8
+
+
+@pytest.mark.parametrize("figure", ["overlay", "errors_over_time"])
+def test_lines_are_broken_where_frames_are_not_scored(figure):
+    found = run_on(gap=6)
+    (axis,) = getattr(draw, figure)(found).axes
+    naive = [line.get_xydata() for line in axis.lines if line.get_linestyle() == "--" and len(line.get_xydata()) > 5]
+    assert naive and any(np.isnan(xy).any() for xy in naive)
+    whole = [line.get_xydata() for line in getattr(draw, figure)(run_on()).axes[0].lines]
+    assert not any(np.isnan(xy).any() for xy in whole)
+
+
+def test_a_line_goes_on_over_a_frame_that_is_left_out_and_not_over_several():
+    t, y, seen = np.arange(9.0), np.arange(9.0), np.ones(9, dtype=bool)
+
+    def lines(*gone: int, unseen: bool = False, t: np.ndarray = t) -> int:
+        values, there = y.copy(), seen.copy()
+        values[list(gone)] = np.nan
+        there[list(gone)] = not unseen
+        return 1 + int(np.isnan(broken(t, there, t, values)[1]).sum())
+
+    assert lines() == lines(4) == lines(2, 6) == 1 and lines(4, 5) == 2
+    # where nobody looked it goes on for a while
+    assert lines(4, 5, unseen=True) == 1 and lines(2, 3, 4, 5, unseen=True) == 2
+    assert lines(1, 3, 5, 7, unseen=True) == 1
+    assert lines(t=t + 20.0 * (t > 4)) == 2
+    assert len(broken(t, seen, t, np.full(9, np.nan))[0]) == 0
+
+
 def test_null_marks_the_case_where_it_lies():
     gains = np.linspace(1.0, 20.0, 99)
     far, near = Null(gains, 5e4), Null(gains, 15.0)
@@ -434,6 +528,12 @@ def test_turning_points_are_counted():
         (-0.224, -0.273, -0.175, "−0.224 kg/s", "−0.273 to −0.175"),
         (12034.0, 11500.0, 12500.0, "1.203 × 10^4 kg/s", "1.150 to 1.250 × 10^4"),
         (1.0, 1.0, 1.0, "1.00 kg/s", ""),
+        # nothing is rounded to none by a wide interval
+        (318.5, -199.4, 146235.7, "320 kg/s", "−200 to 1.5 × 10^5"),
+        (0.00314, -0.4, 0.91, "0.0031 kg/s", "−0.40 to 0.91"),
+        (0.52, 0.0043, 0.93, "0.52 kg/s", "0.0043 to 0.93"),
+        (0.07282, -0.01548, 0.15567, "0.073 kg/s", "−0.015 to 0.156"),
+        (0.5, 0.0, 1.2, "0.50 kg/s", "0.00 to 1.20"),
     ],
 )
 def test_interval_shows_the_digits_it_deserves(value, low, high, shown, between):

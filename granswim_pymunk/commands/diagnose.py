@@ -28,7 +28,7 @@ def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..errors import InputError
     from ..inference.entry import ProgressLine, diagnose
-    from ..result import MOST_BODIES, standing
+    from ..result import MOST_BODIES, adjusted, law_line, standing
 
     if args.minutes is not None and not args.minutes > 0:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
@@ -45,7 +45,9 @@ def main(args: argparse.Namespace) -> int:
     for entry in verdict["mechanisms"]:
         shown, more = entry["bodies"][:MOST_BODIES], len(entry["bodies"]) - MOST_BODIES
         whom = ", ".join(shown) + (f" and {more} more" if more > 0 else "")
-        print(f"  {entry['name']}{f' on {whom}' if whom else ''}: {entry['expression']}")
+        print(f"  {entry['name']}{f' on {whom}' if whom else ''}: {law_line(entry)}")
+    if told := adjusted(verdict, found.believed):
+        print(f"  {told}")
     for line in standing(verdict):
         print(f"  {line}")
     same = [rival["name"] for rival in verdict["rivals"] if rival["indistinguishable"]]

@@ -269,8 +269,29 @@ def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> s
     return f"{expression}; {', '.join(shown)}" if shown else expression
 
 
+FLEW_OFF = "a body is not within"  # how a failure begins that says so
+
+
 class Failed(Exception):
     """A run that could not be finished: a reason, never a number in the likelihood."""
+
+
+def left_out(failures: Sequence[str]) -> str:
+    """For the reader what runs that could not be finished were, each told as "recording: why"."""
+    others = [why for why in failures if f": {FLEW_OFF} " not in why]
+    flown = len(failures) - len(others)
+    told = [f"{_scenes(flown)} left out of the search, as bodies flew off there"] if flown else []
+    if others:
+        first = f"{_scenes(len(others))} left out of the search" if not flown else f"{len(others)} more"
+        why = f"it could not be followed to the end: {others[0]}"
+        if len(others) > 1:
+            why = f"they could not be followed to the end, the first: {others[0]}"
+        told.append(f"{first}, as {why}")
+    return "; ".join(told)
+
+
+def _scenes(count: int) -> str:
+    return f"{count} trial scene{' was' if count == 1 else 's were'}"
 
 
 @dataclass(frozen=True)
@@ -379,7 +400,7 @@ class Predictor:
             raise Failed(str(error)) from None
         if not (np.abs(xy) < current().fits.escaped).all():  # so also where one is not a number
             self._leave(hypothesis, case, values)
-            why = f"a body is not within {current().fits.escaped:g} m"
+            why = f"{FLEW_OFF} {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
         shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}

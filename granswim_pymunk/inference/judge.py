@@ -118,7 +118,13 @@ class Claim:
 
     @property
     def label(self) -> str:
-        return " and ".join(law.label for law in self.laws)
+        *first, last = [law.label for law in self.laws] or [""]
+        return f"{', '.join(first)} and {last}" if first else last
+
+    @property
+    def are(self) -> str:
+        """The verb behind the label."""
+        return "are" if len(self.laws) > 1 else "is"
 
 
 @dataclass(frozen=True)
@@ -233,7 +239,7 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
     forms = [f.explained for f in weighed.forms if f.later]
     if not forms and (weighed.possible or weighed.forms):
         forms = [replace(named, share=0.0, low=0.0, high=0.0, left=named.left_before, spread=0.0)]
-    good, why = accepted(named, forms, weighed.ahead)
+    good, why = accepted(named, forms, weighed.ahead, several=len(claim.laws) > 1)
     if weighed.plainer:
         # a bent picture looks like a little of anything, and hardly any laboratory has one
         good, why = False, f"{weighed.plainer} does as well with no more numbers, and without a special fault"
@@ -244,7 +250,7 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
         good = True
     if good:
         return Judgement(named_verdict(claim.laws), claim, named, free_form)
-    notes.append(f"{claim.label} is not named: {why}")
+    notes.append(f"{claim.label} {claim.are} not named: {why}")
     return not_named(claim, weighed, plain)
 
 
@@ -267,19 +273,21 @@ def best_form(forms: Sequence[Form]) -> Form | None:
 
 def withdrawn(judged: Judgement, plain: Claim, notes: list[str]) -> Judgement:
     """The judgement where held-out data are predicted worse with what was told than without."""
-    label = judged.claim.label
-    notes.append(f"held-out data are predicted worse with {label} than without: it is withdrawn")
+    label, what = judged.claim.label, "they are" if len(judged.claim.laws) > 1 else "it is"
+    notes.append(f"held-out data are predicted worse with {label} than without: {what} withdrawn")
     named = () if judged.claim.nameless else judged.claim.laws
     return Judgement("unmodelled", plain, None, judged.free_form, judged.closest, named)
 
 
 def accepted(
-    named: Explained, forms: Sequence[Explained], ahead: float, criteria: Criteria | None = None
+    named: Explained, forms: Sequence[Explained], ahead: float, criteria: Criteria | None = None, *,
+    several: bool = False,
 ) -> tuple[bool, str]:
     """Whether named laws are the explanation, and why not.
 
     named : what they explain;  forms : what forms without a name explain in their place
     ahead : chi2 by which the names are ahead of the best form, its further numbers paid for (AIC)
+    several : there is more than one name, which the words follow
     """
     criteria = criteria or current()
     c = criteria.verdict
@@ -288,9 +296,11 @@ def accepted(
         return ahead > -c.same, "a force without a name does better"
     least = c.share if forms else c.share_alone
     if named.share < least:
-        return False, f"it explains {100 * named.share:.0f} % of the mismatch"
+        explains = "together they explain" if several else "it explains"
+        return False, f"{explains} {100 * named.share:.0f} % of the mismatch"
     if named.low <= 0:
-        return False, "on some parts of the data it predicts no better than the scene without it"
+        they, them = ("they predict", "them") if several else ("it predicts", "it")
+        return False, f"on some parts of the data {they} no better than the scene without {them}"
     part = c.free_form_high if named.share >= c.high else c.free_form
     best = min((f.left for f in forms), default=np.inf)
     # where both leave no more than replicates do, neither is ahead

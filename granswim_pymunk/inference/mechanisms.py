@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..laws import all_laws
 
@@ -17,6 +18,7 @@ APPARATUS = {
     "camera_foreshortening": ("a camera that looks at an angle", "what it leaves of lengths along one direction"),
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }
+NONE_DIFFERS = "none of these numbers differs from zero by itself"
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for
@@ -51,3 +53,19 @@ def meaning(mechanism: str, parameter: str) -> str:
         return APPARATUS[mechanism][1]
     declared = all_laws().get(mechanism)
     return next((p.meaning for p in (declared.parameters if declared else ()) if p.name == parameter), "")
+
+
+def parts_of(name: str, p: Mapping[str, Any]) -> list[tuple[str, Any, Any, Any]]:
+    """Name, value and ends of a number; of a vector those of each part."""
+    value, low, high = p["value"], p.get("low"), p.get("high")
+    if not isinstance(value, list):
+        return [(name, value, low, high)]
+    ends = [end if isinstance(end, list) else [None] * len(value) for end in (low, high)]
+    return [(f"{name}[{k}]", *part) for k, part in enumerate(zip(value, *ends, strict=True))]
+
+
+def none_differs(parameters: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether the interval of every number that has one includes zero."""
+    ends = [(low, high) for name, p in parameters.items() for _, _, low, high in parts_of(name, p)]
+    known = [(a, b) for a, b in ends if a is not None or b is not None]
+    return bool(known) and all((a is None or a <= 0) and (b is None or b >= 0) for a, b in known)

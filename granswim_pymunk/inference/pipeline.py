@@ -64,7 +64,9 @@ def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
         found = judged_by_training(model, other)
         found = found if found.verdict == "unmodelled" else model.settle(found)
         if found.claim.laws and found.verdict != "unmodelled":
-            model.notes[told:told] = [f"{why[-1]}; {other.label}, which fits cannot tell from it, does"] if why else []
+            from_it, does = "them" if len(claim.laws) > 1 else "it", "do" if len(other.laws) > 1 else "does"
+            told_apart = f"{other.label}, which fits cannot tell from {from_it}, {does}"
+            model.notes[told:told] = [f"{why[-1]}; {told_apart}"] if why else []
             return found
     # what the model keeps of its last look belongs to the first claim again
     del model.notes[told:]

@@ -25,7 +25,7 @@ from .. import __version__
 from ..errors import InputError
 from ..files import written_whole
 from ..inference.criteria import Criteria, using
-from ..inference.mechanisms import meaning
+from ..inference.mechanisms import NONE_DIFFERS, meaning, none_differs
 from ..inference.result import MODELS, PARTLY, Diagnosis, Table, write_verdict
 from ..laws import all_laws
 from .glossary import linked
@@ -152,6 +152,7 @@ def _law_box(d: Diagnosis, entries: Sequence[Mapping[str, Any]], drawn: Mapping[
     if first["name"] == "unknown" and len(first["parameters"]) > SEVERAL:
         told = '; <a href="#flexible">what they give</a>' if "flexible" in drawn else ""
         values.append(f"{counted(len(first['parameters']), 'number')} fitted{told}")
+        values += [NONE_DIFFERS] if none_differs(first["parameters"]) else []
     else:
         for name, p in first["parameters"].items():
             if len(entries) == 1 or p.get("low") is None:

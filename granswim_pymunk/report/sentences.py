@@ -11,6 +11,7 @@ from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
 NOISE = 1.3  # an error below this many noise floors is called noise
+TWICE = 2.0  # noise floors that a held-out error may reach by the start that it runs on from
 FAR = 3.0  # standard errors from what was believed, from which an adjustable has moved
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
 BEYOND = 37.0  # z where doubles end
@@ -174,16 +175,27 @@ def _left(d: Diagnosis) -> str:
     v = d.verdict
     left = v["remains"]
     if left is None:
-        return "No more than noise." if v["complete"] and v["mechanisms"] and v["explained"] else ""
+        return f"{_quiet(d)}." if v["complete"] and v["mechanisms"] and v["explained"] else ""
     if left.get("alike"):
-        return f"No more than noise; but {escaped(forms_in_words(left['alike']))}: its form is not told."
+        return f"{_quiet(d)}; but {escaped(forms_in_words(left['alike']))}: its form is not told."
     size = f", {length(left['rms'], unit_of(d))} rms on such data" if left["rms"] is not None else ""
-    ratio = f", {times(left['times_floor'])} times the floor" if left["times_floor"] is not None else ""
+    floors = left["times_floor"]
+    ratio = f", {times(floors)} times the floor" if floors is not None else ""
     whom = f", most of it on {listed(bodies(left['bodies']), 3)}" if left["bodies"] else ""
     t = left["when"]["t"]
     when = "" if not t else f" at {number(t[0])} s" if t[0] == t[1] else f" from {number(t[0])} to {number(t[1])} s"
     like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
-    return f"More than noise{size}{ratio}{whom}{when}{like}."
+    small = floors is not None and floors < 1
+    much = "No larger than noise on the whole, yet not all of it noise" if small else "More than noise"
+    return f"{much}{size}{ratio}{whom}{when}{like}."
+
+
+def _quiet(d: Diagnosis) -> str:
+    """That noise is left; of which data, where those that are held out are said to be off by more."""
+    errors = d.verdict["fit"]["heldout"]
+    final, floor = errors["revised"], errors["noise_floor"]
+    off = final and floor and final >= TWICE * floor and final > max(d.right_law or (0.0,))
+    return "No more than noise of the data that it was learnt from" if off else "No more than noise"
 
 
 def _better(d: Diagnosis) -> str:
@@ -222,10 +234,15 @@ def _better(d: Diagnosis) -> str:
         if v["verdict"] == "unmodelled" and not v["mechanisms"]:
             text = f"The {part} error of the scene is {shown}."
     right = d.right_law if part == "held-out" else None
-    text += " " + remainder(final, naive, errors["noise_floor"], part, bool(v["complete"]), right or ())
+    text += " " + remainder(final, naive, errors["noise_floor"], part, _is_noise(v), right or ())
     if v["heldout"] == "undecided" and v["verdict"] in ("missing_physics", "measurement"):
         text += " The held-out data do not decide whether it predicts better."
     return text
+
+
+def _is_noise(verdict: Mapping[str, Any]) -> bool:
+    """Whether what is left passes for noise, also where the form of what explains is not told."""
+    return bool(verdict["complete"] or (verdict["remains"] or {}).get("alike"))
 
 
 def remainder(
@@ -233,22 +250,28 @@ def remainder(
 ) -> str:
     """What is left, held against the noise floor, said plainly (HTML).
 
-    ``quiet``: what remains in training looks like noise. A held-out error starts from a fitted state, so that
-    in a single recording it may well be twice its mean. ``right_law``: least and most that is left of simulated
-    recordings in which nothing else is wrong, when the numbers are found from frames as noisy as these.
+    ``quiet``: the verdict calls what remains noise, which a mean square near the floor does not tell. A held-out
+    error starts from a fitted state, so that in a single recording it may well be twice its mean. ``right_law``:
+    least and most that is left of simulated recordings in which nothing else is wrong, when the numbers are found
+    from frames as noisy as these.
     """
     if not floor:
         return "How large the noise alone would be is not known."
     ratio = final / floor
-    if ratio < NOISE:
+    if ratio < NOISE and quiet:
         return "That is what noise alone would leave: nothing is left to explain."
+    if ratio < NOISE:
+        return (
+            f"That is {times(ratio)} times what noise alone would leave: by its size it passes for noise. That what is "
+            "left is more shows in other frames, or in its course over time."
+        )
     if quiet and len(right_law) and final <= max(right_law):
         return (
             f"That is {times(ratio)} times what noise alone would leave, and no more than is left where the law is "
             f"right and its numbers are found from frames as noisy as these ({times(min(right_law) / floor)} to "
             f"{times(max(right_law) / floor)} times): nothing more is claimed."
         )
-    if ratio < 2 and quiet:
+    if ratio < TWICE and quiet:
         return (
             f"That is {times(ratio)} times what noise alone would leave on average, and what remains in training "
             "looks like noise: nothing more is claimed."

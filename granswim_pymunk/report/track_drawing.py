@@ -25,6 +25,7 @@ from .style import (
 )
 
 MOST = 12  # small panels in one figure
+LONG = 3.5  # usual times between frames, from which a line is broken
 MANY_TURNS = 14  # turning points of a track beyond which one panel shows it no longer
 LABELS = {
     "naive": "naive scene",
@@ -64,7 +65,7 @@ def fit_of(diagnosis: TrackFinding, model: str) -> Fit:
 
 
 def predicted(diagnosis: TrackFinding, model: str, case: Case) -> np.ndarray:
-    """Predicted channels (T, c) [m or rad] of a recording, NaN where there is no prediction.
+    """Predicted channels (T, c) [m or rad] of a recording, NaN where there is no prediction, or nothing was seen.
 
     Held-out frames as they were predicted; the others, where that covers windows alone, as they were fitted.
     """
@@ -72,7 +73,8 @@ def predicted(diagnosis: TrackFinding, model: str, case: Case) -> np.ndarray:
     innovations = fit_of(diagnosis, model).innovations.get(case.name)
     fitted = np.full(case.values.shape, np.nan) if innovations is None else case.values - innovations * case.sigma
     if errors is not None and errors.predicted is not None and case.name in errors.predicted:
-        told = errors.predicted[case.name]
+        # a body that is not seen in a part has no start there: its prediction is of nothing
+        told = np.where(np.isfinite(case.values), errors.predicted[case.name], np.nan)
         return np.where(np.isfinite(told) | ~case.training[:, None], told, fitted)
     return fitted
 
@@ -144,6 +146,22 @@ def with_gaps(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """Only the frames with a number: a line is not broken where a body was not seen."""
     use = np.isfinite(values)
     return t[use], values[use]
+
+
+def broken(t: np.ndarray, seen: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Curves (T,) as one line: the frames in which all have a number, and NaN where the line is broken.
+
+    t : (T,) times;  seen : (T,) whether there was something to compare with
+    A line goes on over a single frame that is left out, and between frames of a body that is seldom seen. It is broken
+    where several were seen and are not drawn, and where far more time than is usual lies between two.
+    """
+    at = np.flatnonzero(np.all(np.isfinite(curves), axis=0))
+    if len(at) < 2:
+        return tuple(c[at] for c in curves)
+    passed = np.diff(np.cumsum(seen)[at]) - seen[at[1:]]  # frames that were seen between two that are drawn
+    steps = np.diff(t[at])
+    breaks = np.flatnonzero((passed > 1) | (steps > LONG * np.median(steps))) + 1
+    return tuple(np.insert(c[at], breaks, np.nan) for c in curves)
 
 
 def time_unit(t: np.ndarray) -> tuple[float, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,6 +30,7 @@ from .track_drawing import (
     LINES,
     MANY_TURNS,
     MOST,
+    broken,
     chosen_cases,
     in_the_plane,
     legend_handles,
@@ -39,8 +40,9 @@ from .track_drawing import (
     span_of,
     time_unit,
     turns_of,
-    with_gaps,
 )
+
+MARGIN = 0.15  # of the larger side, around the measured tracks
 
 
 @styled
@@ -109,7 +111,8 @@ def _draw_time(
         markeredgewidth=0, alpha=0.55 if dense else 0.9,
     )  # fmt: skip
     for name in names:
-        t, values = with_gaps(case.t[use], predicted(diagnosis, name, case)[use, k])
+        told = predicted(diagnosis, name, case)[use, k]
+        t, values = broken(case.t[use], np.isfinite(case.values[use, k]), case.t[use], told)
         style = dict(LINES[name])
         if dense:
             style |= {"linewidth": 0.8, "linestyle": "-", "zorder": 9 - style["zorder"]}
@@ -182,10 +185,8 @@ def _draw_plane(axis: Axes, diagnosis: TrackFinding, case: Case, names: Sequence
         if not seen.any():
             continue
         if (case.scored & seen).any():
-            axis.plot(
-                x[case.scored & seen], y[case.scored & seen], color=SHADE, linewidth=11, zorder=0,
-                solid_capstyle="butt",
-            )  # fmt: skip
+            held = [np.where(case.scored & seen, v, np.nan) for v in (x, y)]
+            axis.plot(*broken(case.t, seen, *held), color=SHADE, linewidth=11, zorder=0, solid_capstyle="butt")
         axis.plot(x[seen], y[seen], "o", color=SEEN, markersize=2.0, markeredgewidth=0, alpha=0.8, zorder=2)
         at = np.flatnonzero(seen)
         axis.add_patch(
@@ -218,19 +219,35 @@ def _draw_plane(axis: Axes, diagnosis: TrackFinding, case: Case, names: Sequence
             use = np.isfinite(px) & np.isfinite(py)
             if not use.any():
                 continue
-            axis.plot(px[use], py[use], **LINES[name])
+            axis.plot(*broken(case.t, seen, px, py), **LINES[name])
             last = np.flatnonzero(use)[-1]
             axis.add_patch(
                 Circle((px[last], py[last]), radius, facecolor="none", edgecolor=LINES[name]["color"],
                        linewidth=1.2, zorder=LINES[name]["zorder"])
             )  # fmt: skip
     axis.set_aspect("equal", adjustable="datalim")
-    axis.autoscale_view()
-    axis.margins(0.06)
+    _frame_tracks(axis, case, columns, factor)
     axis.xaxis.set_major_locator(MaxNLocator(5))
     axis.yaxis.set_major_locator(MaxNLocator(5))
     axis.set_xlabel(f"x [{unit}]")
     axis.set_ylabel(f"y [{unit}]")
+
+
+def _frame_tracks(axis: Axes, case: Case, columns: Mapping[str, Sequence[int]], factor: float) -> None:
+    """The measured disks with a margin: a prediction that runs away must not make them small."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for body, pair in columns.items():
+        places = case.values[:, list(pair)]
+        places = places[np.isfinite(places).all(axis=1)]
+        if len(places):
+            radius = case.recording.scene.body(body).radius
+            low = np.minimum(low, places.min(axis=0) - radius)
+            high = np.maximum(high, places.max(axis=0) + radius)
+    if np.isfinite(low).all():
+        room = MARGIN * float((high - low).max())
+        # not fixed: one side grows to the shape of the panel
+        axis.set_xlim((low[0] - room) * factor, (high[0] + room) * factor, auto=True)
+        axis.set_ylim((low[1] - room) * factor, (high[1] + room) * factor, auto=True)
 
 
 @styled
@@ -275,7 +292,7 @@ def _draw_errors(axis: Axes, diagnosis: TrackFinding, case: Case, names: Sequenc
     ends = [float(np.sqrt(np.nanmean(v**2))) for v in curves.values() if np.isfinite(v).any()]
     logarithmic = not single and bool(ends) and max(ends) > 20 * max(min(ends), 1e-300)
     for name, curve in curves.items():
-        t, values = with_gaps(case.t, curve)
+        t, values = broken(case.t, np.isfinite(case.values).any(axis=1), case.t, curve)
         style = dict(LINES[name])
         if len(t) > 400:
             style |= {"linewidth": 0.7, "linestyle": "-", "zorder": 9 - style["zorder"]}

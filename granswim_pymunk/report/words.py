@@ -74,7 +74,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def interval(value: float, low: float, high: float, unit: str = "") -> tuple[str, str]:
-    """Value with its unit, and "low to high", with the digits that the width of the interval allows.
+    """Value with its unit, and "low to high", with the digits that the width of the interval allows, at least two each.
 
     An interval without an end is "above low" or "below high".
     """
@@ -90,6 +90,10 @@ def interval(value: float, low: float, high: float, unit: str = "") -> tuple[str
     # two digits of the half-width, yet never more than six of the value
     decimals = max(min(1 - math.floor(math.log10(half)), 5 - exponent) + shift, 0)
     scale = 10.0**shift
+    if any(x and abs(x) / scale < 0.995 * 10.0 ** (1 - decimals) for x in (value, low, high)):
+        # beside a wide interval a common number of decimals would round one of them away: each has its own
+        v, a, b = (number(x, 2) for x in (value, low, high))
+        return _with_unit(v, unit), f"{a} to {b}"
     v, a, b = (_fixed(x / scale, decimals) for x in (value, low, high))
     return _with_unit(f"{v}{_power(shift)}", unit), f"{a} to {b}{_power(shift)}"
 

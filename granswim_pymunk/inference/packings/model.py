@@ -150,7 +150,7 @@ class Packings(ObservationModel):
             claim = self._alone(finding)
             return self.settle(judge(claim, self.weigh(claim), self.mismatch(claim), self.plain, self.notes))
         if within_absence(finding):
-            s.notes.append(f"{judged.claim.label} is not named: {NOT_TOLD}")
+            s.notes.append(f"{judged.claim.label} {judged.claim.are} not named: {NOT_TOLD}")
             return self.settle(not_named(judged.claim, self.weigh(judged.claim), self.plain))
         if finding.found:
             self.goodness = goodness(s, finding.revised, len(finding.revised.u), finding.wilder)

@@ -19,7 +19,7 @@ from ..candidates import asked_terms, in_contact_alone, names_of
 from ..criteria import current
 from ..data import Case
 from ..explained import Scores, explained, spoken_against, spread_with_mismatch
-from ..hypothesis import Failed, Free
+from ..hypothesis import Failed, Free, left_out
 from ..judge import (
     NOTHING,
     Claim,
@@ -425,7 +425,8 @@ class Tracks(ObservationModel):
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
         """The laws but for those that stay in the revised scene and are not named, which a note says."""
-        self.notes.append(f"{Claim(tuple(those), fit).label}, in the revised scene, is not named: {why}")
+        gone = Claim(tuple(those), fit)
+        self.notes.append(f"{gone.label}, in the revised scene, {gone.are} not named: {why}")
         return tuple(t for t in laws if not any(t is u for u in those))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
@@ -803,7 +804,7 @@ class Tracks(ObservationModel):
         notes = []
         failures = self.study.predictor.failures
         if len(failures) > current().left.failed * self.runs:
-            notes.append(f"{len(failures)} runs could not be finished, the first: {failures[0]}")
+            notes.append(left_out(failures))
         notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
         laws = course.judged.claim.laws
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
