@@ -6,10 +6,12 @@ import pytest
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.recording.importers import import_all, import_recording
+from granswim_pymunk.recording.importers.base import Options
 
 T = np.arange(60) / 25
 LEFT, RIGHT = 0.3 * np.cos(4 * T), 0.2 * np.sin(4 * T)  # rad
 PINS = ["pin:p1,anchor=0 0,length=0.6", "pin:p2,anchor=0.5 0,length=0.6"]
+CAPSTONE = "Angle, Ch 1+2 (rad) Run #{}"
 
 
 def write(folder, header, *columns, sign=","):
@@ -59,3 +61,60 @@ class TestAnglesOfSeveralBodies:
         source = write(tmp_path, "t,theta_dot,theta_err,angle_velocity", T, LEFT, LEFT, LEFT)
         with pytest.raises(InputError, match="no time and positions"):
             import_recording(source, bodies=["*:3cm:1kg"])
+
+
+class TestHeadingsOfPasco:
+    def test_an_angle_by_its_heading(self, tmp_path):
+        source = write(tmp_path, f'"Time (s)","{CAPSTONE.format(1)}"', T, LEFT)
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"])
+        np.testing.assert_array_equal(r.angle[:, 0], LEFT)
+
+    def test_an_angular_position_in_degrees(self, tmp_path):
+        source = write(tmp_path, '"Time (s)","Angular Position, Ch 1&2, Run #1 ( deg )"', T, np.degrees(LEFT))
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"])
+        np.testing.assert_allclose(r.angle[:, 0], LEFT, atol=1e-12)
+
+    @pytest.mark.parametrize(
+        "columns",
+        [
+            f"t=Time (s),angle={CAPSTONE.format(2)}",
+            f't=Time (s),angle="{CAPSTONE.format(2)}"',
+            f"angle='{CAPSTONE.format(2)}', t=1",
+            "t=1,angle=3",
+            {"t": "Time (s)", "angle": CAPSTONE.format(2)},
+        ],
+    )
+    def test_one_of_several_runs_by_its_name_or_number(self, tmp_path, columns):
+        header = ",".join(f'"{name}"' for name in ("Time (s)", *map(CAPSTONE.format, (1, 2))))
+        source = write(tmp_path, header, T, LEFT, RIGHT)
+        with pytest.raises(InputError, match=r"several runs.*--columns 'angle=\"Angle, Ch"):
+            import_recording(source, bodies=["disk:5cm:120g"])
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"], columns=columns)
+        np.testing.assert_array_equal(r.angle[:, 0], RIGHT)
+
+    def test_two_sensors_are_two_bodies(self, tmp_path):
+        source = write(tmp_path, '"Time (s)","Angle, Ch 1+2 (rad)","Angle, Ch 3+4 (rad)"', T, LEFT, RIGHT)
+        with pytest.raises(InputError, match=r"several sensors.*BODY.angle"):
+            import_recording(source, bodies=["*:5cm:120g"])
+        (r,) = import_recording(source, bodies=["*:5cm:120g"], columns="a.angle=2,b.angle=3")
+        assert r.ids == ("a", "b") and (r.angle == np.stack([LEFT, RIGHT], axis=1)).all()
+
+    def test_an_angle_that_is_said_to_be_a_place_is_told(self, tmp_path):
+        source = write(tmp_path, f'"Time (s)","{CAPSTONE.format(1)}"', T, LEFT)
+        (done,) = import_all(source, tmp_path / "out", bodies=["*:5cm:120g"], columns="t=1,x=2", picture=False)
+        assert any("unit of angles" in note for note in done.notes) and done.recording.angle is None
+
+    @pytest.mark.parametrize("columns", ["", "x", "x=", 'x=""', "=2"])
+    def test_a_map_that_is_none(self, columns):
+        with pytest.raises(InputError, match=r"NAME=COLUMN.*in quotes"):
+            Options(columns=columns).column_map()
+
+    def test_a_number_beyond_the_table_is_told(self, tmp_path):
+        source = write(tmp_path, "t,x", T, LEFT)
+        with pytest.raises(InputError, match="no column '3'; it has: t, x"):
+            import_recording(source, bodies=["*:5cm:120g"], columns="t=1,x=3")
+
+    def test_a_name_that_is_a_number_is_the_name(self, tmp_path):
+        source = write(tmp_path, "t,2,1", T, LEFT, RIGHT)
+        (r,) = import_recording(source, bodies=["*:5cm:120g"], columns="t=t,x=2,y=1")
+        np.testing.assert_array_equal(r.xy[:, 0], np.stack([LEFT, RIGHT], axis=1))

@@ -87,7 +87,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="y points down: y = HEIGHT - y (default 0, in the file's unit); no: leave y as it is",
     )  # fmt: skip
     file = parser.add_argument_group("how the file is read")
-    file.add_argument("--columns", metavar="MAP", help="t=time,x=cx,body=id (long), t=time,1.x=left (wide), y=z (3-D)")
+    file.add_argument(
+        "--columns", metavar="MAP",
+        help="t=time,x=cx,body=id (long), t=time,A.x=left,B.angle=right (wide), y=z (3-D); columns by name, in quotes "
+        "where it holds a comma, or by number from 1",
+    )  # fmt: skip
     file.add_argument(
         "--missing", action="append", metavar="VALUE", help="what means not seen, besides nothing and NaN"
     )

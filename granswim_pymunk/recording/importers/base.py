@@ -7,6 +7,7 @@ business but ``build.py``'s, so that they are the same for every format. ``__ini
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ from ...errors import InputError
 if TYPE_CHECKING:
     from .source import Source
 
+# NAME=COLUMN of a map; a comma ends a column only where another NAME= follows, and never within quotes
+_PAIR = re.compile(r"""\s*([^=,]*[^=,\s])\s*=\s*(?:"([^"]*)"|'([^']*)'|(.+?))\s*(?:,(?=[^=,]*=)|$)""")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -28,7 +32,8 @@ class Options:
     inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
     hold : whether a command stays until the next row, or is linear between rows; None: as the values look
     laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
-    columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"
+    columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"; names, or
+        numbers from 1
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")
     fps : frame rate [Hz]; the clock of the file then counts frames
     flip_y : y = height - y with a height in the file's unit, False: y points up already
@@ -68,11 +73,21 @@ class Options:
     def column_map(self) -> dict[str, str]:
         """``t=time,x=cx`` as a dictionary. Raises InputError."""
         if self.columns is None or isinstance(self.columns, Mapping):
-            return dict(self.columns or {})
-        pairs = [part.partition("=") for part in self.columns.split(",")]
-        if not all(sign and key.strip() and value.strip() for key, sign, value in pairs):
-            raise InputError(f"should be NAME=COLUMN,NAME=COLUMN ..., got {self.columns!r}", where="columns")
-        return {key.strip(): value.strip() for key, _, value in pairs}
+            return {key: str(column) for key, column in (self.columns or {}).items()}
+        found: dict[str, str] = {}
+        at = 0
+        while at < len(self.columns) or not found:
+            match = _PAIR.match(self.columns, at)
+            column = match and next((text for text in match.groups()[1:] if text is not None), "").strip()
+            if match is None or not column:
+                raise InputError(
+                    f"should be NAME=COLUMN,NAME=COLUMN ..., a column by its name, in quotes if it holds a comma and a "
+                    f"sign of equality, or by its number, got {self.columns!r}",
+                    where="columns",
+                )
+            found[match[1]] = column
+            at = match.end()
+        return found
 
 
 @dataclass
