@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.recording.importers import import_all, import_recording
@@ -118,3 +119,45 @@ class TestHeadingsOfPasco:
         source = write(tmp_path, "t,2,1", T, LEFT, RIGHT)
         (r,) = import_recording(source, bodies=["*:5cm:120g"], columns="t=t,x=2,y=1")
         np.testing.assert_array_equal(r.xy[:, 0], np.stack([LEFT, RIGHT], axis=1))
+
+
+class TestAdjustables:
+    LAW = "spring:cart,anchor=0 0,stiffness=4,length=0"
+
+    def test_what_may_move_is_written(self, tmp_path, capsys):
+        source = write(tmp_path, "t,x", T, LEFT)
+        said = ["--adjustable", "spring.stiffness=3:5", "--adjustable", "drive.gain=0.5:2"]
+        (tmp_path / "told.csv").write_text("t,cart\n0,0\n1,1\n")
+        assert main(["import", str(source), "--body", "cart:3cm:1kg", "--scene", "cart", "--law", self.LAW, "--input",
+                     str(tmp_path / "told.csv"), *said, "--out", str(tmp_path / "out")]) == 0  # fmt: skip
+        capsys.readouterr()
+        stiffness, gain = read_recording(tmp_path / "out").scene.adjustable
+        assert (stiffness.name, stiffness.low, stiffness.high, stiffness.per) == ("spring.stiffness", 3.0, 5.0, "all")
+        assert (gain.name, gain.low, gain.high) == ("drive.gain", 0.5, 2.0)
+
+    def test_one_of_a_template_is_replaced(self, tmp_path):
+        source = write(tmp_path, "t,p1_angle,p2_angle", T, LEFT, RIGHT)
+        (r,) = import_recording(
+            source, bodies=["*:3cm:1kg"], scene="pendulum", laws=PINS, adjustables=["pin.length=0.5:0.7"]
+        )
+        (length,) = r.scene.adjustable
+        assert (length.name, length.low, length.high, length.per) == ("pin.length", 0.5, 0.7, "body")
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("springs.stiffness=3:5", "no law 'springs'; it has: rail, spring"),
+            ("spring.stifness=3:5", "unknown parameter 'stifness'; it has: .*stiffness"),
+            ("spring.stiffness=5:3", "low should be below high, got 5 and 3"),
+            ("spring.stiffness=5:7", "spring.stiffness: 4 is believed, which is outside 5 to 7"),
+            ("spring.anchor=0:1", "no single number"),
+            ("spring.stiffness=-3:5", "-3 N/m is outside"),
+            ("spring.stiffness=3", "LAW.PARAMETER=LOW:HIGH"),
+            ("stiffness=3:5", "LAW.PARAMETER=LOW:HIGH"),
+            ("spring.stiffness=3:inf", "LAW.PARAMETER=LOW:HIGH"),
+        ],
+    )
+    def test_what_is_wrong_is_said(self, tmp_path, text, message):
+        source = write(tmp_path, "t,x", T, LEFT)
+        with pytest.raises(InputError, match=message):
+            import_recording(source, bodies=["cart:3cm:1kg"], scene="cart", laws=[self.LAW], adjustables=[text])

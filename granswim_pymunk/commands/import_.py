@@ -19,7 +19,7 @@ EXAMPLES = (
 OPTIONS = (
     "bodies", "scene", "laws", "inputs", "hold", "gravity", "columns", "unit", "time_unit", "fps", "angle_unit",
     "flip_y", "missing", "delimiter", "decimal", "skip_rows", "encoding", "table", "likelihood", "min_frames", "title",
-    "sampling", "position_noise", "angle_noise", "bowling_ball", "film",
+    "sampling", "position_noise", "angle_noise", "bowling_ball", "film", "adjustables",
 )  # fmt: skip
 
 
@@ -57,6 +57,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scene.add_argument(
         "--law", action="append", dest="laws", metavar="LAW",
         help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",
+    )  # fmt: skip
+    scene.add_argument(
+        "--adjustable", action="append", dest="adjustables", metavar="LAW.PARAMETER=LOW:HIGH",
+        help="a number of a law that is not known well, as spring.stiffness=3:5: it is fitted before anything is "
+        "called missing; once for each",
     )  # fmt: skip
     scene.add_argument(
         "--input", action="append", dest="inputs", metavar="[BODY=]FILE[:COLUMN]",

@@ -32,6 +32,7 @@ class Options:
     inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
     hold : whether a command stays until the next row, or is linear between rows; None: as the values look
     laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
+    adjustables : what recalibration may move, ``law.parameter=low:high`` each
     columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"; names, or
         numbers from 1
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")
@@ -50,6 +51,7 @@ class Options:
     laws: Sequence[str] = ()
     inputs: Sequence[str] = ()
     hold: bool | None = None
+    adjustables: Sequence[str] = ()
     gravity: str | Sequence[float] | float | None = None
     columns: str | Mapping[str, str] | None = None
     unit: str | float | None = None

@@ -14,6 +14,7 @@ from ...errors import InputError
 from ...scene import Scene, read_toml, scene_from_dict
 from ..folder import RECORDING_KEYS
 from ..recording import Recording, rail_axes
+from .adjustables import adjusted
 from .base import Found, Options
 from .commands import commanded
 from .templates import TEMPLATES, Tracks, parse_gravity, parse_law
@@ -57,6 +58,7 @@ def build(found: Found, options: Options, source: Path) -> Built:
     data = _scene_data(found, options, source, length, notes, Tracks(t, body, x, y, angle))
     scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
     scene = commanded(scene, options, list(dict.fromkeys(body)), notes)
+    scene = adjusted(scene, options.adjustables)
     numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
     given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
     numbers |= {key: value for key, value in given.items() if value is not None}
