@@ -1,5 +1,7 @@
 """Tables of a student laboratory: angles of pendulums, headings of PASCO, one coordinate, a rail that is none."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -161,3 +163,26 @@ class TestAdjustables:
         source = write(tmp_path, "t,x", T, LEFT)
         with pytest.raises(InputError, match=message):
             import_recording(source, bodies=["cart:3cm:1kg"], scene="cart", laws=[self.LAW], adjustables=[text])
+
+
+class TestRails:
+    def doubts(self, folder, x, y, **said):
+        source = write(folder, "t,x,y", T, x, y)
+        (done,) = import_all(source, folder / "out", bodies=["ball:1cm:69g"], scene="cart", picture=False, **said)
+        return [warning for warning in done.look.warnings if "rail" in warning]
+
+    def test_a_path_that_is_no_line_is_told(self, tmp_path):
+        x = 0.2 * np.cos(3 * T)
+        (said,) = self.doubts(tmp_path, x, 5 * x**2)
+        assert re.search(r"ball leaves its rail: it goes 0.2\d+ m across it and 0.39\d m along it", said)
+
+    def test_a_direction_that_is_wrong_is_told(self, tmp_path):
+        x = 0.2 * np.cos(3 * T)
+        assert self.doubts(tmp_path, x, 0.3 * x, laws=["rail:ball,direction=1 0"])
+
+    @pytest.mark.parametrize("size", [0.2, 1e-4])
+    def test_a_rail_seen_through_a_lens_or_in_noise_is_not(self, tmp_path, size):
+        x, rng = size * np.cos(3 * T), np.random.default_rng(2)
+        y = 0.3 * x + 0.1 * x**2 / size + rng.normal(0, 2e-4, len(T)) * (size < 0.1)
+        y[20] += 0.5 * size  # a wrong point
+        assert not self.doubts(tmp_path, x, y)

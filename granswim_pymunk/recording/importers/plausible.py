@@ -1,4 +1,4 @@
-"""Whether gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing."""
+"""Whether gravity and rails fit what is seen: a wrong frame rate or unit shows in how bodies fall and swing."""
 
 from __future__ import annotations
 
@@ -12,26 +12,44 @@ from ..recording import Recording
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
 SWINGS_OFF = 1.5  # of the square of a period: the inertia of a rod about its end makes it 2/3
+OFF_RAIL = 0.1  # of the way along a rail, as far across; a bent picture of a straight one has a few hundredths
+INNER = (0.02, 0.98)  # quantiles between which a way is taken: single wrong points make none
+TOLD_NOISE = 6.0  # times the noise that a way across has to be
 SURE = 0.25  # of gravity, within which three standard errors of an acceleration lie
 
 
 def doubts(recording: Recording, noise: float) -> list[str]:
-    """What is said of bodies that fall or swing at another rate than gravity lets them.
+    """What is said of bodies that leave their rail, or fall or swing at another rate than gravity lets them.
 
     noise : one standard deviation of a coordinate [m]
     """
     scene = recording.scene
     gravity = math.hypot(*scene.gravity)
-    if gravity == 0:
-        return []
     free = all(not item.law.parameters for item in scene.laws) and not scene.walls  # nothing but gravity acts
-    said = []
-    for k, name in enumerate(recording.ids):
+    said = [_off_rail(recording, k, name, noise) for k, name in enumerate(recording.ids)]
+    for k, name in enumerate(recording.ids if gravity else ()):
         if any(name in (item.bodies or (name,)) for item in scene.laws_named("pin")):
             said.append(_swing(recording, k, name, gravity))
         elif free:
             said.append(_fall(recording, k, name, gravity, noise))
     return [s for s in said if s][:1]
+
+
+def _off_rail(recording: Recording, k: int, name: str, noise: float) -> str:
+    """How far a body goes across its rail, where that is a large part of its way along it."""
+    rail = next((i for i in recording.scene.laws_named("rail") if name in (i.bodies or (name,))), None)
+    xy = recording.unwrapped().xy[:, k]
+    xy = xy[np.isfinite(xy).all(axis=1)]
+    if rail is None or not len(xy):
+        return ""
+    x, y = np.array(rail.values["direction"], dtype=float) / math.hypot(*rail.values["direction"])
+    along, across = (float(np.ptp(np.quantile(xy @ way, INNER))) for way in (np.array([x, y]), np.array([-y, x])))
+    if across < max(OFF_RAIL * along, TOLD_NOISE * noise if math.isfinite(noise) else 0.0) or across == 0:
+        return ""
+    return (
+        f"{name} leaves its rail: it goes {across:.3g} m across it and {along:.3g} m along it. Is the path a curve, "
+        f"which no rail is, or the direction wrong (--law 'rail:{name},direction=1 0')?"
+    )
 
 
 def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float) -> str:
