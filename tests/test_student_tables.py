@@ -186,3 +186,55 @@ class TestRails:
         y = 0.3 * x + 0.1 * x**2 / size + rng.normal(0, 2e-4, len(T)) * (size < 0.1)
         y[20] += 0.5 * size  # a wrong point
         assert not self.doubts(tmp_path, x, y)
+
+
+class TestOneCoordinate:
+    FALL = 1.2 - 0.5 * 9.81 * T**2  # m
+
+    def read(self, folder, header, values, body="bead", **said):
+        source = write(folder, header, T, values)
+        (done,) = import_all(source, folder / "out", bodies=[f"{body}:2cm:50g"], **said)
+        return read_recording(folder / "out"), done
+
+    @pytest.mark.parametrize("said", [{"scene": "drop"}, {"gravity": 9.81}, {"laws": ["rail:bead,direction=0 1"]}])
+    def test_without_an_axis_it_is_the_way_of_gravity(self, tmp_path, said):
+        read, done = self.read(tmp_path, "Time(sec),Position(mm)", 1e3 * self.FALL, **said)
+        np.testing.assert_allclose(read.xy[:, 0, 1], self.FALL, atol=1e-12)
+        assert not done.look.warnings and any("Position(mm) is the only coordinate" in note for note in done.notes)
+        assert not any("--flip-y" in note for note in done.notes)
+
+    def test_one_that_counts_downwards(self, tmp_path):
+        _, done = self.read(tmp_path, "Time(sec),Position(mm)", -1e3 * self.FALL, scene="drop")
+        assert any("--flip-y 0" in note for note in done.notes)
+        read, done = self.read(tmp_path, "Time(sec),Position(mm)", -1e3 * self.FALL, scene="drop", flip_y=0.0)
+        np.testing.assert_allclose(read.xy[:, 0, 1], self.FALL, atol=1e-12)
+        assert not any("--flip-y 0" in note for note in done.notes) and not done.look.warnings
+
+    def test_a_scene_of_a_file(self, tmp_path):
+        (tmp_path / "scene.toml").write_text("[scene]\ngravity = [0.0, -9.81]\n")
+        read, _ = self.read(tmp_path, "t,Position", self.FALL, scene=str(tmp_path / "scene.toml"))
+        np.testing.assert_array_equal(read.xy[:, 0, 1], self.FALL)
+
+    @pytest.mark.parametrize(
+        "said",
+        [{}, {"scene": "puck"}, {"columns": "x=Position", "gravity": 9.81}, {"gravity": "9.81,0"},
+         {"gravity": 9.81, "laws": ["pin:bead,anchor=0 0.5,length=0.5"]}],
+    )  # fmt: skip
+    def test_elsewhere_it_is_x(self, tmp_path, said):
+        read, _ = self.read(tmp_path, "t,Position", LEFT, **said)
+        np.testing.assert_array_equal(read.xy[:, 0, 0], LEFT)
+
+    def test_the_other_one_is_said_to_stand_as_zero(self, tmp_path):
+        read, done = self.read(tmp_path, "t,y", self.FALL, scene="drop")
+        assert (read.xy[:, 0, 0] == 0).all()
+        assert any("x was not measured and stands as 0" in note for note in done.notes)
+
+    def test_the_other_one_is_left_out_where_a_rail_makes_up_for_it(self, tmp_path):
+        read, done = self.read(tmp_path, "t,Position", LEFT, scene="cart")
+        assert np.isnan(read.xy[:, 0, 1]).all() and (read.xy[:, 0, 0] == LEFT).all()
+        assert any("y was not measured and is left out" in note for note in done.notes)
+        assert done.look.speed > 0 and (tmp_path / "out/tracks.png").stat().st_size > 1000
+
+    def test_a_fall_of_which_another_coordinate_was_measured(self, tmp_path):
+        _, done = self.read(tmp_path, "t,x", self.FALL, scene="drop")
+        assert [w for w in done.look.warnings if "not measured along gravity" in w and "--columns y=NAME" in w]

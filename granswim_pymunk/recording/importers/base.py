@@ -8,7 +8,7 @@ business but ``build.py``'s, so that they are the same for every format. ``__ini
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -105,6 +105,8 @@ class Found:
     rows : k row numbers to name in an error, None where the file has no rows
     radius, mass : of bodies, where the file has them, in the file's length, in kg
     period : length of a box that is periodic along x, in the file's length
+    unmeasured : "x" or "y", which is 0 wherever the other one was measured
+    lone : heading of the only coordinate where it names no axis ("Position"); it stands in x
     notes : what was decided on the way, one line each
     """
 
@@ -124,6 +126,8 @@ class Found:
     mass: dict[str, float] = field(default_factory=dict)
     period: float | None = None
     title: str | None = None
+    unmeasured: str | None = None
+    lone: str | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -141,6 +145,11 @@ def single(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both coordinates, or neither: a position with one coordinate is not seen."""
     seen = np.isfinite(x) & np.isfinite(y)
     return np.where(seen, x, np.nan), np.where(seen, y, np.nan)
+
+
+def only_one(measured: Collection[str]) -> str | None:
+    """The coordinate that was not measured, where the other one was."""
+    return next((other for axis, other in ("xy", "yx") if axis in measured and other not in measured), None)
 
 
 def grid(t: np.ndarray, names: Sequence[str], xy: np.ndarray) -> tuple[np.ndarray, list[str], np.ndarray, np.ndarray]:

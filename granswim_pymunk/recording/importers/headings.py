@@ -65,6 +65,11 @@ def is_rate(column: str) -> bool:
     return bool(RATES.intersection(words(column)))
 
 
+def is_lone(column: str) -> bool:
+    """Whether a column is a coordinate of which its heading does not say the axis."""
+    return " ".join(words(column)) in ALONE
+
+
 def is_clock(column: str) -> str | None:
     """ "t" or "frame", where a column is a clock by its heading."""
     name = " ".join(words(column))
@@ -111,7 +116,7 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
         if key not in found and not (key == "frame" and "t" in given):
             take(key, _matches(key, open_to))
     if not {"x", "y"} & found.keys():
-        take("x", [name for wanted in ALONE for name in open_to if " ".join(words(name)) == wanted])
+        take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
     if "angle" not in found:
         take("angle", [name for name in open_to if " ".join(words(name)) in DEFLECTION and _is_angle(name)])
     return found

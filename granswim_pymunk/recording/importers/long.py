@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...errors import InputError
-from .base import Found, Importer, Options
-from .headings import find_columns, is_clock, words
+from .base import Found, Importer, Options, only_one
+from .headings import find_columns, is_clock, is_lone, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -138,6 +138,8 @@ def read(source: Source, options: Options) -> Found:
         time=time,
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
+        unmeasured=only_one(found),
+        lone=found["x"] if only_one(found) == "y" and "x" not in given and is_lone(found["x"]) else None,
         notes=notes,
     )
 

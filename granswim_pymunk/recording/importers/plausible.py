@@ -59,6 +59,8 @@ def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float)
     t, along = recording.t[seen], xy[seen] @ np.array(recording.scene.gravity) / gravity
     if len(t) < 8 or not math.isfinite(noise):
         return ""
+    if np.ptp(along) == 0:
+        return f"{name} was not measured along gravity: is its one coordinate the vertical one (--columns y=NAME)?"
     dt = float(np.median(np.diff(t)))
     # a parabola through n places: the error of its acceleration is sqrt(720/n^5) of that of a place over dt^2
     n = max(5, math.ceil((720 * (3 * noise / (SURE * gravity * dt**2)) ** 2) ** 0.2))

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from ...errors import InputError
-from .base import Found, Importer, Options
+from .base import Found, Importer, Options, only_one
 from .headings import is_clock, is_rate
 from .long import clock, frames_by_row, known, said_unit
 from .source import Source
@@ -114,6 +114,7 @@ def read(source: Source, options: Options) -> Found:
         time=unit,
         turn=known(said_unit(table, *(k.get("angle") for k in used)), ANGLES),
         rows=list(table.lines) * len(places),
+        unmeasured=only_one({kind for kinds in used for kind in kinds}),
         notes=notes,
     )
 
