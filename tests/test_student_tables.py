@@ -60,6 +60,13 @@ class TestAnglesOfSeveralBodies:
         with pytest.raises(InputError, match=r"only the angle of p1 is measured.*length"):
             import_recording(source, bodies=["*:3cm:1kg"], scene="pendulum")
 
+    @pytest.mark.parametrize("heading", ["Angle of arm (deg)", "arm [deg]", "left_angle [deg]"])
+    def test_one_body_has_the_name_that_it_was_given(self, tmp_path, heading):
+        source = write(tmp_path, f"t,{heading}", T, np.degrees(LEFT))
+        (done,) = import_all(source, tmp_path / "out", bodies=["rod:3cm:1kg"], picture=False)
+        np.testing.assert_allclose(done.recording.angle[:, 0], LEFT, atol=1e-12)
+        assert done.recording.ids == ("rod",) and any("is taken for rod" in note for note in done.notes)
+
     def test_rates_and_errors_are_no_angles(self, tmp_path):
         source = write(tmp_path, "t,theta_dot,theta_err,angle_velocity", T, LEFT, LEFT, LEFT)
         with pytest.raises(InputError, match="no time and positions"):
