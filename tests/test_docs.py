@@ -71,6 +71,20 @@ def test_the_page_on_the_format():
     assert "`linear_drag`" in page and "flexible" not in page
 
 
+def test_the_page_on_the_format_in_the_repository_is_that_of_the_site():
+    """``python -m granswim_pymunk.recording.keys > docs/format.md`` writes it again where a key or law has changed."""
+    made = subprocess.run([sys.executable, "-m", "granswim_pymunk.recording.keys"], cwd=ROOT, capture_output=True,
+                          text=True, timeout=600)  # fmt: skip
+    assert (DOCS / "format.md").read_text(encoding="utf-8") == made.stdout, made.stderr[-2000:]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_to_files_lead_to_files(page):
+    links = re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
+    lost = [link for link in links if ":" not in link and not (page.parent / link).exists()]
+    assert not lost
+
+
 def test_examples_of_keys_are_toml():
     for key in KEYS:
         tomllib.loads(f"{key.name} = {key.example}")

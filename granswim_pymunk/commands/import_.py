@@ -19,7 +19,7 @@ EXAMPLES = (
 OPTIONS = (
     "bodies", "scene", "laws", "inputs", "hold", "gravity", "columns", "unit", "time_unit", "fps", "angle_unit",
     "flip_y", "missing", "delimiter", "decimal", "skip_rows", "encoding", "table", "likelihood", "min_frames", "title",
-    "sampling", "position_noise", "angle_noise", "bowling_ball", "film",
+    "sampling", "position_noise", "angle_noise", "bowling_ball", "film", "adjustables",
 )  # fmt: skip
 
 
@@ -61,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",
     )  # fmt: skip
     scene.add_argument(
+        "--adjustable", action="append", dest="adjustables", metavar="LAW.PARAMETER=LOW:HIGH",
+        help="a number of a law that is not known well, as spring.stiffness=3:5: it is fitted before anything is "
+        "called missing; once for each",
+    )  # fmt: skip
+    scene.add_argument(
         "--input", action="append", dest="inputs", metavar="[BODY=]FILE[:COLUMN]",
         help="commands a motor was given: a table t,name,value, or a time and a column for each driven body; the file "
         "of the tracks too, as cart=log.csv:command; once for each",
@@ -93,7 +98,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="y points down: y = HEIGHT - y (default 0, in the file's unit); no: leave y as it is",
     )  # fmt: skip
     file = parser.add_argument_group("how the file is read")
-    file.add_argument("--columns", metavar="MAP", help="t=time,x=cx,body=id (long), t=time,1.x=left (wide), y=z (3-D)")
+    file.add_argument(
+        "--columns", metavar="MAP",
+        help="t=time,x=cx,body=id (long), t=time,A.x=left,B.angle=right (wide), y=z (3-D); columns by name, in quotes "
+        "where it holds a comma, or by number from 1",
+    )  # fmt: skip
     file.add_argument(
         "--missing", action="append", metavar="VALUE", help="what means not seen, besides nothing and NaN"
     )

@@ -7,7 +7,8 @@ business but ``build.py``'s, so that they are the same for every format. ``__ini
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ from ...errors import InputError
 
 if TYPE_CHECKING:
     from .source import Source
+
+# NAME=COLUMN of a map; a comma ends a column only where another NAME= follows, and never within quotes
+_PAIR = re.compile(r"""\s*([^=,]*[^=,\s])\s*=\s*(?:"([^"]*)"|'([^']*)'|(.+?))\s*(?:,(?=[^=,]*=)|$)""")
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,9 @@ class Options:
     inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
     hold : whether a command stays until the next row, or is linear between rows; None: as the values look
     laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
-    columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"
+    adjustables : what recalibration may move, ``law.parameter=low:high`` each
+    columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"; names, or
+        numbers from 1
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")
     fps : frame rate [Hz]; the clock of the file then counts frames, or is not used where ``columns`` leaves it out
     flip_y : y = height - y with a height in the file's unit, False: y points up already
@@ -45,6 +51,7 @@ class Options:
     laws: Sequence[str] = ()
     inputs: Sequence[str] = ()
     hold: bool | None = None
+    adjustables: Sequence[str] = ()
     gravity: str | Sequence[float] | float | None = None
     columns: str | Mapping[str, str] | None = None
     unit: str | float | None = None
@@ -68,11 +75,21 @@ class Options:
     def column_map(self) -> dict[str, str]:
         """``t=time,x=cx`` as a dictionary. Raises InputError."""
         if self.columns is None or isinstance(self.columns, Mapping):
-            return dict(self.columns or {})
-        pairs = [part.partition("=") for part in self.columns.split(",")]
-        if not all(sign and key.strip() and value.strip() for key, sign, value in pairs):
-            raise InputError(f"should be NAME=COLUMN,NAME=COLUMN ..., got {self.columns!r}", where="columns")
-        return {key.strip(): value.strip() for key, _, value in pairs}
+            return {key: str(column) for key, column in (self.columns or {}).items()}
+        found: dict[str, str] = {}
+        at = 0
+        while at < len(self.columns) or not found:
+            match = _PAIR.match(self.columns, at)
+            column = match and next((text for text in match.groups()[1:] if text is not None), "").strip()
+            if match is None or not column:
+                raise InputError(
+                    f"should be NAME=COLUMN,NAME=COLUMN ..., a column by its name, in quotes if it holds a comma and a "
+                    f"sign of equality, or by its number, got {self.columns!r}",
+                    where="columns",
+                )
+            found[match[1]] = column
+            at = match.end()
+        return found
 
 
 @dataclass
@@ -88,6 +105,8 @@ class Found:
     rows : k row numbers to name in an error, None where the file has no rows
     radius, mass : of bodies, where the file has them, in the file's length, in kg
     period : length of a box that is periodic along x, in the file's length
+    unmeasured : "x" or "y", which is 0 wherever the other one was measured
+    lone : heading of the only coordinate where it names no axis ("Position"); it stands in x
     notes : what was decided on the way, one line each
     """
 
@@ -107,6 +126,8 @@ class Found:
     mass: dict[str, float] = field(default_factory=dict)
     period: float | None = None
     title: str | None = None
+    unmeasured: str | None = None
+    lone: str | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -124,6 +145,11 @@ def single(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both coordinates, or neither: a position with one coordinate is not seen."""
     seen = np.isfinite(x) & np.isfinite(y)
     return np.where(seen, x, np.nan), np.where(seen, y, np.nan)
+
+
+def only_one(measured: Collection[str]) -> str | None:
+    """The coordinate that was not measured, where the other one was."""
+    return next((other for axis, other in ("xy", "yx") if axis in measured and other not in measured), None)
 
 
 def grid(t: np.ndarray, names: Sequence[str], xy: np.ndarray) -> tuple[np.ndarray, list[str], np.ndarray, np.ndarray]:

@@ -14,11 +14,14 @@ from ...errors import InputError
 from ...scene import Scene, read_toml, scene_from_dict
 from ..folder import RECORDING_KEYS
 from ..recording import Recording, rail_axes
+from .adjustables import adjusted
 from .base import Found, Options
 from .commands import commanded
 from .stamps import look_rounded, rounded
-from .templates import TEMPLATES, Tracks, parse_gravity, parse_law
+from .templates import TEMPLATES, G, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
+
+HOLDING = ("pin", "rail", "hinge", "rod", "drive")  # laws that say which way a body can go
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class Built:
 def build(found: Found, options: Options, source: Path) -> Built:
     """Units, the direction of y, bodies, laws. Raises InputError naming the row, or what has to be said."""
     notes = list(found.notes)
+    found = _upright(found, options, notes)
     found = _drop_short(_with_body(found, options, source, notes), options, notes)
     length = _length(found, options, source, notes)
     if (found.length == "px" or "px" in str(options.unit)) and options.flip_y is None and not found.y_down:
@@ -59,12 +63,69 @@ def build(found: Found, options: Options, source: Path) -> Built:
     scene = scene_from_dict(data, file=_template_file(options), strict=False, extra=RECORDING_KEYS)
     placed = set(np.array(body)[np.isfinite(x) | np.isfinite(y)].tolist())
     scene = commanded(scene, options, list(dict.fromkeys(body)), placed, notes)
+    scene = adjusted(scene, options.adjustables)
+    x, y = _without_unmeasured(found.unmeasured, scene, body, x, y, notes)
     numbers = {key: data[key] for key in ("title", *RECORDING_KEYS) if key in data}
     given = {key: getattr(options, key) for key in ("title", "sampling", "position_noise", "angle_noise")}
     numbers |= {key: value for key, value in given.items() if value is not None}
     numbers.setdefault("title", found.title or source.stem)
     recording = _assemble(source, scene, t, body, x, y, angle, found.rows, numbers)
     return Built(recording, tuple(notes), place)
+
+
+# ---- one coordinate alone -----------------------------------------------------------------------
+
+
+def _upright(found: Found, options: Options, notes: list[str]) -> Found:
+    """The only coordinate as the vertical one, where its heading names no axis and what is believed acts along y."""
+    x, y = (abs(part) for part in _way(options))
+    if found.lone is None or y <= x:
+        return found
+    said = f"{found.lone} is the only coordinate and is taken for y, the way of gravity or of a rail"
+    seen = np.flatnonzero(np.isfinite(found.x))
+    first, last = np.array_split(found.x[seen[np.argsort(found.clock[seen], kind="stable")]], 2)
+    if options.flip_y is None and found.body is None and len(first) and len(last):
+        grows = float(np.median(last)) > float(np.median(first))
+        said += ", upwards" + ("; it grows: where it counts downwards, say --flip-y 0" if grows else "")
+    notes.append(said)
+    return replace(found, x=found.y, y=found.x, unmeasured="x")
+
+
+def _way(options: Options) -> tuple[float, float]:
+    """A vector along which bodies move that show one coordinate: their rail, else gravity; (1, 0) where others hold."""
+    sideways = (1.0, 0.0)
+    file = _template_file(options)
+    data = _toml(file) if file is not None else {}
+    listed, box = data.get("law"), data.get("scene")
+    laws = [*(listed if isinstance(listed, list) else []), *map(parse_law, options.laws)]
+    laws = [law for law in laws if isinstance(law, Mapping) and law.get("name") in HOLDING]
+    rail = next((law["direction"] for law in laws if law["name"] == "rail" and "direction" in law), None)
+    if isinstance(rail, Sequence) and len(rail) == 2 and all(isinstance(part, int | float) for part in rail):
+        return float(rail[0]), float(rail[1])
+    if laws or (options.scene is not None and file is None and options.scene != "drop"):
+        return sideways
+    gravity = options.gravity
+    if gravity is None and isinstance(box, Mapping):
+        gravity = box.get("gravity")
+    if gravity is None:
+        return (0.0, -G) if options.scene == "drop" else sideways
+    return parse_gravity(gravity)
+
+
+def _without_unmeasured(
+    axis: str | None, scene: Scene, body: Sequence[str], x: np.ndarray, y: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places without the coordinate that was not measured, for bodies whose rail makes up for it; others keep 0."""
+    if axis is None:
+        return x, y
+    xy, names = {"x": x.copy(), "y": y.copy()}, np.array(body)
+    railed = [name for name, along in rail_axes(scene).items() if "xy"[along] != axis and name in body]
+    xy[axis][np.isin(names, railed)] = np.nan
+    if railed:
+        notes.append(f"{axis} was not measured and is left out: the rail of {', '.join(railed[:8])} runs across it")
+    if set(body) - set(railed):
+        notes.append(f"{axis} was not measured and stands as 0 throughout, which a diagnosis takes for not measured")
+    return xy["x"], xy["y"]
 
 
 # ---- bodies that are not told apart, short tracks -----------------------------------------------

@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from ...errors import InputError
-from .units import PIXELS, is_unit, split_unit
+from .units import ANGLES, PIXELS, SENSOR, is_unit, split_unit
 
 NAMES: dict[str, tuple[str, ...]] = {
     "t": ("t", "time", "times", "trial time", "timestamp", "time stamp", "elapsed time", "seconds", "zeit", "uhrzeit",
@@ -26,7 +26,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "posx", "xpos", "cx", "abscisse", "abscissa", "abszisse"),
     "y": ("y", "posy", "ypos", "cy", "ordonnee", "ordinate", "ordenada", "ordinata"),
     "angle": ("angle", "theta", "phi", "θ", "φ", "orientation", "winkel", "drehwinkel", "auslenkwinkel", "angulo",
-              "angolo"),
+              "angolo", "angular position", "angular displacement"),
 }  # fmt: skip
 # beside x or y they leave it what it is: "Ort x", "posição x", "Centroid.X", "center_y"
 BESIDE = {
@@ -65,6 +65,11 @@ def is_rate(column: str) -> bool:
     return bool(RATES.intersection(words(column)))
 
 
+def is_lone(column: str) -> bool:
+    """Whether a column is a coordinate of which its heading does not say the axis."""
+    return " ".join(words(column)) in ALONE
+
+
 def is_clock(column: str) -> str | None:
     """ "t" or "frame", where a column is a clock by its heading."""
     name = " ".join(words(column))
@@ -85,7 +90,7 @@ def _matches(key: str, header: Sequence[str]) -> list[str]:
 def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
     """Which column is what: those given, then exact names, then names in other words, with a unit or in a language.
 
-    Raises InputError where a table has several runs side by side.
+    Raises InputError where a table has several runs, or several sensors, side by side.
     """
     found = dict(given)
     open_to = [name for name in header if name not in given.values() and not is_rate(name)]
@@ -93,11 +98,15 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     def take(key: str, names: Sequence[str]) -> None:
         if names:
             first = words(names[0])
-            beside = [name for name in names if words(name) == first and _run(name) != _run(names[0])]
+            beside = [name for name in names if words(name) == first and _source(name) != _source(names[0])]
+            if key == "angle" and ((beside and {"x", "y"} & given.keys()) or first in map(words, given.values())):
+                return  # a place, or another run, was said: no angle is asked for
             if beside:
+                what = "runs" if _source(names[0])[0] != _source(beside[0])[0] else "sensors"
+                column = f'"{names[0]}"' if "," in names[0] else names[0]
                 raise InputError(
-                    f"has several runs, {names[0]!r} and {beside[0]!r}: say which columns, as --columns "
-                    f"'{key}={names[0]}'",
+                    f"has several {what}, {names[0]!r} and {beside[0]!r}: say which columns, as --columns "
+                    f"'{key}={column}' (BODY.{key}={column} where there are several bodies)",
                     where="table",
                 )
             found[key] = names[0]
@@ -107,18 +116,18 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
         if key not in found and not (key == "frame" and "t" in given):
             take(key, _matches(key, open_to))
     if not {"x", "y"} & found.keys():
-        take("x", [name for wanted in ALONE for name in open_to if " ".join(words(name)) == wanted])
+        take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
     if "angle" not in found:
         take("angle", [name for name in open_to if " ".join(words(name)) in DEFLECTION and _is_angle(name)])
     return found
 
 
 def _is_angle(column: str) -> bool:
-    from .units import ANGLES
-
     return split_unit(column)[1] in ANGLES
 
 
-def _run(column: str) -> str:
-    match = re.search(r"(?:^run\s*#?\s*(\d+)|run\s*#?\s*(\d+)\s*$)", column.strip().lower())
-    return (match[1] or match[2]) if match else ""
+def _source(column: str) -> tuple[str, str]:
+    """The number of the run and the name of the sensor that a heading says, empty where it says none."""
+    run = re.search(r"(?:^run\s*#?\s*(\d+)|run\s*#?\s*(\d+)\s*(?:\(|$))", column.strip().lower())
+    sensor = SENSOR.search(column)
+    return (run[1] or run[2]) if run else "", sensor[1].lower() if sensor else ""

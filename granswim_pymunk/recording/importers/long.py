@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ...errors import InputError
-from .base import Found, Importer, Options
-from .headings import find_columns, is_clock, words
+from .base import Found, Importer, Options, only_one
+from .headings import find_columns, is_clock, is_lone, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -81,7 +81,7 @@ def recognise(source: Source) -> bool:
     if any("." in key for key in source.options.column_map()):
         return False  # BODY.x: a row per frame, a wide table
     header = source.table.header
-    found = find_columns(header, _given(source.options))
+    found = find_columns(header, _given(source.options, source.table))
     x = found.get("x")
     if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
         return False  # center_x and nose_x: a wide table
@@ -91,8 +91,8 @@ def recognise(source: Source) -> bool:
     return any(key in found for key in ("x", "y", "angle"))
 
 
-def _given(options: Options) -> dict[str, str]:
-    names = options.column_map()
+def _given(options: Options, table: Table) -> dict[str, str]:
+    names = {key: table.named(column) for key, column in options.column_map().items()}
     for key in names:
         if key not in KEYS:
             raise InputError(f"unknown name {key!r}; known: {', '.join(KEYS)}", where="columns")
@@ -124,7 +124,7 @@ def read(source: Source, options: Options) -> Found:
     table = source.table
     if table is None:
         raise InputError("is not a table", file=source.path)
-    given = _given(options)
+    given = _given(options, table)
     for key in given.values():
         table.cells(key)
     found = find_columns(table.header, given)
@@ -148,6 +148,11 @@ def read(source: Source, options: Options) -> Found:
         # as ImageJ labels its results: film:1, film:2 ...
         notes.append(f"{found['body']} differs in every row and is not taken for a body (--columns body=... does so)")
         body = None
+    if said_unit(table, found.get("x"), found.get("y")) in ANGLES:
+        notes.append(
+            f"{found.get('x') or found['y']} is in a unit of angles and is taken for a place: an angle is said as "
+            "--columns angle=NAME"
+        )
     return Found(
         clock=t,
         counts=counts,
@@ -159,6 +164,8 @@ def read(source: Source, options: Options) -> Found:
         time=time,
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
+        unmeasured=only_one(found),
+        lone=found["x"] if only_one(found) == "y" and "x" not in given and is_lone(found["x"]) else None,
         notes=notes,
     )
 

@@ -65,6 +65,7 @@ def noise_of(values: np.ndarray) -> float:
 
 def look(recording: Recording) -> Look:
     """Look at the tracks as they will be diagnosed."""
+    recording = recording.on_rails()
     unwrapped = recording.unwrapped()
     t, xy = unwrapped.t, unwrapped.xy
     seen, counted = recording.seen, _counted(t)
@@ -206,6 +207,7 @@ def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    recording = recording.on_rails()
     placed = bool(np.isfinite(recording.xy).any())
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,4 +1,4 @@
-"""Whether gravity fits what is seen: a wrong frame rate or unit shows in how bodies fall and swing.
+"""Whether gravity and rails fit what is seen: a wrong frame rate or unit shows in how bodies fall and swing.
 
 And whether a body that falls meets something that the scene has not.
 """
@@ -16,6 +16,9 @@ from ..recording import Recording
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
 SWINGS_OFF = 1.5  # of the square of a period: the inertia of a rod about its end makes it 2/3
+OFF_RAIL = 0.1  # of the way along a rail, as far across; a bent picture of a straight one has a few hundredths
+INNER = (0.02, 0.98)  # quantiles between which a way is taken: single wrong points make none
+TOLD_NOISE = 6.0  # times the noise that a way across has to be
 SURE = 0.25  # of gravity, within which three standard errors of an acceleration lie
 STRETCH = 4  # frames before and after a bounce, of which a velocity is read off
 HIDDEN = 1  # frames between them, in which it touches
@@ -27,17 +30,15 @@ HELD = {"pin", "rail", "spring", "drive", "hinge", "rod"}  # laws that turn a bo
 
 
 def doubts(recording: Recording, noise: float) -> list[str]:
-    """What is said of bodies that fall or swing at another rate than gravity lets them.
+    """What is said of bodies that leave their rail, or fall or swing at another rate than gravity lets them.
 
     noise : one standard deviation of a coordinate [m]
     """
     scene = recording.scene
     gravity = math.hypot(*scene.gravity)
-    if gravity == 0:
-        return []
     free = all(not item.law.parameters for item in scene.laws) and not scene.walls  # nothing but gravity acts
-    said = []
-    for k, name in enumerate(recording.ids):
+    said = [_off_rail(recording, k, name, noise) for k, name in enumerate(recording.ids)]
+    for k, name in enumerate(recording.ids if gravity else ()):
         if any(name in (item.bodies or (name,)) for item in scene.laws_named("pin")):
             said.append(_swing(recording, k, name, gravity))
         elif free:
@@ -91,6 +92,23 @@ def _bounce(t: np.ndarray, xy: np.ndarray, gravity: np.ndarray) -> int | None:
     return int(np.argmax(np.where(turned, size, 0.0))) + STRETCH if turned.any() else None
 
 
+def _off_rail(recording: Recording, k: int, name: str, noise: float) -> str:
+    """How far a body goes across its rail, where that is a large part of its way along it."""
+    rail = next((i for i in recording.scene.laws_named("rail") if name in (i.bodies or (name,))), None)
+    xy = recording.unwrapped().xy[:, k]
+    xy = xy[np.isfinite(xy).all(axis=1)]
+    if rail is None or not len(xy):
+        return ""
+    x, y = np.array(rail.values["direction"], dtype=float) / math.hypot(*rail.values["direction"])
+    along, across = (float(np.ptp(np.quantile(xy @ way, INNER))) for way in (np.array([x, y]), np.array([-y, x])))
+    if across < max(OFF_RAIL * along, TOLD_NOISE * noise if math.isfinite(noise) else 0.0) or across == 0:
+        return ""
+    return (
+        f"{name} leaves its rail: it goes {across:.3g} m across it and {along:.3g} m along it. Is the path a curve, "
+        f"which no rail is, or the direction wrong (--law 'rail:{name},direction=1 0')?"
+    )
+
+
 def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float) -> str:
     """The acceleration along gravity, where in stretches of the track it is too large or nowhere large enough."""
     xy = recording.xy[:, k]
@@ -98,6 +116,8 @@ def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float)
     t, along = recording.t[seen], xy[seen] @ np.array(recording.scene.gravity) / gravity
     if len(t) < 8 or not math.isfinite(noise):
         return ""
+    if np.ptp(along) == 0:
+        return f"{name} was not measured along gravity: is its one coordinate the vertical one (--columns y=NAME)?"
     dt = float(np.median(np.diff(t)))
     # a parabola through n places: the error of its acceleration is sqrt(720/n^5) of that of a place over dt^2
     n = max(5, math.ceil((720 * (3 * noise / (SURE * gravity * dt**2)) ** 2) ** 0.2))

@@ -60,6 +60,11 @@ class Table:
     def __len__(self) -> int:
         return len(self.lines)
 
+    def named(self, column: str) -> str:
+        """The name of a column that is said by its name, or by its number from 1; what is neither stays as it is."""
+        number = int(column) if column.isdecimal() else 0
+        return self.header[number - 1] if column not in self.columns and 0 < number <= len(self.header) else column
+
     def cells(self, name: str) -> Any:
         if name not in self.columns:
             hint = "; it has no header: columns are 1, 2, 3 ..." if self.bare else ""

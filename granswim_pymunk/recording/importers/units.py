@@ -82,9 +82,12 @@ def measure(text: str, units: Mapping[str, float], what: str, where: str) -> flo
     return value
 
 
+# the sensor of a heading of PASCO: "Angle, Ch 1+2 (rad) Run #1", "Voltage, ChA"
+SENSOR = re.compile(r",\s*ch\s*([a-z]|\d+(?:\s*[+&]\s*\d+)?)(?![^\W_])", re.IGNORECASE)
 # what Logger Pro, Graphical Analysis and Capstone put around a heading
 _AROUND = re.compile(
-    r"^\s*(?:latest|run\s*#?\s*\d+|data\s*set(?:\s*\d+)?|video analysis(?:\s*\d+)?)\s*:\s*|\s*run\s*#?\s*\d+\s*$",
+    r"^\s*(?:latest|run\s*#?\s*\d+|data\s*set(?:\s*\d+)?|video analysis(?:\s*\d+)?)\s*:\s*"
+    rf"|,?\s*run\s*#?\s*\d+\s*(?=\(|$)|{SENSOR.pattern}",
     re.IGNORECASE,
 )
 

@@ -1,4 +1,4 @@
-"""Plain tables with one row per frame: ``t,x1,y1,x2,y2``, ``t,x1,x2`` or ``t,ball_x,ball_y``."""
+"""Plain tables with one row per frame: ``t,x1,y1,x2,y2``, ``t,x1,x2``, ``t,ball_x,ball_y`` or ``t,angle1,angle2``."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ import re
 import numpy as np
 
 from ...errors import InputError
-from .base import Found, Importer, Options
+from .base import Found, Importer, Options, only_one
 from .headings import is_clock, is_rate
 from .long import clock, frames_by_row, known, passed_over, said_unit
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, is_unit, split_unit
 
-_FIRST = re.compile(r"(x|y|angle|theta)[ _.]?(.+)", re.IGNORECASE)
-_LAST = re.compile(r"(.+?)[ _.:/](x|y|angle|theta)", re.IGNORECASE)
+_ANGLES = ("angle", "theta", "phi", "θ", "φ", "winkel", "ángulo", "ângulo", "angulo", "angolo")
+_KINDS = "|".join(("x", "y", *_ANGLES))
+_FIRST = re.compile(rf"({_KINDS})[ _.]?(.+)", re.IGNORECASE)
+_LAST = re.compile(rf"(.+?)[ _.:/]({_KINDS})", re.IGNORECASE)
+# beside a coordinate they are no bodies: rates and errors
+_NO_BODY = re.compile(r"d?dots?\d*|err(?:or)?s?|std|sigma|sem|noise|uncertainty|fehler", re.IGNORECASE)
 
 
 def place(column: str) -> tuple[str, str] | None:
-    """Body and coordinate of a column called ``x1``, ``x_left`` or ``left_x``, with a unit behind it or not."""
+    """Body and coordinate of a column called ``x1``, ``x_left``, ``left_x`` or ``theta1``, with a unit or not."""
     if is_rate(column):
         return None
     plain, _ = split_unit(column)
@@ -29,12 +33,14 @@ def place(column: str) -> tuple[str, str] | None:
         name, kind = match[2], match[1].lower()
     else:
         return None
-    return name.strip(), "angle" if kind == "theta" else kind
+    if _NO_BODY.fullmatch(name.strip()):
+        return None
+    return name.strip(), "angle" if kind in _ANGLES else kind
 
 
 def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
     """The columns of the clock ("t", "frame"), and those of each body."""
-    names = options.column_map()
+    names = {key: table.named(column) for key, column in options.column_map().items()}
     if "t" in names:
         clocks = {"t": names.pop("t")}
     else:
@@ -50,7 +56,23 @@ def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[st
     for column in table.header:
         if column not in mapped and (at := place(column)) is not None:
             places.setdefault(at[0], {}).setdefault(at[1], column)
+    if not places:
+        # "left [deg],right [deg]": with no coordinate by its name a unit of angles tells the bodies
+        turned = [c for c in table.header if c not in mapped and said_unit(table, c) in ANGLES]
+        places = {split_unit(column)[0]: {"angle": column} for column in turned}
     return clocks, places
+
+
+def _by_its_name(
+    places: dict[str, dict[str, str]], options: Options, notes: list[str]
+) -> dict[str, dict[str, str]]:
+    """The columns of the only body by the name that the user gave it, where a heading has another: "Angle of arm"."""
+    named = [text.partition(":")[0].strip() for text in options.bodies]
+    if len(places) != 1 or len(named) != 1 or named[0] in ("*", *places) or options.column_map().keys() - {"t"}:
+        return places
+    ((heading, columns),) = places.items()
+    notes.append(f"{', '.join(columns.values())}: {heading!r} is taken for {named[0]}, the only body")
+    return {named[0]: columns}
 
 
 def recognise(source: Source) -> bool:
@@ -60,7 +82,7 @@ def recognise(source: Source) -> bool:
         clocks, places = find_places(source.table, source.options)
     except InputError:
         return False
-    return (bool(clocks) or source.options.fps is not None) and any("x" in p or "y" in p for p in places.values())
+    return (bool(clocks) or source.options.fps is not None) and bool(places)
 
 
 def read(source: Source, options: Options) -> Found:
@@ -77,6 +99,7 @@ def read(source: Source, options: Options) -> Found:
         t, counts, unit = clock(table, clocks, options)
     if not places:
         raise InputError(f"has no columns like x1, y1; it has: {', '.join(table.header)}", file=source.path)
+    places = _by_its_name(places, options, notes)
     size = len(t)
     nothing = np.full(size, np.nan)
     xs, ys, angles = [], [], []
@@ -105,10 +128,14 @@ def read(source: Source, options: Options) -> Found:
         time=unit,
         turn=known(said_unit(table, *(k.get("angle") for k in used)), ANGLES),
         rows=list(table.lines) * len(places),
+        unmeasured=only_one({kind for kinds in used for kind in kinds}),
         notes=notes,
     )
 
 
 IMPORTER = Importer(
-    "wide", "plain table, one row per frame (t,x1,y1,x2,y2 or t,x1,x2 or t,left_x,left_y)", recognise, read
+    "wide",
+    "plain table, one row per frame (t,x1,y1,x2,y2 or t,x1,x2 or t,left_x,left_y or t,angle1,angle2)",
+    recognise,
+    read,
 )

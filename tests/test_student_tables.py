@@ -1,0 +1,247 @@
+"""Tables of a student laboratory: angles of pendulums, headings of PASCO, one coordinate, a rail that is none."""
+
+import re
+
+import numpy as np
+import pytest
+
+from granswim_pymunk.cli import main
+from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import read_recording
+from granswim_pymunk.recording.importers import import_all, import_recording
+from granswim_pymunk.recording.importers.base import Options
+
+T = np.arange(60) / 25
+LEFT, RIGHT = 0.3 * np.cos(4 * T), 0.2 * np.sin(4 * T)  # rad
+PINS = ["pin:p1,anchor=0 0,length=0.6", "pin:p2,anchor=0.5 0,length=0.6"]
+CAPSTONE = "Angle, Ch 1+2 (rad) Run #{}"
+
+
+def write(folder, header, *columns, sign=","):
+    rows = [sign.join(map(repr, row)) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    (folder / "table.csv").write_text("\n".join([header, *rows] if header else rows) + "\n", encoding="utf-8")
+    return folder / "table.csv"
+
+
+class TestAnglesOfSeveralBodies:
+    @pytest.mark.parametrize(
+        "header",
+        [
+            "t,p1_angle [deg],p2_angle [deg]",
+            "t [s],theta_p1 (deg),theta_p2 (deg)",
+            "Zeit in s,Winkel p1 (°),Winkel p2 (°)",
+            "time (s),phi p1 in Grad,phi p2 in Grad",
+            "t,p1 [deg],p2 [deg]",
+            "t,p1,p2\ns,deg,deg",
+        ],
+    )
+    def test_a_row_per_frame(self, tmp_path, header):
+        source = write(tmp_path, header, T, np.degrees(LEFT), np.degrees(RIGHT))
+        (r,) = import_recording(source, bodies=["p1:3cm:1kg", "p2:3cm:1kg"], scene="pendulum", laws=PINS)
+        assert r.ids == ("p1", "p2") and np.isnan(r.xy).all()
+        np.testing.assert_allclose(r.angle, np.stack([LEFT, RIGHT], axis=1), atol=1e-12)
+        np.testing.assert_allclose(r.t, T)
+
+    def test_columns_that_are_said(self, tmp_path):
+        source = write(tmp_path, "", T, np.degrees(LEFT), np.degrees(RIGHT))
+        said = {"columns": "t=1,p1.angle=2,p2.angle=3", "angle_unit": "deg"}
+        import_all(source, tmp_path / "out", bodies=["*:3cm:1kg"], scene="pendulum", laws=PINS, picture=True, **said)
+        read = read_recording(tmp_path / "out")
+        np.testing.assert_allclose(read.angle, np.stack([LEFT, RIGHT], axis=1), atol=1e-12)
+
+    def test_numbers_in_a_heading_are_bodies_in_rad(self, tmp_path):
+        source = write(tmp_path, "t,theta1,theta2", T, LEFT, RIGHT)
+        (r,) = import_recording(source, bodies=["*:3cm:1kg"])
+        assert r.ids == ("1", "2")
+        np.testing.assert_array_equal(r.angle[:, 1], RIGHT)
+
+    def test_the_length_of_a_rod_is_asked_for(self, tmp_path):
+        source = write(tmp_path, "t,p1_angle,p2_angle", T, LEFT, RIGHT)
+        with pytest.raises(InputError, match=r"only the angle of p1 is measured.*length"):
+            import_recording(source, bodies=["*:3cm:1kg"], scene="pendulum")
+
+    @pytest.mark.parametrize("heading", ["Angle of arm (deg)", "arm [deg]", "left_angle [deg]"])
+    def test_one_body_has_the_name_that_it_was_given(self, tmp_path, heading):
+        source = write(tmp_path, f"t,{heading}", T, np.degrees(LEFT))
+        (done,) = import_all(source, tmp_path / "out", bodies=["rod:3cm:1kg"], picture=False)
+        np.testing.assert_allclose(done.recording.angle[:, 0], LEFT, atol=1e-12)
+        assert done.recording.ids == ("rod",) and any("is taken for rod" in note for note in done.notes)
+
+    def test_rates_and_errors_are_no_angles(self, tmp_path):
+        source = write(tmp_path, "t,theta_dot,theta_err,angle_velocity", T, LEFT, LEFT, LEFT)
+        with pytest.raises(InputError, match="no time and positions"):
+            import_recording(source, bodies=["*:3cm:1kg"])
+
+
+class TestHeadingsOfPasco:
+    def test_an_angle_by_its_heading(self, tmp_path):
+        source = write(tmp_path, f'"Time (s)","{CAPSTONE.format(1)}"', T, LEFT)
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"])
+        np.testing.assert_array_equal(r.angle[:, 0], LEFT)
+
+    def test_an_angular_position_in_degrees(self, tmp_path):
+        source = write(tmp_path, '"Time (s)","Angular Position, Ch 1&2, Run #1 ( deg )"', T, np.degrees(LEFT))
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"])
+        np.testing.assert_allclose(r.angle[:, 0], LEFT, atol=1e-12)
+
+    @pytest.mark.parametrize(
+        "columns",
+        [
+            f"t=Time (s),angle={CAPSTONE.format(2)}",
+            f't=Time (s),angle="{CAPSTONE.format(2)}"',
+            f"angle='{CAPSTONE.format(2)}', t=1",
+            "t=1,angle=3",
+            {"t": "Time (s)", "angle": CAPSTONE.format(2)},
+        ],
+    )
+    def test_one_of_several_runs_by_its_name_or_number(self, tmp_path, columns):
+        header = ",".join(f'"{name}"' for name in ("Time (s)", *map(CAPSTONE.format, (1, 2))))
+        source = write(tmp_path, header, T, LEFT, RIGHT)
+        with pytest.raises(InputError, match=r"several runs.*--columns 'angle=\"Angle, Ch"):
+            import_recording(source, bodies=["disk:5cm:120g"])
+        (r,) = import_recording(source, bodies=["disk:5cm:120g"], columns=columns)
+        np.testing.assert_array_equal(r.angle[:, 0], RIGHT)
+
+    def test_two_sensors_are_two_bodies(self, tmp_path):
+        source = write(tmp_path, '"Time (s)","Angle, Ch 1+2 (rad)","Angle, Ch 3+4 (rad)"', T, LEFT, RIGHT)
+        with pytest.raises(InputError, match=r"several sensors.*BODY.angle"):
+            import_recording(source, bodies=["*:5cm:120g"])
+        (r,) = import_recording(source, bodies=["*:5cm:120g"], columns="a.angle=2,b.angle=3")
+        assert r.ids == ("a", "b") and (r.angle == np.stack([LEFT, RIGHT], axis=1)).all()
+
+    def test_an_angle_that_is_said_to_be_a_place_is_told(self, tmp_path):
+        source = write(tmp_path, f'"Time (s)","{CAPSTONE.format(1)}"', T, LEFT)
+        (done,) = import_all(source, tmp_path / "out", bodies=["*:5cm:120g"], columns="t=1,x=2", picture=False)
+        assert any("unit of angles" in note for note in done.notes) and done.recording.angle is None
+
+    @pytest.mark.parametrize("columns", ["", "x", "x=", 'x=""', "=2"])
+    def test_a_map_that_is_none(self, columns):
+        with pytest.raises(InputError, match=r"NAME=COLUMN.*in quotes"):
+            Options(columns=columns).column_map()
+
+    def test_a_number_beyond_the_table_is_told(self, tmp_path):
+        source = write(tmp_path, "t,x", T, LEFT)
+        with pytest.raises(InputError, match="no column '3'; it has: t, x"):
+            import_recording(source, bodies=["*:5cm:120g"], columns="t=1,x=3")
+
+    def test_a_name_that_is_a_number_is_the_name(self, tmp_path):
+        source = write(tmp_path, "t,2,1", T, LEFT, RIGHT)
+        (r,) = import_recording(source, bodies=["*:5cm:120g"], columns="t=t,x=2,y=1")
+        np.testing.assert_array_equal(r.xy[:, 0], np.stack([LEFT, RIGHT], axis=1))
+
+
+class TestAdjustables:
+    LAW = "spring:cart,anchor=0 0,stiffness=4,length=0"
+
+    def test_what_may_move_is_written(self, tmp_path, capsys):
+        source = write(tmp_path, "t,x", T, LEFT)
+        said = ["--adjustable", "spring.stiffness=3:5", "--adjustable", "drive.gain=0.5:2"]
+        (tmp_path / "told.csv").write_text("t,cart\n0,0\n1,1\n")
+        assert main(["import", str(source), "--body", "cart:3cm:1kg", "--scene", "cart", "--law", self.LAW, "--input",
+                     str(tmp_path / "told.csv"), *said, "--out", str(tmp_path / "out")]) == 0  # fmt: skip
+        capsys.readouterr()
+        stiffness, gain = read_recording(tmp_path / "out").scene.adjustable
+        assert (stiffness.name, stiffness.low, stiffness.high, stiffness.per) == ("spring.stiffness", 3.0, 5.0, "all")
+        assert (gain.name, gain.low, gain.high) == ("drive.gain", 0.5, 2.0)
+
+    def test_one_of_a_template_is_replaced(self, tmp_path):
+        source = write(tmp_path, "t,p1_angle,p2_angle", T, LEFT, RIGHT)
+        (r,) = import_recording(
+            source, bodies=["*:3cm:1kg"], scene="pendulum", laws=PINS, adjustables=["pin.length=0.5:0.7"]
+        )
+        (length,) = r.scene.adjustable
+        assert (length.name, length.low, length.high, length.per) == ("pin.length", 0.5, 0.7, "body")
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("springs.stiffness=3:5", "no law 'springs'; it has: rail, spring"),
+            ("spring.stifness=3:5", "unknown parameter 'stifness'; it has: .*stiffness"),
+            ("spring.stiffness=5:3", "low should be below high, got 5 and 3"),
+            ("spring.stiffness=5:7", "spring.stiffness: 4 is believed, which is outside 5 to 7"),
+            ("spring.anchor=0:1", "no single number"),
+            ("spring.stiffness=-3:5", "-3 N/m is outside"),
+            ("spring.stiffness=3", "LAW.PARAMETER=LOW:HIGH"),
+            ("stiffness=3:5", "LAW.PARAMETER=LOW:HIGH"),
+            ("spring.stiffness=3:inf", "LAW.PARAMETER=LOW:HIGH"),
+        ],
+    )
+    def test_what_is_wrong_is_said(self, tmp_path, text, message):
+        source = write(tmp_path, "t,x", T, LEFT)
+        with pytest.raises(InputError, match=message):
+            import_recording(source, bodies=["cart:3cm:1kg"], scene="cart", laws=[self.LAW], adjustables=[text])
+
+
+class TestRails:
+    def doubts(self, folder, x, y, **said):
+        source = write(folder, "t,x,y", T, x, y)
+        (done,) = import_all(source, folder / "out", bodies=["ball:1cm:69g"], scene="cart", picture=False, **said)
+        return [warning for warning in done.look.warnings if "rail" in warning]
+
+    def test_a_path_that_is_no_line_is_told(self, tmp_path):
+        x = 0.2 * np.cos(3 * T)
+        (said,) = self.doubts(tmp_path, x, 5 * x**2)
+        assert re.search(r"ball leaves its rail: it goes 0.2\d+ m across it and 0.39\d m along it", said)
+
+    def test_a_direction_that_is_wrong_is_told(self, tmp_path):
+        x = 0.2 * np.cos(3 * T)
+        assert self.doubts(tmp_path, x, 0.3 * x, laws=["rail:ball,direction=1 0"])
+
+    @pytest.mark.parametrize("size", [0.2, 1e-4])
+    def test_a_rail_seen_through_a_lens_or_in_noise_is_not(self, tmp_path, size):
+        x, rng = size * np.cos(3 * T), np.random.default_rng(2)
+        y = 0.3 * x + 0.1 * x**2 / size + rng.normal(0, 2e-4, len(T)) * (size < 0.1)
+        y[20] += 0.5 * size  # a wrong point
+        assert not self.doubts(tmp_path, x, y)
+
+
+class TestOneCoordinate:
+    FALL = 1.2 - 0.5 * 9.81 * T**2  # m
+
+    def read(self, folder, header, values, body="bead", **said):
+        source = write(folder, header, T, values)
+        (done,) = import_all(source, folder / "out", bodies=[f"{body}:2cm:50g"], **said)
+        return read_recording(folder / "out"), done
+
+    @pytest.mark.parametrize("said", [{"scene": "drop"}, {"gravity": 9.81}, {"laws": ["rail:bead,direction=0 1"]}])
+    def test_without_an_axis_it_is_the_way_of_gravity(self, tmp_path, said):
+        read, done = self.read(tmp_path, "Time(sec),Position(mm)", 1e3 * self.FALL, **said)
+        np.testing.assert_allclose(read.xy[:, 0, 1], self.FALL, atol=1e-12)
+        assert not done.look.warnings and any("Position(mm) is the only coordinate" in note for note in done.notes)
+        assert not any("--flip-y" in note for note in done.notes)
+
+    def test_one_that_counts_downwards(self, tmp_path):
+        _, done = self.read(tmp_path, "Time(sec),Position(mm)", -1e3 * self.FALL, scene="drop")
+        assert any("--flip-y 0" in note for note in done.notes)
+        read, done = self.read(tmp_path, "Time(sec),Position(mm)", -1e3 * self.FALL, scene="drop", flip_y=0.0)
+        np.testing.assert_allclose(read.xy[:, 0, 1], self.FALL, atol=1e-12)
+        assert not any("--flip-y 0" in note for note in done.notes) and not done.look.warnings
+
+    def test_a_scene_of_a_file(self, tmp_path):
+        (tmp_path / "scene.toml").write_text("[scene]\ngravity = [0.0, -9.81]\n")
+        read, _ = self.read(tmp_path, "t,Position", self.FALL, scene=str(tmp_path / "scene.toml"))
+        np.testing.assert_array_equal(read.xy[:, 0, 1], self.FALL)
+
+    @pytest.mark.parametrize(
+        "said",
+        [{}, {"scene": "puck"}, {"columns": "x=Position", "gravity": 9.81}, {"gravity": "9.81,0"},
+         {"gravity": 9.81, "laws": ["pin:bead,anchor=0 0.5,length=0.5"]}],
+    )  # fmt: skip
+    def test_elsewhere_it_is_x(self, tmp_path, said):
+        read, _ = self.read(tmp_path, "t,Position", LEFT, **said)
+        np.testing.assert_array_equal(read.xy[:, 0, 0], LEFT)
+
+    def test_the_other_one_is_said_to_stand_as_zero(self, tmp_path):
+        read, done = self.read(tmp_path, "t,y", self.FALL, scene="drop")
+        assert (read.xy[:, 0, 0] == 0).all()
+        assert any("x was not measured and stands as 0" in note for note in done.notes)
+
+    def test_the_other_one_is_left_out_where_a_rail_makes_up_for_it(self, tmp_path):
+        read, done = self.read(tmp_path, "t,Position", LEFT, scene="cart")
+        assert np.isnan(read.xy[:, 0, 1]).all() and (read.xy[:, 0, 0] == LEFT).all()
+        assert any("y was not measured and is left out" in note for note in done.notes)
+        assert done.look.speed > 0 and (tmp_path / "out/tracks.png").stat().st_size > 1000
+
+    def test_a_fall_of_which_another_coordinate_was_measured(self, tmp_path):
+        _, done = self.read(tmp_path, "t,x", self.FALL, scene="drop")
+        assert [w for w in done.look.warnings if "not measured along gravity" in w and "--columns y=NAME" in w]
