@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -277,6 +277,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
         notes = swapped + told + notes
+    notes += _unused_angles(recording, pinned)
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
@@ -288,6 +289,21 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
     )  # fmt: skip
+
+
+def _unused_angles(recording: Recording, used: Collection[str]) -> list[str]:
+    """That angles of bodies that turn freely were given and tell nothing here, ``used``: whose do."""
+    if recording.angle is None:
+        return []
+    free = []
+    for body, angle in zip(recording.ids, recording.angle.T, strict=True):
+        seen = angle[np.isfinite(angle)]
+        if len(seen) and np.ptp(seen) > 0 and body not in used and recording.scene.body(body).role == "free":
+            free.append(body)
+    if not free:
+        return []
+    whose = free[0] if len(free) == 1 else f"{free[0]} and {len(free) - 1} more"
+    return [f"{recording.name}: angles of {whose} are not used: of disks that turn freely they tell of no force here"]
 
 
 def _divided(

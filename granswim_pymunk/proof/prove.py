@@ -45,7 +45,7 @@ FULL = {
     "small-curve": range(1004, 1020),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(2908, 3078), "real-life-bed": range(1024, 1036)}
+FULL_REAL = {"real-life": range(3078, 3248), "real-life-bed": range(1024, 1036)}
 
 _RUNNING: set[subprocess.Popen[str]] = set()  # diagnoses under way
 _GONE = threading.Event()  # nobody waits for them any more, nor for those that are begun after it
