@@ -159,9 +159,13 @@ class TestKicks:
         """Something acts between them: laws are asked for that."""
         t = np.arange(240) / 60
         x = np.where(t < 2.0, 0.6 * t, 1.2 - 0.36 * (t - 2.0))
-        for there, cuts in ((1.2 + 0.02 + 0.03, 0), (1.6, 1)):
+        touching, row = 1.2 + 0.02 + 0.03, 120
+        # of another one that was lost just then the frames about it tell; one that is not seen for long is elsewhere
+        for there, lost, cuts in ((touching, slice(0), 0), (touching, slice(row - 1, row + 2), 0), (1.6, slice(0), 1),
+                                  (touching, slice(row - 30, None), 1)):  # fmt: skip
             at = np.stack([np.stack([x, 0 * t], 1), np.stack([there + 0 * t, 0 * t], 1)], 1)
             noisy = at + np.random.default_rng(1).normal(0, 5e-4, at.shape)
+            noisy[lost, 1] = np.nan
             assert len(cut_at_kicks(prepare(recorded(t, noisy), held_out=False, split=True)).kicks) == cuts
 
     def test_friction_is_told_on_both_sides_of_a_stop(self):

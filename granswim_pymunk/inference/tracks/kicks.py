@@ -108,9 +108,18 @@ def remains_of_kicks(cases: Sequence[Case]) -> Remains:
 
 
 def _is_alone(case: Case, kick: Kick) -> bool:
-    """Whether all that a body may meet is farther from it than bodies that touch act on each other."""
-    radius = case.recording.scene.body(kick.body).radius
-    return all(gap[kick.row] > current().kicks.clear * radius for gap in gaps_of(case, kick.body))
+    """Whether all that a body may meet is farther from it than bodies that touch act on each other.
+
+    What is lost in that very frame is where it was seen about it; what is not seen about it has left the picture.
+    """
+    half, clear = current().kicks.half, current().kicks.clear * case.recording.scene.body(kick.body).radius
+    about = slice(max(kick.row - half, 0), kick.row + half + 1)
+    for gap in gaps_of(case, kick.body):
+        seen = gap[about][np.isfinite(gap[about])]
+        nearest = gap[kick.row] if np.isfinite(gap[kick.row]) else seen.min(initial=np.inf)
+        if nearest <= clear:
+            return False
+    return True
 
 
 def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
