@@ -33,8 +33,8 @@ class Instead:
     """A number of the scene that does what ``replaced`` laws do, or where nothing was named most of what is missing.
 
     name, unit, believed : of the number;  value, low, high : as fitted, central 95 %;  left : of chi2 beyond noise
-    term : by which it was fitted;  makes_room : with fewer numbers than it replaces, or where
-        nothing was named, so that other laws may have a place
+    term : by which it was fitted;  makes_room : with fewer numbers than it replaces, or where nothing was named, so
+        that other laws may have a place
     bounds : in which it was adjustable, where it does so outside them;  lost : it brings back a scene that was lost
     """
 
@@ -69,7 +69,8 @@ class Instead:
             )
         does = f"does as well as {' and '.join(self.replaced)}"
         if not self.replaced:
-            does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
+            of = "of what is left" if self.lost else "of what the scene as believed leaves"
+            does = f"leaves {100 * self.left:.2g} % {of} beyond noise"
         return (
             f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: "
             + ("it may be declared adjustable" if self.of_the_scene else "look at how the frames got their stamps")
@@ -113,8 +114,8 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
 def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter) -> list[Instead]:
     """Numbers, adjustable ones outside their bounds and others far from what is believed, that bring a scene back.
 
-    Each takes away more than half of what is left, best first. Asked where a scene is lost, so that what is named says
-    little; laws that have a name stay.
+    Each takes away more than half of what is left, best first. Asked where a scene is lost. Laws that have a name stay,
+    and then it is only told: all is asked again where nothing is named.
     Arguments as of ``instead_of``
     """
     named = bool(laws) and not any(nameless(t.mechanism) for t in laws)
@@ -143,8 +144,8 @@ def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter)
         value, least, most = again.interval(k, max(again.chi2 / again.count, 1.0))
         believed = bounds or (free.first, free.first)
         if left < current().verdict.share and (most < believed[0] or least > believed[1]) and low < value < high:
-            number = Instead(free.name, free.unit, free.first, value, least, most, (), left, wide, True, bounds, True)
-            found.append((again.chi2, number))
+            told = free.name, free.unit, free.first, value, least, most, (), left, wide, not named, bounds, True
+            found.append((again.chi2, Instead(*told)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
 
 
