@@ -23,7 +23,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.fitted import Fit
 from granswim_pymunk.inference.tracks.intervals import with_doubt, with_limits, with_none_beyond, with_shape_held
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, _if_better
-from granswim_pymunk.inference.tracks.pairs import _of_typical_shape
+from granswim_pymunk.inference.tracks.pairs import _of_typical_shape, two_alike
 from granswim_pymunk.inference.tracks.sets import SetSearch
 from granswim_pymunk.inference.tracks.settle import (
     _weakest,
@@ -356,3 +356,20 @@ def test_a_claim_is_settled_with_its_own_segments(monkeypatch):
         with pytest.raises(StopIteration):
             tracks.settle(SimpleNamespace(verdict="missing_physics", claim=claim))
     assert asked == [one, cut]
+
+
+def test_a_drag_in_a_picture_whose_scale_is_off_stands_in_place_of_a_wind_up_along_a_fall():
+    """Both leave noise. Neither a drag nor a scale alone is near: they are no leaders, and are found nevertheless."""
+    t, scale, c, noise = np.arange(0.0, 1.0, 1 / 60), 0.92, 0.1, 3e-4
+    fall = solve_ivp(lambda _, s: [s[1], -G - c / MASS * s[1]], (0, 1), [0.0, 0.0], t_eval=t, rtol=1e-10).y[0]
+    y = scale * fall + np.random.default_rng(1).normal(size=len(t)) * noise
+    scene = Scene((Body("ball", "free", 0.03, MASS),), (use("gravity"),), gravity=(0.0, -G))
+    xy, angle = np.stack([np.zeros_like(y), y], axis=1)[:, None], np.full((len(t), 1), np.nan)
+    recording = Recording("fall", scene, t, ("ball",), xy, angle, position_noise=noise, sampling=60.0)
+    fitter, case, base, terms, (flow,), fit = fitted(recording, "ambient_flow")
+    assert fit.excess == 0 and base.chi2 > 1e3 * base.count
+    pairs = two_alike(search_of(base, fitter, terms, case), [flow], flow, flow.used)
+    both = next(p for p in pairs if {trial.mechanism for trial in p} == {"linear_drag", "camera_scale"})
+    found = {f.name: float(v) for f, v in zip(both[0].fit.hypothesis.free, both[0].fit.values, strict=True)}
+    assert found["camera.scale"] == pytest.approx(scale, abs=0.02)
+    assert found["linear_drag.c"] == pytest.approx(c, abs=0.02)

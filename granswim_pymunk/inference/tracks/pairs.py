@@ -196,44 +196,46 @@ def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: in
 
 
 def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Signature, Signature, Fit]]:
-    """The pairs that imitate a law best, to first order about the path that it follows, each refitted from there.
+    """The pairs that follow short pieces of the recordings best, to first order, each refitted from there to the whole.
 
-    Beside a scene without either a law that leaves most is no leader, and its signature is that of another path.
-    With columns J of the law times its numbers v put back a pair with columns C has the least |r + J v - C x|^2 over x.
+    Beside a scene without either a law that leaves most is no leader, and its signature is that of another path. Pieces
+    with starts of their own lie along the path that was seen, as they do for ``name._from_pieces``.
     """
-    assert law.fit is not None
-    fit, first = law.fit, search.first
-    whole = stacked(search.fitter, fit)
-    rows = slice(first, first + len(law.term.free))
-    mine = fit.values[rows] - np.array([f.neutral for f in law.term.free])
-    beside = basis(whole.beside(np.delete(whole.numbers, np.arange(rows.start, rows.stop), axis=1)))
-
-    def free_part(vectors: np.ndarray) -> np.ndarray:
-        vectors = whole.beside(vectors)
-        return np.asarray(vectors - beside @ (beside.T @ vectors))
-
-    target = free_part(whole.left + whole.numbers[:, rows] @ mine)
+    if search.fitter.segmented:
+        return []
+    criteria, first = current(), search.first
+    own = search.fitter.in_pieces(criteria.refits.pieces)
+    plain = own.fit(search.base.hypothesis, search.base.values)
     simple = [t for t in search.terms if t.mechanism != law.mechanism and not any(f.inner for f in t.free)]
     # without numbers that change nothing here, each from where it is absent
-    seen = [s for s in make_bank(search.fitter, fit, simple).signatures if 0 < len(s.term.free) < numbers]
+    seen = [s for s in make_bank(own, plain, simple).signatures if 0 < len(s.term.free) < numbers]
     terms = [replace(s.term, free=tuple(replace(f, first=f.neutral) for f in s.term.free)) for s in seen]
-    columns = [free_part(columns_of(search.fitter, fit, term)[0]) for term in terms]
+    whole = stacked(own, plain)
+    nuisance = np.hstack([whole.starts, basis(whole.open_numbers)])
+
+    def apart(vectors: np.ndarray) -> np.ndarray:
+        return np.asarray(vectors - nuisance @ (nuisance.T @ vectors))
+
+    left, columns = apart(whole.left), [apart(columns_of(own, plain, term)[0]) for term in terms]
     ranked = []
-    for k, l in combinations(range(len(terms)), 2):
-        a, b = terms[k], terms[l]
-        if len(a.free) + len(b.free) <= numbers and a.mechanism != b.mechanism and not any_field(a, b, search.terms):
-            both = np.hstack([columns[k], columns[l]])
-            x = np.linalg.lstsq(both, target, rcond=current().rounding.singular)[0]
-            ranked.append((float(np.sum((target - both @ x) ** 2)) + 2 * both.shape[1], k, l, x))
+    for (k, a), (l, b) in combinations(enumerate(terms), 2):
+        free = (*a.free, *b.free)
+        if len(free) > numbers or a.mechanism == b.mechanism or any_field(a, b, search.terms):
+            continue
+        both = np.hstack([columns[k], columns[l]])
+        amounts = np.linalg.lstsq(both, left, rcond=criteria.rounding.singular)[0]
+        if all(f.low <= f.first + x <= f.high for f, x in zip(free, amounts, strict=True)):
+            ranked.append((float(np.sum((left - both @ amounts) ** 2)) + 2 * len(free), k, l, amounts))
     found = []
-    for _, k, l, x in sorted(ranked, key=lambda r: r[0])[: current().verdict.instead]:
+    for _, k, l, amounts in sorted(ranked, key=lambda r: r[0])[: criteria.sets.seconds]:
         a, b = terms[k], terms[l]
-        begin = [np.clip(f.first + v, f.low, f.high) for f, v in zip((*a.free, *b.free), x, strict=True)]
+        begin = [f.first + x for f, x in zip((*a.free, *b.free), amounts, strict=True)]
         try:
-            again = search.fitter.fit(search.scene_with(a, b), [*fit.values[:first], *begin], fit.starts)
+            followed = own.fit(search.scene_with(a, b), [*plain.values[:first], *begin], plain.starts)
+            again = search.fitter.fit_from(followed)
+            found.append((replace(seen[k], term=a), replace(seen[l], term=b), again))
         except Failed:
             continue
-        found.append((replace(seen[k], term=a), replace(seen[l], term=b), again))
     return found
 
 

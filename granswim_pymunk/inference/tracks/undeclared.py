@@ -165,10 +165,9 @@ def _from_short_pieces(fitter: Fitter, hypothesis: Hypothesis, values: np.ndarra
     if fitter.segmented:
         return fitter.fit(hypothesis, values, base.starts)
     for pieces in current().refits.short_pieces:
-        own = fitter.in_pieces(pieces)
-        found = own.fit(hypothesis, values)
+        found = fitter.in_pieces(pieces).fit(hypothesis, values)
         values = found.values
-    return own.fit_from(found)
+    return fitter.fit_from(found)
 
 
 def _as_rate(number: Instead, cases: Sequence[Case]) -> Instead:
