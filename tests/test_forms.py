@@ -226,3 +226,18 @@ def test_a_field_is_found_from_pieces_where_the_scene_without_it_is_lost():
     for numbers in ({"a0": 0.3}, {"a1": 0.3}):
         values = [numbers.get(f.name.split(".")[-1], 0.0) for f in trial.fit.hypothesis.free]
         assert as_a_spring(trial, replace(trial.fit, values=np.array(values)), [case]) == []
+
+
+def test_a_fit_in_which_a_body_flies_off_ends_with_numbers(monkeypatch):
+    """Where it does derivatives are no numbers: no traceback comes of it, and the fit is not the best of any."""
+    trial, fitter = found("linear_drag", use("linear_drag", c=0.02))
+    told = Fitter._sensitivity
+
+    def flown(*given, **more):
+        by_value, by_start = told(*given, **more)
+        by_value[-1], by_start[-2] = np.inf, np.nan
+        return by_value, by_start
+
+    monkeypatch.setattr(Fitter, "_sensitivity", flown)
+    again = fitter._finish(trial.fit.hypothesis, trial.fit.values, trial.fit.starts, False)
+    assert np.isfinite(again.covariance).all() and again.covariance[0, 0] > 0

@@ -745,7 +745,8 @@ class Fitter(Follower):
             quick = believed if kept is not None else ()
             by_value, by_start = self._sensitivity(c, hypothesis, x, numbers[c.name], fixed, quick, kept is None)
             roots = self._roots(c, here)[:, None]
-            by_value, by_start = by_value * roots, by_start * roots
+            # where a body flies off its derivatives are no numbers, and tell nothing
+            by_value, by_start = (np.nan_to_num(d * roots, posinf=0.0, neginf=0.0) for d in (by_value, by_start))
             if kept is not None:
                 by_start = kept.by_start
                 by_value[:, believed] = 0.0 if fixed else kept.by_believed

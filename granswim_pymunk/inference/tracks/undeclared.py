@@ -65,12 +65,11 @@ class Instead:
             lowest, highest = self.bounds
             return (
                 f"{self.name} = {value}{unit} ({low} to {high}), outside its {lowest:.4g} to {highest:.4g}, leaves "
-                f"{100 * self.left:.2g} % of what is left beyond noise: look at how its bounds were found"
+                f"{100 * self.left:.2g} % of what is left within them beyond noise: look at how they were found"
             )
         does = f"does as well as {' and '.join(self.replaced)}"
         if not self.replaced:
-            of = "of what is left" if self.lost else "of what the scene as believed leaves"
-            does = f"leaves {100 * self.left:.2g} % {of} beyond noise"
+            does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
         return (
             f"{self.name} = {value}{unit} ({low} to {high}), where {self.believed:.4g} is believed, {does}: "
             + ("it may be declared adjustable" if self.of_the_scene else "look at how the frames got their stamps")
@@ -114,13 +113,12 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
 def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter) -> list[Instead]:
     """Numbers, adjustable ones outside their bounds and others far from what is believed, that bring a scene back.
 
-    Each takes away more than half of what is left, best first. Asked where a scene is lost. Laws that have a name stay,
-    and then it is only told: all is asked again where nothing is named.
+    Each alone takes away more than half of what the scene as believed leaves, and more than all that was named, best
+    first. Asked where the scene is lost, and with the laws that have a name still is; not through impacts.
     Arguments as of ``instead_of``
     """
     named = bool(laws) and not any(nameless(t.mechanism) for t in laws)
-    base = fit if named else plain
-    if not far_off(base):
+    if fitter.segmented or not far_off(plain) or (named and not far_off(fit)):
         return []
     scene, found = fitter.cases[0].recording.scene, []
     adjustable = {a.name for c in fitter.cases for a in c.recording.scene.adjustable}
@@ -130,21 +128,22 @@ def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter)
         (free,) = term.free
         low, high = _widely(free, scene)
         wide = replace(term, free=(replace(free, low=low, high=high),))
-        terms, values = [*base.hypothesis.terms], base.values
+        terms, values = [*plain.hypothesis.terms], plain.values
         k, bounds = at.get(term.label, len(values)), None
         if term.label in at:
             terms[k], bounds = wide, (free.low, free.high)
         else:
             terms, values = [*terms, wide], np.append(values, free.first)
         try:
-            again = _from_short_pieces(fitter, Hypothesis(tuple(terms)), values, base)
+            again = _from_short_pieces(fitter, Hypothesis(tuple(terms)), values)
         except Failed:
             continue
-        left = again.excess / base.excess
+        left = again.excess / plain.excess
         value, least, most = again.interval(k, max(again.chi2 / again.count, 1.0))
         believed = bounds or (free.first, free.first)
-        if left < current().verdict.share and (most < believed[0] or least > believed[1]) and low < value < high:
-            told = free.name, free.unit, free.first, value, least, most, (), left, wide, not named, bounds, True
+        elsewhere = (most < believed[0] or least > believed[1]) and low < value < high
+        if elsewhere and left < current().verdict.share and again.chi2 < fit.chi2:
+            told = free.name, free.unit, free.first, value, least, most, (), left, wide, True, bounds, True
             found.append((again.chi2, Instead(*told)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
 
@@ -160,10 +159,8 @@ def _widely(free: Free, scene: Scene) -> tuple[float, float]:
     return max(low, p.low), min(high, p.high)
 
 
-def _from_short_pieces(fitter: Fitter, hypothesis: Hypothesis, values: np.ndarray, base: Fit) -> Fit:
+def _from_short_pieces(fitter: Fitter, hypothesis: Hypothesis, values: np.ndarray) -> Fit:
     """A fit whose numbers come from pieces of the recordings, first the shortest, of which no scene loses its way."""
-    if fitter.segmented:
-        return fitter.fit(hypothesis, values, base.starts)
     for pieces in current().refits.short_pieces:
         found = fitter.in_pieces(pieces).fit(hypothesis, values)
         values = found.values
