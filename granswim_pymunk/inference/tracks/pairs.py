@@ -199,13 +199,17 @@ def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Sign
     """The pairs that follow short pieces of the recordings best, to first order, each refitted from there to the whole.
 
     Beside a scene without either a law that leaves most is no leader, and its signature is that of another path. Pieces
-    with starts of their own lie along the path that was seen, as they do for ``name._from_pieces``.
+    with starts of their own lie along the path that was seen, as they do for ``name._from_pieces``. Not through
+    impacts, nor of many bodies, whose pieces have too many starts.
     """
-    if search.fitter.segmented:
+    if search.fitter.segmented or search.fitter.of_many_numbers:
         return []
     criteria, first = current(), search.first
     own = search.fitter.in_pieces(criteria.refits.pieces)
-    plain = own.fit(search.base.hypothesis, search.base.values)
+    try:
+        plain = own.fit(search.base.hypothesis, search.base.values)
+    except Failed:
+        return []
     simple = [t for t in search.terms if t.mechanism != law.mechanism and not any(f.inner for f in t.free)]
     # without numbers that change nothing here, each from where it is absent
     seen = [s for s in make_bank(own, plain, simple).signatures if 0 < len(s.term.free) < numbers]
