@@ -57,7 +57,7 @@ def test_a_law_with_an_entry_that_may_be_none_is_no_other_of_its_class(monkeypat
         fit = SimpleNamespace(**vars(each.fit) | {"values": np.array([0.5, second]), "profiles": {}})
         tried = SimpleNamespace(alive=[alone, replace(each, fit=fit)], inner={"recalibrated": 9.0}, terms=())
         tracks = SimpleNamespace(
-            spread=1.0, tried=tried, study=SimpleNamespace(inner=SimpleNamespace(slack=0.0)),
+            spread=1.0, tried=tried, study=SimpleNamespace(inner=SimpleNamespace(slack=0.0), late=lambda share: True),
         )  # fmt: skip
         judged = SimpleNamespace(claim=Claim((alone,), alone.fit))
         assert [c.laws[0].mechanism for c in model.Tracks.alike(tracks, judged)] == others  # type: ignore[arg-type]
