@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import importlib
 import os
@@ -49,8 +50,37 @@ def build_parser(only: str | None = None, options: bool = True) -> Parser:
     return parser
 
 
+LATER = 0.05  # s, in which a callback that swallowed an interruption has ended
+
+
 def _terminate(number: int, frame: Any) -> None:
     raise Terminated
+
+
+def _interrupt(number: signal.Signals) -> None:
+    """Send a signal to the main thread, which it wakes up where the system can."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(number)
+
+
+def _not_lost(otherwise: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """A ``sys.unraisablehook`` by which an interruption that came within a callback of Python's own is not lost.
+
+    What is raised in one, as when an object of a weak dictionary dies, is printed and passed over: the work would go on
+    as if nobody had stopped it. The signal is sent again.
+    """
+
+    def hook(unraisable: Any) -> None:
+        kind = unraisable.exc_type
+        if not isinstance(kind, type) or not issubclass(kind, KeyboardInterrupt):
+            otherwise(unraisable)
+            return
+        number = signal.SIGTERM if issubclass(kind, Terminated) else signal.SIGINT
+        threading.Timer(LATER, _interrupt, (number,)).start()
+
+    return hook
 
 
 def _prepare(module: ModuleType, args: argparse.Namespace) -> None:
@@ -89,7 +119,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         build_parser().error(f"unrecognized arguments: {argv[0]}")
     args = parser.parse_args(argv)
     module = command_module(args.command)
-    shown = warnings.formatwarning
+    shown, passed_over = warnings.formatwarning, sys.unraisablehook
     try:
         _prepare(module, args)
         if ready is not None:
@@ -98,6 +128,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGTERM, _terminate)
         warnings.formatwarning = in_one_line
+        sys.unraisablehook = _not_lost(passed_over)
         with routed(args):
             return int(module.main(args))
     except InputError as error:
@@ -112,7 +143,7 @@ def main(argv: Sequence[str] | None = None, ready: Callable[[], None] | None = N
     except BrokenPipeError:
         return 1
     finally:
-        warnings.formatwarning = shown
+        warnings.formatwarning, sys.unraisablehook = shown, passed_over
 
 
 def _kept(args: argparse.Namespace) -> str:

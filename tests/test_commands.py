@@ -148,3 +148,30 @@ def test_a_second_signal_ends_what_is_ending() -> None:
 
 def test_a_warning_of_a_command_is_one_line() -> None:
     assert in_one_line(UserWarning("input b is no body"), UserWarning, "a.py", 1) == "granswim: input b is no body\n"
+
+
+LOST = """
+import signal, sys, time, weakref
+from granswim_pymunk import cli
+from granswim_pymunk.commands import diagnose
+from granswim_pymunk.errors import Terminated
+class Thing: pass
+def swallow(reference): raise KIND
+def work(arguments):
+    thing = Thing()
+    kept = weakref.ref(thing, swallow)
+    del thing
+    time.sleep(20)
+    return 0
+diagnose.main = work
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(cli.main(["diagnose", "pendulum"]))
+"""
+
+
+@pytest.mark.parametrize("kind, code", [("KeyboardInterrupt", 130), ("Terminated", 143)])
+def test_an_interruption_that_a_callback_swallows_is_not_lost(kind: str, code: int) -> None:
+    """What is raised while an object of a weak dictionary dies is passed over by Python: the work went on."""
+    script = LOST.replace("KIND", kind)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=15, check=False)
+    assert done.returncode == code and done.stderr == "granswim diagnose: interrupted\n"

@@ -897,7 +897,11 @@ def diagnose_tracks(
         return found
     left = None if minutes is None else minutes - (time.monotonic() - began) / 60
     freed = (declared(recordings, number) for recordings in (training, held))
-    again = diagnose_by(Tracks(*freed, minutes=left, seed=seed, progress=progress), seed)
+
+    def once_more(text: str, share: float) -> None:
+        progress(f"{text}, with {number.name} free", (1 + share) / 2)
+
+    again = diagnose_by(Tracks(*freed, minutes=left, seed=seed, progress=once_more), seed)
     told = again.verdict["verdict"]
     if told not in ("missing_physics", "measurement") or not again.verdict["complete"]:
         # a number that brings back a lost scene takes away most by itself, and the rest may be noise or not
