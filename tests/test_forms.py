@@ -222,6 +222,9 @@ def test_a_field_is_found_from_pieces_where_the_scene_without_it_is_lost():
     (note,) = as_a_spring(trial, trial.fit, [case])
     stiffness = float(re.search(r"with (\S+) N/m", note)[1])
     assert "nearly a spring to (" in note and stiffness == pytest.approx(5.0, rel=0.1)
+    # of another body, or of one whose angle alone was seen, there are no places
+    blind = replace(case, recording=replace(believed, xy=np.full_like(believed.xy, np.nan)))
+    assert as_a_spring(trial, trial.fit, [blind]) == [] == as_a_spring(trial, trial.fit, [])
     # a push is no spring, nor is what drives a body away
     for numbers in ({"a0": 0.3}, {"a1": 0.3}):
         values = [numbers.get(f.name.split(".")[-1], 0.0) for f in trial.fit.hypothesis.free]

@@ -87,10 +87,14 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
             values = np.atleast_1d(trial.term.fixed[p.name][0])
             given |= dict(zip(p.arguments, map(float, values), strict=True))
     told, places, masses = current().verdict, list[np.ndarray](), list[float]()
-    for case in cases:
+    for case in (c for c in cases if bodies[0] in c.recording.ids):
+        if any(bodies[0] in ids for ids in case.recording.scene.joints_of.values()):
+            return []  # along a rod no force shows
         seen = case.recording.on_rails().xy[case.training, case.recording.ids.index(bodies[0])]
         places += list(seen[np.isfinite(seen).all(axis=1)])
         masses += [case.recording.scene.body(bodies[0]).mass] * (len(places) - len(masses))
+    if len(places) < len(numbers):  # of a body whose angle alone was seen there are none
+        return []
     where = np.array(places)
     middle = where.mean(axis=0)
     _, spread, axes = np.linalg.svd(where - middle, full_matrices=False)
