@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone, is_damping
 from ..criteria import current
 from ..hypothesis import Failed, Free, Hypothesis, Term
-from ..linear import basis
 from ..mechanisms import APPARATUS
 from ..significance import price
 from ..trial import pair_gains, rows_of
@@ -24,7 +22,7 @@ from .fitted import Fit, may_be_absent
 from .name import Trial, is_limit, is_part, label_of, refit
 from .nulls import noise_of, search_nulls
 from .sets import SetSearch
-from .signatures import Signature, columns_of, make_bank, stacked
+from .signatures import Signature, make_bank
 
 PUSHES = ("push", "medium")  # roles
 
@@ -204,43 +202,31 @@ def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Sign
     """
     if search.fitter.segmented or search.fitter.of_many_numbers:
         return []
-    criteria, first = current(), search.first
-    own = search.fitter.in_pieces(criteria.refits.pieces)
+    own = search.fitter.in_pieces(current().refits.pieces)
+    simple = [t for t in search.terms if t.mechanism != law.mechanism and not t.special]
+    simple = [t for t in simple if not any(f.inner for f in t.free)]
     try:
         plain = own.fit(search.base.hypothesis, search.base.values)
+        bank = make_bank(own, plain, simple)
     except Failed:
         return []
-    simple = [t for t in search.terms if t.mechanism != law.mechanism and not any(f.inner for f in t.free)]
-    # without numbers that change nothing here, each from where it is absent
-    seen = [s for s in make_bank(own, plain, simple).signatures if 0 < len(s.term.free) < numbers]
-    terms = [replace(s.term, free=tuple(replace(f, first=f.neutral) for f in s.term.free)) for s in seen]
-    whole = stacked(own, plain)
-    nuisance = np.hstack([whole.starts, basis(whole.open_numbers)])
-
-    def apart(vectors: np.ndarray) -> np.ndarray:
-        return np.asarray(vectors - nuisance @ (nuisance.T @ vectors))
-
-    left, columns = apart(whole.left), [apart(columns_of(own, plain, term)[0]) for term in terms]
+    signatures = bank.signatures
     ranked = []
-    for (k, a), (l, b) in combinations(enumerate(terms), 2):
-        free = (*a.free, *b.free)
-        if len(free) > numbers or a.mechanism == b.mechanism or any_field(a, b, search.terms):
-            continue
-        both = np.hstack([columns[k], columns[l]])
-        amounts = np.linalg.lstsq(both, left, rcond=criteria.rounding.singular)[0]
-        if all(f.low <= f.first + x <= f.high for f, x in zip(free, amounts, strict=True)):
-            ranked.append((float(np.sum((left - both @ amounts) ** 2)) + 2 * len(free), k, l, amounts))
-    found = []
-    for _, k, l, amounts in sorted(ranked, key=lambda r: r[0])[: criteria.sets.seconds]:
-        a, b = terms[k], terms[l]
-        begin = [f.first + x for f, x in zip((*a.free, *b.free), amounts, strict=True)]
+    for gain, i, j in pair_gains(bank.left, [t.mechanism for t in simple], [s.directions for s in signatures]):
+        a, b = signatures[i], signatures[j]
+        used = len(a.term.free) + len(b.term.free)
+        if used <= numbers and not any_field(a.term, b.term, search.terms):
+            ranked.append((gain - 2 * used, a, b))
+    nearest = sorted(ranked, key=lambda r: -r[0])[: current().sets.seconds]
+
+    def followed(whole: Fitter, a: Signature, b: Signature) -> Fit | None:
         try:
-            followed = own.fit(search.scene_with(a, b), [*plain.values[:first], *begin], plain.starts)
-            again = search.fitter.fit_from(followed)
-            found.append((replace(seen[k], term=a), replace(seen[l], term=b), again))
+            return whole.fit_from(_beside(own.apart(), plain, (a, b)))
         except Failed:
-            continue
-    return found
+            return None
+
+    fits = side_by_side(search.fitter, [partial(followed, a=a, b=b) for _, a, b in nearest])
+    return [(a, b, fit) for (_, a, b), fit in zip(nearest, fits, strict=True) if fit is not None]
 
 
 def drag_and_push(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:

@@ -80,12 +80,12 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
     bodies = owners(trial.term) or tuple({b.id for c in cases for b in c.recording.scene.bodies if b.mobile})
     if law is None or not has_role(law.name, "place") or len(bodies) != 1:
         return []
-    numbers = dict(zip((f.name.split(".")[-1] for f in trial.term.free), fit.values[_rows(fit, trial)], strict=True))
+    values = fit.values[fit.hypothesis.rows(trial.label)]
+    numbers = dict(zip((f.name.split(".")[-1] for f in trial.term.free), values, strict=True))
     given: dict[str, Any] = {a: 0.0 for p in law.parameters for a in p.arguments} | dict(trial.term.choices) | numbers
     for p in law.parameters:
         if p.name in trial.term.fixed:
-            values = np.atleast_1d(trial.term.fixed[p.name][0])
-            given |= dict(zip(p.arguments, map(float, values), strict=True))
+            given |= dict(zip(p.arguments, map(float, np.atleast_1d(trial.term.fixed[p.name][0])), strict=True))
     told, places, masses = current().verdict, list[np.ndarray](), list[float]()
     for case in (c for c in cases if bodies[0] in c.recording.ids):
         if any(bodies[0] in ids for ids in case.recording.scene.joints_of.values()):
@@ -114,12 +114,6 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
         f"where {bodies[0]} was seen this field is nearly a spring to ({x:.3g}, {y:.3g}) m with {stiffness:.3g} N/m: "
         "the scene may lack one"
     ]
-
-
-def _rows(fit: Fit, trial: Trial) -> slice:
-    """Where the numbers of a trial's term lie among those of the fit."""
-    first = _offset(fit, trial)
-    return slice(first, first + len(trial.term.free))
 
 
 def _offset(fit: Fit, trial: Trial) -> int:

@@ -92,7 +92,7 @@ def recognise(source: Source) -> bool:
 
 
 def _given(options: Options, table: Table) -> dict[str, str]:
-    names = {key: table.named(column) for key, column in options.column_map().items()}
+    names = table.mapped(options.column_map())
     for key in names:
         if key not in KEYS:
             raise InputError(f"unknown name {key!r}; known: {', '.join(KEYS)}", where="columns")

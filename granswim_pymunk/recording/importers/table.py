@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -64,6 +64,10 @@ class Table:
         """The name of a column that is said by its name, or by its number from 1; what is neither stays as it is."""
         number = int(column) if column.isdecimal() else 0
         return self.header[number - 1] if column not in self.columns and 0 < number <= len(self.header) else column
+
+    def mapped(self, columns: Mapping[str, str]) -> dict[str, str]:
+        """A map of a user, with columns by their names, see ``named``."""
+        return {key: self.named(column) for key, column in columns.items()}
 
     def cells(self, name: str) -> Any:
         if name not in self.columns:

@@ -22,8 +22,7 @@ def read(source: Source, options: Options) -> Found:
     table = source.table
     if table is None:
         raise InputError("is not a table of trackpy", file=source.path)
-    given = {key: table.named(column) for key, column in options.column_map().items()}
-    names = {key: key for key in ("x", "y", "frame", "particle")} | given
+    names = {key: key for key in ("x", "y", "frame", "particle")} | table.mapped(options.column_map())
     if names["particle"] not in table.columns:
         raise InputError(
             "its features are not linked to tracks yet: trackpy.link(features, search_range) adds the column particle",

@@ -40,7 +40,7 @@ def place(column: str) -> tuple[str, str] | None:
 
 def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
     """The columns of the clock ("t", "frame"), and those of each body."""
-    names = {key: table.named(column) for key, column in options.column_map().items()}
+    names = table.mapped(options.column_map())
     if "t" in names:
         clocks = {"t": names.pop("t")}
     else:
