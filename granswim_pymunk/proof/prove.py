@@ -36,7 +36,7 @@ REAL = ("pendulum", "falling_balls", "two_disk_spin")
 QUICK = tuple(("bodies", seed) for seed in (6, 14, 25, 34, 37))
 QUICK_REAL = tuple(("real-life", seed) for seed in (1, 4, 6, 18, 24))
 FULL = {
-    "bodies": range(3311, 3511),
+    "bodies": range(3511, 3711),
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
     "unseen": range(1000, 1012),

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ... import distributions as stats
+from ...laws import all_laws
 from ..candidates import with_numbers
 from ..criteria import current
 from ..data import Case
@@ -250,6 +251,53 @@ def with_none_beyond(fit: Fit, named: Collection[str], spread: float) -> Fit:
                 low, high = limits.get(k, (low, high))
                 limits[k] = (free.neutral, high) if value > free.neutral else (low, free.neutral)
     return replace(fit, limits=limits)
+
+
+def with_other_choices(
+    fitter: Fitter, fit: Fit, spread: float, terms: Sequence[Term], late: Callable[[], bool] = lambda: False
+) -> tuple[Fit, list[str]]:
+    """The fit with limits that hold its laws' numbers under the choices (a power of the radius) that do as well.
+
+    A choice is a number that is not fitted but tried, and what it is moves the others. Each other one among ``terms``
+    stands in its law's place and all is refitted: where that raises chi2 by D below the level L of 95 %, the interval
+    of the same number there is sqrt(1 - D/L) of what it is here, and the limits hold both. That is the profile of chi2
+    over the choice (``with_limits``). Returned with it are notes on what does as well.
+    spread : inflation of variances by what the fit leaves;  late : stops between two choices
+    """
+    limits, notes = dict(fit.limits), list[str]()
+    plain, level = replace(fit, believed=None), current().intervals.level * spread
+    for at, term in enumerate(fit.hypothesis.terms):
+        rows, equal = fit.hypothesis.rows(term.label), list[str]()
+        # from other first sizes of a range or an exponent the same choice is not tried again
+        for other in {str(t.choices): t for t in terms if _differ_by_choice(t, term)}.values():
+            if late():
+                break
+            changed = Hypothesis((*fit.hypothesis.terms[:at], other, *fit.hypothesis.terms[at + 1 :]))
+            found = fitter.fit(changed, fit.values, fit.starts, evaluations=current().intervals.refit)
+            share = math.sqrt(max(1.0 - max(found.chi2 - fit.chi2, 0.0) / level, 0.0))
+            if not share:
+                continue
+            for k in range(rows.start, rows.stop):
+                value, low, high = plain.interval(k, spread)
+                below, above = limits.get(k, (low, high))
+                there = float(found.values[k])
+                limits[k] = min(below, there - (value - low) * share), max(above, there + (high - value) * share)
+            equal.append(" and ".join(f"{name} = {chosen:g}" for name, chosen in other.choices.items()))
+        if equal:
+            mine = " and ".join(f"{name} = {chosen:g}" for name, chosen in term.choices.items())
+            notes.append(
+                f"{term.law}: {', or '.join(equal)}, cannot be told from {mine}; the intervals of its numbers hold that"
+            )
+    return replace(fit, limits=limits), notes
+
+
+def _differ_by_choice(one: Term, other: Term) -> bool:
+    """Whether two terms are the same law on the same bodies, with another number chosen (no joint)."""
+    law = all_laws().get(one.law)
+    if law is None or one.law != other.law or one.bodies != other.bodies or one.choices == other.choices:
+        return False
+    named = any(isinstance(law.parameter(c).choices[0], str) for c in one.choices)
+    return not named and [f.name for f in one.free] == [f.name for f in other.free]
 
 
 def _widened(fit: Fit, k: int, spread: float, below: float, above: float) -> tuple[float, float]:

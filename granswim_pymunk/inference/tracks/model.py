@@ -65,7 +65,7 @@ from .held_out import (
     worse_by_chance,
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
-from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_slopes
+from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_other_choices, with_slopes
 from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
 from .line import strongest_line
@@ -420,6 +420,8 @@ class Tracks(ObservationModel):
         if 0 < len(doubtful) < len(laws):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
+        fit, notes = with_other_choices(fitter, fit, self.spread, self.tried.terms, late)
+        self.notes += notes
         fit = with_none_beyond(fit, sure, self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
