@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from test_believed import fitted
 
+from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis
 from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.choose import score_inner
-from granswim_pymunk.inference.tracks.intervals import _end, with_doubt
+from granswim_pymunk.inference.tracks.intervals import _end, with_doubt, with_other_choices
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.study import _leaves_noise, _scored_forms
 from granswim_pymunk.recording import film
@@ -88,6 +89,27 @@ def test_ends_hold_what_slow_noise_would_do(slow):
         widths.append((after[2] - after[1]) / (before[2] - before[1]))
     (plainly, with_it), wider = np.mean(held, axis=0), np.median(widths)
     assert with_it >= 0.8 and (plainly < 0.6, wider > 1.5) == (slow, slow)
+
+
+@pytest.mark.parametrize(("radius", "told"), [(0.013, False), (0.03, True)])
+def test_intervals_hold_the_powers_of_the_radius_that_do_as_well(radius, told):
+    """Of two disks of nearly one size nobody can tell how a drag grows with it; the coefficient depends on that."""
+    bodies = (Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.4, 0.1)),
+              Body("b", "free", radius, 0.02, initial=(0.0, 0.2, 0.2, 0.1)))  # fmt: skip
+    scene, true = Scene(bodies), use("quadratic_drag", c=0.02, p=2)
+    recording = film(scene.with_laws(true), np.arange(0.0, 1.0, 0.01), rng=np.random.default_rng(2), noise=2e-4)
+    fitter, fit = fitted(replace(recording, scene=scene), f"quadratic_drag p={2 if told else 0}")
+    after, notes = with_other_choices(fitter, fit, 0, 1.0, named_terms(fitter.cases))
+    (value, *before), (_, low, high) = fit.interval(0), after.interval(0)
+    if told:
+        assert not notes and [low, high] == before
+    else:
+        assert notes == ["quadratic_drag: p = 0 was chosen; p = 1 or p = 2 does as well, which the intervals hold"]
+        others = [
+            fitter.fit(Hypothesis((t,)), [value], fit.starts).values[0]
+            for t in named_terms(fitter.cases) if t.label in ("quadratic_drag p=1", "quadratic_drag p=2")
+        ]  # fmt: skip
+        assert low <= min(others) and max(others) <= high and high - low > 1.01 * (before[1] - before[0])
 
 
 def test_what_is_far_behind_the_best_is_not_scored():

@@ -254,9 +254,9 @@ def with_none_beyond(fit: Fit, named: Collection[str], spread: float) -> Fit:
 
 
 def with_other_choices(
-    fitter: Fitter, fit: Fit, spread: float, terms: Sequence[Term], late: Callable[[], bool] = lambda: False
+    fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term], late: Callable[[], bool] = lambda: False
 ) -> tuple[Fit, list[str]]:
-    """The fit with limits that hold its laws' numbers under the choices (a power of the radius) that do as well.
+    """The fit with limits of its numbers from ``first`` on that hold them under choices (a power) that do as well.
 
     A choice is a number that is not fitted but tried, and what it is moves the others. Each other one among ``terms``
     stands in its law's place and all is refitted: where that raises chi2 by D below the level L of 95 %, the interval
@@ -267,7 +267,7 @@ def with_other_choices(
     limits, notes = dict(fit.limits), list[str]()
     plain, level = replace(fit, believed=None), current().intervals.level * spread
     for at, term in enumerate(fit.hypothesis.terms):
-        rows, equal = fit.hypothesis.rows(term.label), list[str]()
+        equal = list[str]()
         # from other first sizes of a range or an exponent the same choice is not tried again
         for other in {str(t.choices): t for t in terms if _differ_by_choice(t, term)}.values():
             if late():
@@ -277,7 +277,7 @@ def with_other_choices(
             share = math.sqrt(max(1.0 - max(found.chi2 - fit.chi2, 0.0) / level, 0.0))
             if not share:
                 continue
-            for k in range(rows.start, rows.stop):
+            for k in range(first, len(fit.values)):
                 value, low, high = plain.interval(k, spread)
                 below, above = limits.get(k, (low, high))
                 there = float(found.values[k])
@@ -285,9 +285,7 @@ def with_other_choices(
             equal.append(" and ".join(f"{name} = {chosen:g}" for name, chosen in other.choices.items()))
         if equal:
             mine = " and ".join(f"{name} = {chosen:g}" for name, chosen in term.choices.items())
-            notes.append(
-                f"{term.law}: {', or '.join(equal)}, cannot be told from {mine}; the intervals of its numbers hold that"
-            )
+            notes.append(f"{term.law}: {mine} was chosen; {' or '.join(equal)} does as well, which the intervals hold")
     return replace(fit, limits=limits), notes
 
 

@@ -416,12 +416,12 @@ class Tracks(ObservationModel):
             search = search_with(self.study, self.tried, fitter)
             plainer, fit = without_idle_numbers(search, laws, fit, at_rest)
             laws, fit = tuple(plainer), doubted(fit)
+        fit, notes = with_other_choices(fitter, fit, count, self.spread, self.tried.terms, late)
+        self.notes += notes
         doubtful = that_may_be_absent(laws, fit, self.spread, doubted)
         if 0 < len(doubtful) < len(laws):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
-        fit, notes = with_other_choices(fitter, fit, self.spread, self.tried.terms, late)
-        self.notes += notes
         fit = with_none_beyond(fit, sure, self.spread)
         return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
 
