@@ -783,6 +783,16 @@ class TestScenes:
                 log, bodies=["cart:5cm:500g"], scene="cart", inputs=[given.format(log=log, folder=tmp_path)]
             )
 
+    def test_the_clock_that_was_said_is_that_of_the_commands_of_the_same_log(self, tmp_path):
+        """A log without a header: its columns have numbers, in the recording and where its commands are."""
+        log = tmp_path / "log.csv"
+        log.write_text("".join(f"60;{0.1 * k:g};{k * k};{k > 3:d}\n" for k in range(9)))
+        (r,) = import_recording(
+            log, bodies=["cart:5cm:500g"], scene="cart", columns="t=2,x=3", unit="mm", inputs=[f"cart={log}:4"]
+        )
+        assert r.t == pytest.approx(0.1 * np.arange(9))
+        assert np.interp([0.29, 0.41], *r.scene.inputs["cart"]) == pytest.approx([0.0, 1.0])
+
     def test_a_commanded_angle_is_given_as_a_place_and_its_rate(self, tmp_path):
         t = np.arange(120) / 50
         goal, angle = 0.5 * np.sin(3 * t), 0.5 * np.sin(3 * (t - 0.04))

@@ -245,3 +245,24 @@ class TestOneCoordinate:
     def test_a_fall_of_which_another_coordinate_was_measured(self, tmp_path):
         _, done = self.read(tmp_path, "t,x", self.FALL, scene="drop")
         assert [w for w in done.look.warnings if "not measured along gravity" in w and "--columns y=NAME" in w]
+
+
+class TestOneCoordinateThatIsAHeight:
+    @pytest.mark.parametrize("heading", ["altitude_ft", "Height (ft)", "Höhe [ft]"])
+    def test_it_is_y(self, tmp_path, heading):
+        source = write(tmp_path, f"time_s,{heading},temperature", T, LEFT, RIGHT)
+        (r,) = import_recording(source, bodies=["rocket:5cm:2kg"])
+        np.testing.assert_allclose(r.xy[:, 0, 1], 0.3048 * LEFT, atol=1e-9)
+
+    def test_the_size_of_a_box_is_none(self, tmp_path):
+        source = write(tmp_path, "t,left,width,height", T, LEFT, LEFT, RIGHT)
+        with pytest.raises(InputError, match="no time and positions"):
+            import_recording(source, bodies=["rocket:5cm:2kg"])
+
+
+@pytest.mark.parametrize(("header", "columns"), [("", "x=1,y=2"), ("p,q", "x=p,y=q")])
+def test_rows_of_places_that_are_said_are_frames(tmp_path, header, columns):
+    source = write(tmp_path, header, LEFT, RIGHT)
+    (r,) = import_recording(source, bodies=["puck:2cm:20g"], columns=columns, fps=50.0)
+    np.testing.assert_allclose(r.xy[:, 0], np.stack([LEFT, RIGHT], axis=1), atol=1e-12)
+    np.testing.assert_allclose(r.t, np.arange(len(LEFT)) / 50)

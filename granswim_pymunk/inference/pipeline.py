@@ -77,12 +77,12 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     """What stands where held-out data turn down a law that training data could not tell from others.
 
     Training data say that it is one of a class; held-out data say which of them it is not: what they are predicted
-    worse with than without, or with errors that its numbers cannot have where it is right.  Of the others, which
-    training data name by the same rules, the next one stands whose errors are those of its numbers; where more is
-    missing, so that there is none, the one that predicts held-out data best.  Where errors are only larger than in
-    every repeat with the law, which chance does in one of a dozen films, those of another have to be none such, and
-    smaller; the one that predicts best stands.  Where none of the class does, those are asked that slower noise than
-    was found leaves open.  Otherwise all is as it was.
+    worse with than without, or with errors that its numbers cannot have where it is right. Of the others, which
+    training data name by the same rules, the next one stands whose errors are those of its numbers, and no larger;
+    where more is missing, so that there is none, the one that predicts held-out data best. Where errors are only
+    larger than in every repeat with the law, which chance does in one of a dozen films, those of another have to be
+    none such, and smaller; the one that predicts best stands. Where none of the class does, those are asked that
+    slower noise than was found leaves open. Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
     sure = fails or held.unlike
@@ -124,6 +124,9 @@ def _better_of(
         if found.outcome != "holds" or (fault and found.unlike) or (not sure and (fault or found.beyond)):
             continue
         if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
+            continue
+        # where little is known of the numbers any error is one that they may have: that is no merit
+        if not fails and model.predicts_better(found, held):
             continue
         better.append((other, found, notes))
         if sure and not found.unlike:

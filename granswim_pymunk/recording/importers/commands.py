@@ -101,7 +101,7 @@ def read_commands(text: str, options: Options, bodies: Sequence[str]) -> dict[st
     else:
         columns = _columns(table, body, column, bodies)
         rows = dict.fromkeys(columns, np.arange(len(table)))
-    times = _times(table, options)
+    times = _times(table, options, table.named(options.column_map().get("t", "")))
     return {name: _series(table, where, times, rows[name]) for name, where in columns.items()}
 
 
@@ -133,16 +133,21 @@ def _columns(table: Table, body: str | None, column: str | None, bodies: Sequenc
     return {body or bodies[0]: column}
 
 
-def _times(table: Table, options: Options) -> np.ndarray:
-    """(k,) [s], NaN nowhere: seconds, or ``--time-unit``; a column that counts frames needs the frame rate."""
+def _times(table: Table, options: Options, said: str) -> np.ndarray:
+    """(k,) [s], NaN nowhere: seconds, or ``--time-unit``; a column that counts frames needs the frame rate.
+
+    said : the column that is the clock of the recording, which is that of a table without another one, too
+    """
     kinds = {is_clock(name): name for name in reversed(table.header)}
     found = {kind: name for kind, name in kinds.items() if kind is not None}
+    if not found and said in table.columns:
+        found = {"t": said}
     if "t" in found:  # a frame rate is that of the film
         found, options = {"t": found["t"]}, replace(options, fps=None)
     values, counts, unit = clock(table, found, options)
     if counts != "frame":
-        said = options.time_unit if options.time_unit is not None else (unit or "s")
-        return values * factor(said, TIMES, "time unit")
+        unit = options.time_unit if options.time_unit is not None else (unit or "s")
+        return values * factor(unit, TIMES, "time unit")
     if options.fps is None:
         raise InputError("its clock counts frames and needs the frame rate (--fps)", file=table.source)
     return values / options.fps

@@ -37,6 +37,9 @@ BESIDE = {
 # a single coordinate, where there is no x or y
 ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displacement", "posicao", "posicion",
          "posizione", "distancia", "deslocamento")  # fmt: skip
+# the same, of which the axis is clear; not where it is the size of a box, beside its width
+UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation")
+WIDTHS = {"width", "breite", "largeur", "largura", "ancho", "larghezza", "w"}
 # a deflection: an angle where its unit is one
 DEFLECTION = ("auslenkung", "deflection", "elongation", "rotation", "drehung")
 COUNTING = {"n°", "n", "no", "nr", "num", "number", "nummer", "numero", "id", "idx", "index"}
@@ -115,6 +118,8 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     for key in NAMES:
         if key not in found and not (key == "frame" and "t" in given):
             take(key, _matches(key, open_to))
+    if not {"x", "y"} & found.keys() and not any(WIDTHS.intersection(words(name)) for name in header):
+        take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
     if not {"x", "y"} & found.keys():
         take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
     if "angle" not in found:

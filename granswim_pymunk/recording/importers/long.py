@@ -81,13 +81,15 @@ def recognise(source: Source) -> bool:
     if any("." in key for key in source.options.column_map()):
         return False  # BODY.x: a row per frame, a wide table
     header = source.table.header
-    found = find_columns(header, _given(source.options, source.table))
+    given = _given(source.options, source.table)
+    found = find_columns(header, given)
     x = found.get("x")
     if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
         return False  # center_x and nose_x: a wide table
     if "t" not in found and "frame" not in found:
-        # each row of a body is its next frame, where columns are called x and y and nothing else
-        return source.options.fps is not None and any(words(found.get(key, "")) == [key] for key in ("x", "y"))
+        # each row of a body is its next frame, where columns are called x and y and nothing else, or said to be
+        said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y"))
+        return source.options.fps is not None and said
     return any(key in found for key in ("x", "y", "angle"))
 
 
