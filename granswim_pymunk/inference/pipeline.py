@@ -81,8 +81,9 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     training data name by the same rules, the next one stands whose errors are those of its numbers, and no larger;
     where more is missing, so that there is none, the one that predicts held-out data best. Where errors are only
     larger than in every repeat with the law, which chance does in one of a dozen films, those of another have to be
-    none such, and smaller; the one that predicts best stands. Where none of the class does, those are asked that
-    slower noise than was found leaves open. Otherwise all is as it was.
+    none such, and smaller; where those of all are such, more is missing, and smaller is enough. The one that
+    predicts best stands. Where none of the class does, those are asked that slower noise than was found leaves
+    open. Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
     sure = fails or held.unlike
@@ -98,7 +99,8 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     other, found, notes = better[-1]
     if found.unlike or not sure:  # as all of them are
         other, found, notes = max(better, key=lambda entry: entry[1].gain or 0.0)
-    how = "worse than without" if fails else "worse" if found.unlike else "worse than the right law's numbers could"
+    as_all = found.unlike or (found.beyond and not sure)
+    how = "worse than without" if fails else "worse" if as_all else "worse than the right law's numbers could"
     model.notes += notes
     model.notes.append(
         f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted {how}; the"
@@ -113,7 +115,7 @@ def _better_of(
     """Those of the claims that stand better than what was judged by held-out data, and what was looked at last."""
     fails = held.outcome == "fails"
     sure = fails or held.unlike
-    better, last = list[tuple[Judgement, HeldOut, list[str]]](), judged
+    better, last, within = list[tuple[Judgement, HeldOut, list[str]]](), judged, False
     for claim in claims:
         other, found, notes = _looked_at(model, claim)
         if found is None:
@@ -121,7 +123,8 @@ def _better_of(
         last = other
         # what bends the picture predicts a little better whatever is missing
         fault = bends(other) and not bends(judged)
-        if found.outcome != "holds" or (fault and found.unlike) or (not sure and (fault or found.beyond)):
+        within |= not found.beyond
+        if found.outcome != "holds" or (fault and (found.unlike or not sure)):
             continue
         if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
             continue
@@ -131,6 +134,8 @@ def _better_of(
         better.append((other, found, notes))
         if sure and not found.unlike:
             break
+    if not sure and within:
+        better = [entry for entry in better if not entry[1].beyond]
     return better, last
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -171,6 +172,7 @@ class Tracks(ObservationModel):
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
+        self._draws: np.random.Generator | None = None
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
         # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
@@ -513,11 +515,12 @@ class Tracks(ObservationModel):
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
         cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
-        spreads = {c.name: carried_on(revised, c, study.predictor, study.rng) for c in cut}
+        rng = self._same_draws()
+        spreads = {c.name: carried_on(revised, c, study.predictor, rng) for c in cut}
         self.followed = {name: spread for name, spread in spreads.items() if spread < 1}
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
-        how = revised, study.cases, study.predictor, study.stop, study.rng
+        how = revised, study.cases, study.predictor, study.stop, rng
         self.floor = noise_floor(*how)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
@@ -526,7 +529,7 @@ class Tracks(ObservationModel):
         self.right = right_law_errors(*how, followed=self.followed) if asked else np.zeros(0)
         outcome = None
         if judged.claim.laws:
-            outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], study.rng)
+            outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], rng)
             if outcome == "fails" and self._excused(judged.claim):
                 outcome = "undecided"
         train, held = (
@@ -538,6 +541,13 @@ class Tracks(ObservationModel):
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
             self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
+
+    def _same_draws(self) -> np.random.Generator:
+        """Random numbers that are the same for every claim that is held out: laws are compared in the same noise."""
+        if self._draws is None:
+            self._draws = deepcopy(self.study.rng)
+            return self.study.rng
+        return deepcopy(self._draws)
 
     def _excused(self, claim: Claim) -> bool:
         """Whether held-out data are predicted worse by what was not known well enough, not by a law that is none."""

@@ -146,8 +146,8 @@ def _times(table: Table, options: Options, said: str) -> np.ndarray:
         found, options = {"t": found["t"]}, replace(options, fps=None)
     values, counts, unit = clock(table, found, options)
     if counts != "frame":
-        unit = options.time_unit if options.time_unit is not None else (unit or "s")
-        return values * factor(unit, TIMES, "time unit")
+        per = options.time_unit if options.time_unit is not None else (unit or "s")
+        return values * factor(per, TIMES, "time unit")
     if options.fps is None:
         raise InputError("its clock counts frames and needs the frame rate (--fps)", file=table.source)
     return values / options.fps
