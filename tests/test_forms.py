@@ -214,7 +214,7 @@ def test_a_field_is_found_from_pieces_where_the_scene_without_it_is_lost():
     case = prepare(believed, held_out=False, split=True)
     fitter = Fitter([case], Predictor({case.name: 5e-3}))
     base = fitter.fit(Hypothesis(), None)
-    terms = [t for t in flexible_terms([case]) if t.mechanism == "flexible_place"]
+    terms = [t for t in flexible_terms([case]) if t.law == "flexible_place"]
     (trial,) = try_candidates(fitter, base, make_bank(fitter, base, terms), (1.0,), lambda *a: None)
     assert base.chi2 > 1e4 * base.count and trial.fit.chi2 < 1.5 * base.count
     a1 = trial.fit.values[[f.name.split(".")[-1] for f in trial.fit.hypothesis.free].index("a1")]
@@ -244,3 +244,29 @@ def test_a_fit_in_which_a_body_flies_off_ends_with_numbers(monkeypatch):
     monkeypatch.setattr(Fitter, "_sensitivity", flown)
     again = fitter._finish(trial.fit.hypothesis, trial.fit.values, trial.fit.starts, False)
     assert np.isfinite(again.covariance).all() and again.covariance[0, 0] > 0
+
+
+def test_a_damped_spring_that_the_scene_lacks_is_told_along_a_rail():
+    """Its drag does as a constant force to a cart that goes straight on, and shows in the path of the spring."""
+    cart = Body("cart", "free", 0.02, 0.1, initial=(0.12, 0.0, 0.0, 0.0))
+    rail = use("rail", bodies=["cart"], direction=(1.0, 0.0))
+    spring = use("spring", bodies=["cart"], anchor=(0.01, 0.0), stiffness=0.9, length=0.0)
+    true = Scene((cart,), (rail, spring, use("linear_drag", c=0.04)))
+    seen = film(true, np.arange(0.0, 5.0, 0.02), rng=np.random.default_rng(3), noise=1e-3)
+    xy = seen.xy.copy()
+    xy[:, :, 1] = np.nan  # along the rail alone
+    case = prepare(
+        replace(seen, xy=xy, scene=Scene((replace(cart, initial=None),), (rail,)), position_noise=1e-3),
+        held_out=False, split=True,
+    )  # fmt: skip
+    fitter = Fitter([case], Predictor({case.name: 5e-3}))
+    base = fitter.fit(Hypothesis(), None)
+    terms = [t for t in flexible_terms([case]) if t.law == "flexible_spring"]
+    bank = make_bank(fitter, base, terms)
+    assert "c" not in {f.name.split(".")[-1] for f in bank.signatures[0].term.free}
+    (trial,) = try_candidates(fitter, base, bank, (1.0,), lambda *a: None)
+    numbers = dict(zip((f.name.split(".")[-1] for f in trial.term.free), trial.values, strict=True))
+    assert trial.fit.chi2 < 1.5 * base.count and numbers["c"] == pytest.approx(0.04, rel=0.1)
+    (note,) = as_a_spring(trial, trial.fit, [case])
+    at, stiffness = re.search(r"to \((\S+), 0\) m with (\S+) N/m", note).groups()
+    assert float(at) == pytest.approx(0.01, abs=2e-3) and float(stiffness) == pytest.approx(0.9, rel=0.03)

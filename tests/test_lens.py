@@ -6,6 +6,7 @@ import pytest
 import granswim_pymunk as gs
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import film, see
+from granswim_pymunk.recording.camera import bent
 from granswim_pymunk.scene import Body, Scene, read_scene
 
 
@@ -61,3 +62,14 @@ def test_lens_is_named(tmp_path):
     camera = read_scene(tmp_path / "out" / "revised.toml").camera
     assert camera["distortion"] == k["value"] and camera["middle"] == o["value"]
     assert "lens" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_no_lens_turns_the_picture_back():
+    """What is farther away is never seen nearer to the middle, however strong a lens is sought."""
+    k, far = -2.0, np.linspace(0.0, 3.0, 301)[:, None] * [0.6, 0.8]
+    middle = np.array([0.1, 0.2])
+    seen = np.hypot(*(bent(far + middle, k, tuple(middle)) - middle).T)
+    rim = 1 / np.sqrt(6.0)
+    assert (np.diff(seen) >= -1e-15).all() and seen[-1] == pytest.approx(2 * rim / 3)
+    near = np.linspace(0.0, 0.99 * rim, 50)
+    np.testing.assert_allclose(bent(near[:, None] * [1.0, 0.0], k, (0, 0))[:, 0], near * (1 + k * near**2), atol=1e-15)

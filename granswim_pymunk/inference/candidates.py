@@ -160,7 +160,8 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
         end = max(float(c.t[c.training][-1]) for c in cases)
         result["begin"], result["span"] = begin, max(end - begin, 1e-9)
     if "centre" in names:
-        places = [c.recording.xy[c.training].reshape(-1, 2) for c in cases]
+        # of a place along a rail, or of one coordinate, the other one is where it is believed
+        places = [c.recording.on_rails().xy[c.training].reshape(-1, 2) for c in cases]
         every = np.concatenate(places)
         every = every[np.isfinite(every).all(axis=1)]
         if len(every):
@@ -441,6 +442,8 @@ def asked_terms(cases: Sequence[Case], own: Sequence[str] = ()) -> list[Term]:
     terms: list[Term] = []
     for term in flexible_terms(cases, each=bool(own)):
         law = all_laws()[term.law]
+        if law.form_of:
+            continue  # what it asks is asked in that law's numbers
         part = for_bodies(term, own) if own else (term, ())
         if part is None:
             continue

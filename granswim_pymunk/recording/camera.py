@@ -23,9 +23,14 @@ def bent(xy: np.ndarray, k: float, middle: Sequence[float]) -> np.ndarray:
     """Positions (..., 2) [m] as a lens shows them: o + (true - o)(1 + k |true - o|^2).
 
     k [1/m^2], above zero where the corners of a picture are drawn outwards (pincushion);  middle o : (2,) [m]
+    Below zero this would turn back at |true - o| = 1/sqrt(-3 k), and no lens shows what is farther away nearer to the
+    middle: from there on all is seen at the rim.
     Source: Brown 1966, Photogrammetric Engineering 32, 444 (the first radial term); the contract's lens_distortion.
     """
     away = np.asarray(xy, dtype=float) - np.asarray(middle, dtype=float)
+    if k < 0:
+        rim = 1.0 / math.sqrt(-3.0 * k)
+        away = away * np.minimum(1.0, rim / np.maximum(np.sqrt(np.sum(away**2, axis=-1, keepdims=True)), rim))
     return np.asarray(middle) + away * (1.0 + k * np.sum(away**2, axis=-1, keepdims=True))
 
 

@@ -400,7 +400,13 @@ class Tracks(ObservationModel):
             again = judged_by_training(self, less)
             if again.verdict == "unmodelled":
                 return again
-            laws = self._unnamed(laws, idle, fit, BENDS_AS_WELL)
+            if ended := [why for t in idle if (why := absurd(replace(t, fit=fit)))]:
+                # a number that was not found is in no scene
+                self.notes.append(f"{Claim(tuple(idle), fit).label}: left out, {ended[0]}")
+                fit = with_limits(fitter, without, count, self.spread, late)
+                laws = tuple(replace(t, fit=fit) for t in less.laws)
+            else:
+                laws = self._unnamed(laws, idle, fit, BENDS_AS_WELL)
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(

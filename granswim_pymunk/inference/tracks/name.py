@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...laws import has_role
-from ..candidates import rescaled
+from ..candidates import rescaled, with_numbers
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Predictor, Term
@@ -344,6 +344,7 @@ def try_candidates(
         trials = [_from_special_case(fitter, base, t, alone) for t in trials]
         trials = _from_the_tracks(fitter, base, trials, stages)
         trials = _from_pieces(fitter, base, trials, [term for _, term in ranked])
+        trials = _with_numbers_that_show(fitter, base, trials, [term for _, term in ranked])
         least = current().refits.valley * (math.inf if shortly else max([ahead, *(t.gain for t in trials)]))
         # of a law that is looked for from several exponents or ranges one valley is walked through segments
         leading = {t.term.label: t for t in sorted(trials, key=lambda t: t.gain)} if fitter.segmented else {}
@@ -405,6 +406,46 @@ def _from_pieces(fitter: Fitter, base: Fit, trials: Sequence[Trial], terms: Sequ
             return fits[k]
 
     return _if_better(fitter, base, trials, order, again)
+
+
+def _with_numbers_that_show(
+    fitter: Fitter, base: Fit, trials: Sequence[Trial], terms: Sequence[Term]
+) -> list[Trial]:
+    """The leading laws with the numbers, too, that changed nothing about the path of the scene without them.
+
+    What goes straight on without a spring goes to and fro with it: a drag beside it is a constant force at first, and
+    shows then. Such numbers are asked about the path that a law made, and fitted where they gain more than chance.
+    terms : of the trials, with all of their numbers
+    """
+    if fitter.segmented:
+        return list(trials)
+    fewer = [k for k, t in enumerate(trials) if t.fit is not None and t.fit.excess and _missing(t.term, terms[k])]
+    order = sorted(fewer, key=lambda k: -trials[k].gain)[: current().refits.leaders]
+
+    def again(k: int, own: Fitter) -> Fit:
+        fit, full, more = trials[k].fit, terms[k], _missing(trials[k].term, terms[k])
+        assert fit is not None
+        part = replace(with_numbers(full, more), label=f"{full.label}, more")
+        (signature,) = make_bank(own, fit, [part]).signatures
+        if by_chance(signature.gain / spread_of(fit, fitter.cases), len(signature.term.free)):
+            return fit
+        values = fit.values[fit.hypothesis.rows(trials[k].label)]
+        known = {f.name: (f.scale, float(v)) for f, v in zip(trials[k].term.free, values, strict=True)}
+        known |= {f.name: (f.scale, f.first) for f in signature.term.free}
+        term = with_numbers(full, [i for i, f in enumerate(full.free) if f.name in known])
+        scales, firsts = zip(*(known[f.name] for f in term.free), strict=True)
+        begin = np.concatenate([fit.values[: len(base.values)], firsts])
+        found = own.fit(base.hypothesis.with_term(rescaled(term, scales, firsts)), begin, fit.starts)
+        gained = len(term.free) - len(trials[k].term.free)
+        return fit if by_chance((fit.chi2 - found.chi2) / spread_of(found, fitter.cases), gained) else found
+
+    return _if_better(fitter, base, trials, order, again)
+
+
+def _missing(term: Term, full: Term) -> list[int]:
+    """Which strengths of a law are not among the numbers of a term that is told in the same components."""
+    names = {f.name for f in term.free}
+    return [] if term.along else [i for i, f in enumerate(full.free) if f.name not in names and not f.inner]
 
 
 def far_off(fit: Fit) -> bool:

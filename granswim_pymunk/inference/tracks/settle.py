@@ -12,7 +12,7 @@ from ... import distributions as stats
 from ...laws import Law, all_laws
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
-from ..hypothesis import Free, Term
+from ..hypothesis import Free, Hypothesis, Term
 from ..significance import price
 from ..simpler import all_absent, by_chance, special_cases
 from ..trial import rows_of
@@ -230,9 +230,7 @@ def with_numbers_that_were_found(
             if not why:
                 continue
             hypothesis = base.hypothesis.with_term(*(t.term for t in found if t is not trial))
-            begin = np.delete(revised.values, rows[k])
-            evaluations = current().intervals.refit
-            fit = fitter.fit(hypothesis, begin, revised.starts, evaluations=evaluations) if len(found) > 1 else base
+            fit = base if len(found) == 1 else _refitted_without(fitter, base, hypothesis, revised, rows[k])
             best = (fit, k, why) if best is None or fit.chi2 < best[0].chi2 else best
         if best is None:
             break
@@ -240,6 +238,18 @@ def with_numbers_that_were_found(
         dropped[found.pop(k).mechanism] = why
         found = [replace(t, fit=revised, gain=base.chi2 - revised.chi2) for t in found]
     return found, revised, dropped
+
+
+def _refitted_without(fitter: Fitter, base: Fit, hypothesis: Hypothesis, revised: Fit, rows: slice) -> Fit:
+    """The fit without a law, from where it was with it and from where the scene was without laws: the lower one.
+
+    A number at its bound may have carried starts and masses away to where no fit without it comes back from.
+    """
+    begin, evaluations = np.delete(revised.values, rows), current().intervals.refit
+    anew = np.concatenate([base.values, begin[len(base.values) :]])
+    fits = (fitter.fit(hypothesis, v, s, evaluations=evaluations)
+            for v, s in ((begin, revised.starts), (anew, base.starts)))  # fmt: skip
+    return min(fits, key=lambda fit: fit.chi2)
 
 
 def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:

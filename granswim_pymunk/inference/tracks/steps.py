@@ -44,7 +44,8 @@ def shifts(fitter: Fitter, fit: Fit, spread: float) -> np.ndarray:
     if told.any():
         scaled = information[np.ix_(told, told)] / np.outer(size[told], size[told])
         step = np.linalg.lstsq(scaled, gradient[told] / size[told], rcond=1e-9)[0] / size[told]
-        error = np.sqrt(np.maximum(np.diag(fit.covariance)[told] * spread, 1e-300))
+        # no variance is below that of a number alone, whatever rounding makes of the inverse
+        error = np.sqrt(np.maximum(np.diag(fit.covariance)[told], 1 / size[told] ** 2) * spread)
         result[told] = np.abs(step) / error
     return result
 

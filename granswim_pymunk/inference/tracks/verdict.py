@@ -76,16 +76,17 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
 
     No law with a name ties a body to a point, as a scene says where its springs are. Along a line, one component.
     """
-    law = all_laws().get(trial.mechanism)
+    law = all_laws().get(trial.term.law)
     bodies = owners(trial.term) or tuple({b.id for c in cases for b in c.recording.scene.bodies if b.mobile})
     if law is None or not has_role(law.name, "place") or len(bodies) != 1:
         return []
     values = fit.values[fit.hypothesis.rows(trial.label)]
     numbers = dict(zip((f.name.split(".")[-1] for f in trial.term.free), values, strict=True))
-    given: dict[str, Any] = {a: 0.0 for p in law.parameters for a in p.arguments} | dict(trial.term.choices) | numbers
+    given: dict[str, Any] = {}
     for p in law.parameters:
-        if p.name in trial.term.fixed:
-            given |= dict(zip(p.arguments, map(float, np.atleast_1d(trial.term.fixed[p.name][0])), strict=True))
+        at = trial.term.fixed[p.name][0] if p.name in trial.term.fixed else p.default
+        given |= dict(zip(p.arguments, map(float, np.atleast_1d(at if at is not None else 0.0)), strict=False))
+    given |= dict(trial.term.choices) | numbers | {name: 0.0 for name in ("vx", "vy") if name in law.arguments}
     told, places, masses = current().verdict, list[np.ndarray](), list[float]()
     for case in (c for c in cases if bodies[0] in c.recording.ids):
         if any(bodies[0] in ids for ids in case.recording.scene.joints_of.values()):
@@ -100,7 +101,10 @@ def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
     _, spread, axes = np.linalg.svd(where - middle, full_matrices=False)
     axes = axes[spread > told.line * spread[0]]  # along a line what acts across it was not seen
     where = middle + (where - middle) @ axes.T @ axes
-    force = np.array([law.function(**given, x=x, y=y, mass=m) for (x, y), m in zip(where, masses, strict=True)])
+    weighed = ["mass"] if "mass" in law.arguments else []
+    force = np.array(
+        [law.function(**given, x=x, y=y, **dict.fromkeys(weighed, m)) for (x, y), m in zip(where, masses, strict=True)]
+    )
     at, along = (where - middle) @ axes.T, force @ axes.T
     # -k (x - c) = f - k x: one stiffness, a force at the middle for each component
     n, d = at.shape
