@@ -20,6 +20,7 @@ from ..scene import Scene
 from ..walls import gap_to_wall
 from .criteria import current
 from .filled import held_places, on_a_line
+from .latecomers import without_latecomers
 from .linking import linked
 from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
@@ -223,6 +224,9 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     Raises InputError where there is nothing to look at.
     """
     recording, swapped = _relabelled(recording) if clean else (recording, [])
+    if held_out or split:
+        recording, late = without_latecomers(recording, current().split.start if held_out else current().split.training)
+        swapped = [*swapped, *late]
     channels: list[Channel] = []
     columns: list[np.ndarray] = []
     known = True
