@@ -13,7 +13,7 @@ from granswim_pymunk.inference import pipeline
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Judgement
 from granswim_pymunk.inference.model import Claim, HeldOut
-from granswim_pymunk.inference.pipeline import another_of_the_class, part_that_stands
+from granswim_pymunk.inference.pipeline import after_held_out, another_of_the_class, part_that_stands
 from granswim_pymunk.inference.tracks import model, settle
 from granswim_pymunk.inference.tracks.choose import searched, worth
 from granswim_pymunk.inference.tracks.name import Trial
@@ -151,6 +151,20 @@ def test_where_held_out_data_are_off_with_all_of_a_class_the_best_of_them_stands
     first = Judgement("missing_physics", Claim((laws[0],), laws[0].fit), None)
     found, _ = another_of_the_class(stub, first, held(first))  # type: ignore[arg-type]
     assert found.claim.laws[0].mechanism == stands
+
+
+def test_a_bent_picture_is_turned_down_where_held_out_data_are_off_by_more_than_it_leaves():
+    lens, drag = (Claim((t,), t.fit) for t in (trial(term("lens", 0, True), 60.0), trial(term("drag"), 60.0)))
+    for claim, unlike, outcome in ((lens, True, "fails"), (lens, False, "holds"), (drag, True, "holds")):
+        judged = Judgement("measurement", claim, None)
+        held = HeldOut({}, {}, "holds", 5.0, claim, None, unlike=unlike)
+        assert pipeline.turned_down_if_bent(judged, held).outcome == outcome
+    notes: list[str] = []
+    found = after_held_out(
+        SimpleNamespace(plain=drag, notes=notes, fails_predictive_check=lambda j: False),  # type: ignore[arg-type]
+        Judgement("measurement", lens, None), HeldOut({}, {}, "fails", 5.0, lens, None, unlike=True),
+    )  # fmt: skip
+    assert found.verdict == "unmodelled" and "off by more than numbers of lens can be" in notes[0]
 
 
 def test_of_two_laws_the_one_stands_that_held_out_data_bear_out(monkeypatch):

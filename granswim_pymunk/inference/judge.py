@@ -271,10 +271,22 @@ def best_form(forms: Sequence[Form]) -> Form | None:
     return max(near, key=lambda f: f.worth, default=None)
 
 
+def bends(judged: Judgement) -> bool:
+    """Whether a special fault of the apparatus is claimed, as a lens that bends the picture."""
+    return any(law.special for law in judged.claim.laws)
+
+
+def turned_down(judged: Judgement) -> str:
+    """How held-out data speak against what was told, in words."""
+    if bends(judged):
+        return f"off by more than numbers of {judged.claim.label} can be"
+    return f"predicted worse with {judged.claim.label} than without"
+
+
 def withdrawn(judged: Judgement, plain: Claim, notes: list[str]) -> Judgement:
     """The judgement where held-out data are predicted worse with what was told than without."""
-    label, what = judged.claim.label, "they are" if len(judged.claim.laws) > 1 else "it is"
-    notes.append(f"held-out data are predicted worse with {label} than without: {what} withdrawn")
+    what = "they are" if len(judged.claim.laws) > 1 else "it is"
+    notes.append(f"held-out data are {turned_down(judged)}: {what} withdrawn")
     named = () if judged.claim.nameless else judged.claim.laws
     return Judgement("unmodelled", plain, None, judged.free_form, judged.closest, named)
 

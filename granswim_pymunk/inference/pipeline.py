@@ -7,7 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from .judge import Claim, Judgement, explained_dict, judge, named_verdict, withdrawn, without_laws
+from .judge import (
+    Claim,
+    Judgement,
+    bends,
+    explained_dict,
+    judge,
+    named_verdict,
+    turned_down,
+    withdrawn,
+    without_laws,
+)
 from .mechanisms import nameless, plainly
 from .model import Course, HeldOut, ObservationModel, Rival
 from .result import MODELS, Diagnosis, empty_verdict, rival_entries
@@ -28,6 +38,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
     judged, held = names_for_a_form(model, claim, judged, held)
+    held = turned_down_if_bent(judged, held)
     judged, held = part_that_stands(model, judged, held)
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
@@ -139,6 +150,15 @@ def _better_of(
     return better, last
 
 
+def turned_down_if_bent(judged: Judgement, held: HeldOut) -> HeldOut:
+    """What held-out data say where a bent picture is claimed and they are off by more than its numbers can leave.
+
+    A lens, or a camera that looks at an angle, takes a part of any smooth remainder of a few tracks: that such a fault
+    predicts better than nothing does not bear it out where it leaves more than it can leave if it is there.
+    """
+    return replace(held, outcome="fails") if bends(judged) and held.unlike and held.outcome is not None else held
+
+
 def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
     """The law of several that held-out data bear out, where they turn the claim down as a whole.
 
@@ -151,15 +171,16 @@ def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) 
     for claim in model.parts(judged):
         other, found, notes = _looked_at(model, claim)
         looked |= found is not None
+        found = None if found is None else turned_down_if_bent(other, found)
         if found is not None and found.outcome == "holds":
             model.notes += notes
             model.notes.append(
-                f"held-out data are predicted worse with {judged.claim.label} than without, and better with "
-                f"{other.claim.label} alone: the rest is withdrawn"
+                f"held-out data are {turned_down(judged)}, and predicted better with {other.claim.label} alone: the "
+                "rest is withdrawn"
             )
             return other, found
     # what the model keeps of its last look belongs to the whole claim again
-    return judged, model.hold_out(judged) if looked else held
+    return judged, turned_down_if_bent(judged, model.hold_out(judged)) if looked else held
 
 
 def names_for_a_form(
@@ -196,11 +217,6 @@ def _looked_at(model: ObservationModel, claim: Claim) -> tuple[Judgement, HeldOu
     held = model.hold_out(judged) if judged.claim.laws and not judged.claim.nameless else None
     notes, model.notes[told:] = model.notes[told:], []
     return judged, held, notes
-
-
-def bends(judged: Judgement) -> bool:
-    """Whether a special fault of the apparatus is claimed, as a lens that bends the picture."""
-    return any(law.special for law in judged.claim.laws)
 
 
 def after_held_out(model: ObservationModel, judged: Judgement, held: HeldOut) -> Judgement:

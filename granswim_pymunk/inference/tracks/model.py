@@ -31,6 +31,7 @@ from ..judge import (
     Remains,
     Weighed,
     as_large_by_chance,
+    bends,
     best_form,
     completeness,
     not_named,
@@ -536,6 +537,10 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], rng)
+            # so few blocks that chance may have it, yet worse, and worse than numbers of the right law can be
+            worse = (self.held["revised"].rms or 0.0) > (self.held["recalibrated"].rms or math.inf)
+            if outcome == "undecided" and worse and self._more_held_out():
+                outcome = "fails"
             if outcome == "fails" and self._excused(judged.claim):
                 outcome = "undecided"
         train, held = (
@@ -544,8 +549,8 @@ class Tracks(ObservationModel):
         )
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
-            self.held["revised"].window, {name: e.whole for name, e in self.held.items()}, self._more_held_out(),
-            self._beyond_the_right_law(), self.held["revised"],
+            self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
+            self._more_held_out(bends(judged)), self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
 
     def _same_draws(self) -> np.random.Generator:
@@ -683,12 +688,15 @@ class Tracks(ObservationModel):
             return Left(complete, None), False
         return Left(False, self._remains(judged.claim)), True
 
-    def _more_held_out(self) -> bool:
-        """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave."""
+    def _more_held_out(self, bent: bool = False) -> bool:
+        """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave.
+
+        bent : asked of a special fault of the apparatus, which once in twenty is enough to doubt
+        """
         rms = self.held["revised"].rms
         if rms is None or not self._matters(rms):
             return False
-        return as_large_by_chance(rms, self.right) < current().left.chance
+        return as_large_by_chance(rms, self.right) < (current().verdict.absent if bent else current().left.chance)
 
     def _beyond_the_right_law(self) -> bool:
         """Whether held-out data are farther off than in every repeat with the right law: what is told beside them."""
