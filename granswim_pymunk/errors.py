@@ -28,5 +28,9 @@ class SimulationError(RuntimeError):
     """A run could not go on (a body escaped, a number is not finite, a list overflowed)."""
 
 
+class BodyLost(SimulationError):
+    """A body went astray: its position is not finite, or absurdly far away."""
+
+
 class Terminated(KeyboardInterrupt):
     """The program was asked to end (SIGTERM): it ends as after Ctrl-C, with another exit code."""

@@ -210,7 +210,7 @@ def load_verdict(path: str | Path) -> Result:
 def standing(verdict: Mapping[str, Any]) -> list[str]:
     """How much is explained, whether it is complete, what is left, and what held-out data say: one line each."""
     lines = []
-    withdrawn = [r["name"] for r in verdict["rivals"] if r.get("withdrawn")]
+    withdrawn = list(dict.fromkeys(r["name"] for r in verdict["rivals"] if r.get("withdrawn")))
     if withdrawn:
         lines.append(f"withdrawn, as held-out data are predicted worse with it: {', '.join(withdrawn)}")
     told, left = verdict.get("explained"), verdict.get("remains")
@@ -373,9 +373,16 @@ def _error_lines(fit: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def rival_names(rivals: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
+    """Names that these data cannot tell from what is named, and those that do worse, each once."""
+    same = dict.fromkeys(r["name"] for r in rivals if r["indistinguishable"])
+    told = {*same, *(r["name"] for r in rivals if r.get("withdrawn"))}
+    worse = dict.fromkeys(r["name"] for r in rivals if r["name"] not in told)
+    return list(same), list(worse)
+
+
 def _rival_lines(rivals: Sequence[Mapping[str, Any]]) -> list[str]:
-    same = [r["name"] for r in rivals if r["indistinguishable"]]
-    worse = [r["name"] for r in rivals if not r["indistinguishable"] and not r.get("withdrawn")]
+    same, worse = rival_names(rivals)
     lines = [f"these data cannot tell it from {', '.join(same)}"] if same else []
     return [*lines, f"do worse: {', '.join(worse)}"] if worse else lines
 

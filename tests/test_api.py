@@ -25,9 +25,10 @@ from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.entry import METHODS
 from granswim_pymunk.inference.judge import Remains
 from granswim_pymunk.inference.places import Place
-from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry
+from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, rival_entries
 from granswim_pymunk.report.page import SECTIONS
 from granswim_pymunk.report.style import Drawing
+from granswim_pymunk.result import rival_names
 
 T = np.linspace(0.0, 1.0, 11)
 XY = np.stack([np.stack([0.3 * T, 0 * T], -1), np.stack([0 * T, 1 + 0.2 * T], -1)], axis=1)  # (11, 2, 2)
@@ -268,6 +269,18 @@ def verdict():
     found["recalibrated"] = {"pin.length": {"value": 0.25, "low": 0.24, "high": 0.26}}
     found["notes"] = ["a note"]
     return found
+
+
+def test_each_rival_is_told_once(verdict):
+    """Laws of one mechanism on other bodies, or in another form, have one name."""
+    others = [("ambient_flow", 3.6, False), ("ambient_flow", 3.5, False), ("gravity", 2.0, False), ("drag", 1.0, True)]
+    entries = rival_entries([("lens", -1.0)], [("lens", 0.1, 0.5)], [*others, ("drag", 0.5, False)])
+    assert [r["name"] for r in entries] == ["lens", "ambient_flow", "gravity", "drag"]
+    assert entries[0]["withdrawn"] and entries[1]["gain_heldout"] == 3.6
+    # a verdict of an older version
+    twice = [{"name": name, "gain_heldout": gain, "indistinguishable": same} for name, gain, same in others]
+    assert rival_names([*twice, twice[-1]]) == (["drag"], ["ambient_flow", "gravity"])
+    assert "do worse: ambient_flow, gravity" in gs.Result(verdict | {"rivals": twice}).summary()
 
 
 def test_summary_reads_like_a_report_of_a_fit(verdict):

@@ -772,6 +772,30 @@ def test_fault_of_a_motor_is_named(fault, name, parameter, true):
     assert abs(size["value"] - true) < 2 * half and half < 0.05 * true
 
 
+@pytest.mark.parametrize(
+    ("tau", "before", "gain", "sigma", "told"),
+    [
+        (0.1, (), 0.15, 1e-3, True),
+        (0.1, ((-0.5, 0.0), (-1e-6, 0.0)), 0.15, 1e-3, False),  # a row with 0 before it says that it begins
+        (1e-6, (), 0.15, 1e-3, False),  # it moves at once
+        (1e-6, (), 0.05, 1e-3, False),  # slower than believed
+        (0.1, (), 0.15, 1.0, False),  # in such noise nobody sees where it rests
+        (0.1, (), 0.0, 1e-3, False),  # it never moves
+    ],
+)
+def test_a_driven_body_that_rests_under_its_first_command_is_told(tau, before, gain, sigma, told):
+    t = np.arange(0.0, 0.5, 0.002)
+    x = 100.0 * gain * (t - tau * (1 - np.exp(-t / tau)))
+    xy = np.stack([0.6 * x, 0.8 * x], axis=1)[:, None] + np.random.default_rng(3).normal(0.0, sigma, (len(t), 1, 2))
+    laws = (use("rail", direction=(0.6, 0.8)), use("drive", bodies=["m"], gain=0.15, direction=(0.6, 0.8)))
+    command = tuple(zip(*before, *[(v, 100.0) for v in t], strict=True))
+    scene = Scene((Body("m", "free", 0.02, 0.3),), laws, inputs={"m": command})
+    case = prepare(Recording("motor", scene, t, ("m",), xy, position_noise=sigma), held_out=False, split=True)
+    said = [note for note in case.notes if "m is at rest in its first" in note]
+    assert len(said) == told
+    assert not told or "first command is 100" in said[0]
+
+
 def test_a_fit_that_was_caught_gains_nothing_by_any_law():
     """Whatever helps a fit out of a minimum would seem to be a law; the fit without one is begun there again."""
 

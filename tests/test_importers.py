@@ -546,7 +546,8 @@ class TestSaid:
             "--law", "pin:2,anchor=0.06 0.3,length=0.27", "--law", "linear_drag,c=1e-3", "--out", str(tmp_path / "out"),
         ])  # fmt: skip
         out = capsys.readouterr().out
-        assert code == 0 and "2 bodies (1, 2), 30 frames" in out and "not seen in 5.0% of them" in out
+        assert code == 0 and "2 bodies (1, 2), 30 frames" in out
+        assert "a body is not seen, on average, in 5.0% of the frames between its first and its last (longest" in out
         r = read_recording(tmp_path / "out")
         assert r.scene.body("1").radius == 0.005 and r.scene.body("2").mass == 0.02
         assert r.scene.gravity == (0.0, -9.81)
@@ -590,7 +591,12 @@ class TestSaid:
         assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
 
     @pytest.mark.parametrize(
-        "uneven, said", [(0.0, "not seen in 3.3% of them (longest gap 0.03 s)"), (4e-3, "no gaps")]
+        "uneven, said",
+        [
+            (0.0, "2 frames have no row, 3.3% of the film (longest gap 0.03 s), no jumps"),
+            (4e-3, "  time stamps are uneven: "),
+            (5e-5, "2 frames have no row"),
+        ],
     )
     def test_frames_without_a_row_are_a_gap_where_stamps_are_even(self, tmp_path, uneven, said):
         t = np.arange(60) / 100
@@ -598,6 +604,17 @@ class TestSaid:
         (tmp_path / "a.csv").write_text("t,x,y\n" + "\n".join(f"{a},{0.3 * a},0.0" for a in t.tolist()))
         (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["a:1cm:10g"], picture=False)
         assert any(said in line for line in done.lines()), done.lines()
+
+    def test_a_program_that_writes_when_it_can_leaves_no_frames_out(self, tmp_path):
+        """Steps from 0.8 to 1.1 of the usual one, and every fifth of any length: nothing was there to be seen."""
+        rng = np.random.default_rng(8)
+        steps = np.where(np.arange(119) % 5, rng.uniform(0.8, 1.1, 119), rng.uniform(2.0, 7.0, 119)) * 0.005
+        t = np.cumsum(steps)
+        (tmp_path / "a.csv").write_text("t,x,y\n" + "\n".join(f"{a},{0.3 * a},0.0" for a in t.tolist()))
+        (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["a:1cm:10g"], picture=False)
+        (said,) = [line for line in done.lines() if "uneven" in line]
+        assert re.search(r"23 of 118 steps are longer than 1.5 times the usual 0.00\d+ s, up to 0.03\d* s, no", said)
+        assert done.look.gaps == 0 and not any("not seen in" in line or "no row" in line for line in done.lines())
 
     def test_bodies_of_several_sizes_are_told_by_the_smallest_and_the_largest(self, tmp_path):
         file, _, _ = wide_table(tmp_path)

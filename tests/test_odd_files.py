@@ -127,6 +127,37 @@ def test_markers_of_qualisys_that_are_not_seen(tmp_path):
     np.testing.assert_allclose(r.xy[:, [r.ids.index(name) for name in "ab"], 0], x, atol=1e-12)
 
 
+QUALISYS = mocap("NO_OF_FRAMES\t30", "FREQUENCY\t50", "MARKER_NAMES\tcm 1\tNew 0005", sign="\t", scale=1e3)
+
+
+@pytest.mark.parametrize(
+    ("options", "bodies"),
+    [
+        ({"bodies": ["*:5mm:10g"]}, {"cm_1": 0, "New_0005": 1}),
+        ({"bodies": ["cm_1:5mm:10g"]}, {"cm_1": 0}),
+        ({"bodies": ["New_0005:5mm:10g"]}, {"New_0005": 1}),
+        ({"bodies": ["puck:5mm:10g"], "columns": "puck=New 0005"}, {"puck": 1}),
+        ({"bodies": ["*:5mm:10g"], "columns": "b=New_0005,a=cm 1,y=y"}, {"b": 1, "a": 0}),
+        ({"bodies": ["*:5mm:10g"], "columns": "a=cm 1,y=Z"}, {"a": 0}),
+    ],
+)
+def test_some_markers_of_motion_capture(tmp_path, options, bodies):
+    (tmp_path / "a.tsv").write_text(QUALISYS)
+    (done,) = import_all(tmp_path / "a.tsv", tmp_path / "out", picture=False, **options)
+    r = done.recording
+    assert set(r.ids) == set(bodies)
+    for name, k in bodies.items():
+        np.testing.assert_allclose(r.xy[:, r.ids.index(name), 0], ALL[:, k, 0], atol=1e-9)
+    assert any("are left out" in note for note in done.notes) == (len(bodies) < 2)
+
+
+@pytest.mark.parametrize("columns", ["puck=New 0006", "a.x=cm 1", "y=w", "t=1"])
+def test_columns_that_are_no_markers_are_refused_with_what_works(tmp_path, columns):
+    (tmp_path / "a.tsv").write_text(QUALISYS)
+    with pytest.raises(InputError, match="BODY=MARKER takes that marker"):
+        import_recording(tmp_path / "a.tsv", bodies=["*:5mm:10g"], columns=columns)
+
+
 def matlab(path, data):
     pytest.importorskip("scipy.io").savemat(path, data)
 

@@ -108,6 +108,25 @@ def test_a_body_that_escapes_is_a_run_that_failed():
     )
 
 
+def test_a_run_that_comes_to_no_finite_place_is_told_in_plain_words():
+    """What the engine says of it, and of numbers that a search tries, are no words for a reader."""
+    ball = Scene((Body("p", "free", 0.01, 0.1, initial=(0.0, 0.0, 0.1, 0.0)),), (use("linear_drag", c=0.005),))
+    adjustable = replace(ball, adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02),))
+    cases = prepare_all([filmed(adjustable, adjustable, 3)])
+    case = cases[0]
+    predictor, hypothesis = Predictor(time_steps(cases)), Hypothesis(adjustable_terms(cases))
+    starts = describe_starts(case, case.training)
+    numbers, t = first_numbers(starts), case.t[case.training]
+    with pytest.raises(Failed):
+        predictor(hypothesis, case, [np.inf], starts, numbers, t[0], t)
+    with pytest.raises(Failed):  # a drag that is so large that the step turns the velocity round, and more each time
+        predictor(hypothesis, case, [1e80], starts, numbers, t[0], t)
+    assert left_out(predictor.failures) == (
+        "1 trial scene was left out of the search, as bodies flew off there; 1 more, as no law takes numbers such as "
+        "theirs"
+    )
+
+
 def test_no_run_is_made_twice():
     belief = pendulum(adjustable=(Adjustable("linear_drag", "c", 0.001, 0.02),))
     cases = prepare_all([filmed(belief, belief, 1)])

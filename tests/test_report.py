@@ -369,6 +369,22 @@ def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):
     assert [name for name in labels if "≈" in name] == [f"{trial.term.label} ≈"]
 
 
+def test_labels_of_candidates_lie_within_the_picture_and_no_line_runs_through_words(cases):
+    trials = list(cases["missing_physics"].evidence.trials)
+    long = replace(trials[0].term, label="camera_foreshortening, its direction sought")
+    trials = [replace(trials[0], signature=replace(trials[0].signature, term=long)), *trials[1:]]
+    trials.append(replace(trials[1], fit=None, reason="dropped: recalibration or the starts imitate it"))
+    trials[-1] = replace(trials[-1], signature=replace(trials[1].signature, term=replace(long, label="imitated")))
+    figure = draw.candidates(replace(cases["missing_physics"].evidence, trials=trials))
+    figure.savefig(io.BytesIO())
+    for axis in figure.axes:
+        box = axis.xaxis.label.get_window_extent()
+        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and figure.bbox.y0 <= box.y0
+    words = [text for text in figure.axes[0].texts if "imitate" in text.get_text()]
+    assert words and all(text.get_bbox_patch().get_facecolor() == (1, 1, 1, 1) for text in words)
+    assert words[0].get_zorder() > max(line.get_zorder() for line in figure.axes[0].lines)
+
+
 def test_page_without_anything_that_may_be_absent(cases, tmp_path):
     d = cases["no_mismatch"]
     nothing = dict.fromkeys(("naive", "recalibrated", "revised", "noise_floor"))

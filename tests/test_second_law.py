@@ -77,3 +77,24 @@ def test_a_first_pair_has_to_take_most_of_what_is_beyond_noise():
     assert pairs.most_of_a_pair(2.0) == 1.5
     assert pairs.most_of_a_pair(100.0) == 50.5
     assert pairs.most_of_a_pair(0.9) == 0.9  # never more than there is
+
+
+def test_what_does_as_well_is_told_in_place_of_what_is_named_in_the_end():
+    def law(name):
+        return SimpleNamespace(mechanism=name)
+
+    def exchange(keep, replaced, other, ahead=0.0):
+        return pairs.Exchange((law(keep),), law(replaced), law(other), ahead)
+
+    others = [
+        exchange("camera_scale", "coulomb_substrate", "linear_drag"),
+        exchange("camera_scale", "coulomb_substrate", "ambient_flow"),
+        exchange("coulomb_substrate", "camera_scale", "camera_tilt"),
+        exchange("coulomb_substrate", "camera_scale", "tracking_bias", ahead=-100.0),
+    ]
+    said = pairs.as_well_in_place(others, ["coulomb_substrate", "camera_scale"])
+    assert said == [f"{a} in place of {b} does as well" for a, b in (
+        ("linear_drag", "coulomb_substrate"), ("ambient_flow", "coulomb_substrate"), ("camera_tilt", "camera_scale"),
+    )]  # fmt: skip
+    for named in ([], ["camera_scale"], ["camera_scale", "quadratic_drag"]):
+        assert not pairs.as_well_in_place(others, named)

@@ -67,6 +67,38 @@ class TestAnglesOfSeveralBodies:
         np.testing.assert_allclose(done.recording.angle[:, 0], LEFT, atol=1e-12)
         assert done.recording.ids == ("rod",) and any("is taken for rod" in note for note in done.notes)
 
+    @pytest.mark.parametrize(
+        "header",
+        [
+            "t,a_x,a_y,a_ang,b_x,b_y,b_ang",
+            "t,x_a,y_a,ang_a,x_b,y_b,ang_b",
+            "t,a_x,a_y,a_orientation,b_x,b_y,orientation_b",
+            "t,a_x,a_y,Drehwinkel a,b_x,b_y,ÁNGULO b",
+            "t,a x,a y,a Angular Position (rad),b x,b y,b angular_displacement (rad)",
+        ],
+    )
+    def test_every_word_for_an_angle_is_known_beside_places(self, tmp_path, header):
+        source = write(tmp_path, header, T, T, -T, LEFT, T + 1, -T, RIGHT)
+        (done,) = import_all(source, tmp_path / "out", bodies=["*:3cm:1kg"], picture=False)
+        assert done.recording.ids == ("a", "b") and not any("not read" in note for note in done.notes)
+        np.testing.assert_array_equal(done.recording.angle, np.stack([LEFT, RIGHT], axis=1))
+
+    @pytest.mark.parametrize("bodies", [["*:3cm:1kg"], ["a:3cm:1kg", "b:3cm:1kg"]])
+    def test_the_centre_and_the_angle_of_a_body_whose_headings_differ(self, tmp_path, bodies):
+        source = write(tmp_path, "t,c_a_x,c_a_y,ang_a,c_b_x,c_b_y,ang_b", T, T, -T, LEFT, T + 1, -T, RIGHT)
+        (done,) = import_all(source, tmp_path / "out", bodies=bodies, picture=False)
+        assert done.recording.ids == (("c_a", "c_b") if bodies[0][0] == "*" else ("a", "b"))
+        np.testing.assert_array_equal(done.recording.angle, np.stack([LEFT, RIGHT], axis=1))
+        np.testing.assert_array_equal(done.recording.xy[:, 1, 0], T + 1)
+        assert sum("are taken for one body" in note for note in done.notes) == 2
+
+    def test_what_looks_like_an_angle_or_a_place_and_is_not_read_is_told(self, tmp_path):
+        header = "t,a_x,a_y,a_z,heading [deg],theta,a_vx,ang_mom,x_err,remark"
+        source = write(tmp_path, header, T, *[T] * 9)
+        (done,) = import_all(source, tmp_path / "out", bodies=["a:3cm:1kg"], picture=False)
+        (note,) = [note for note in done.notes if "not read" in note]
+        assert "coordinate: a_z, heading [deg], theta (--columns" in note
+
     def test_rates_and_errors_are_no_angles(self, tmp_path):
         source = write(tmp_path, "t,theta_dot,theta_err,angle_velocity", T, LEFT, LEFT, LEFT)
         with pytest.raises(InputError, match="no time and positions"):

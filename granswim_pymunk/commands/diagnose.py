@@ -28,7 +28,7 @@ def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..errors import InputError
     from ..inference.entry import ProgressLine, diagnose
-    from ..result import MOST_BODIES, adjusted, law_line, standing
+    from ..result import MOST_BODIES, adjusted, law_line, rival_names, standing
 
     if args.minutes is not None and not args.minutes > 0:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")
@@ -50,8 +50,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"  {told}")
     for line in standing(verdict):
         print(f"  {line}")
-    same = [rival["name"] for rival in verdict["rivals"] if rival["indistinguishable"]]
-    worse = [rival["name"] for rival in verdict["rivals"] if not rival["indistinguishable"]]
+    same, worse = rival_names(verdict["rivals"])
     if same:
         print(f"  these data cannot tell it from {', '.join(same)}")
     if worse:

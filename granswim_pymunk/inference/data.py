@@ -24,7 +24,7 @@ from .latecomers import without_latecomers
 from .linking import linked
 from .lost import missing, repeated
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
-from .release import caught, first_free
+from .release import at_rest_though_commanded, caught, first_free
 from .smoothed import frames_apart
 
 
@@ -280,7 +280,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         known = known and not refuted
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
-        notes = swapped + told + notes
+        notes = swapped + told + notes + _driven_from_rest(recording, t, values, channels, sigmas)
     notes += _unused_angles(recording, pinned)
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
@@ -293,6 +293,32 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
     )  # fmt: skip
+
+
+def _driven_from_rest(
+    recording: Recording, t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
+) -> list[str]:  # fmt: skip
+    """That bodies rest in their first frames though they are commanded to move, as if the command had stood for long.
+
+    A motor that is late is late from the first command on: where none stands before it, it is at its speed at once.
+    """
+    scene, notes = recording.scene, list[str]()
+    driven = {b: scene.resolved(i) for i in scene.laws_as("command") for b in i.bodies or () if b in scene.inputs}
+    for body, law in driven.items():
+        at = [k for k, channel in enumerate(channels) if channel.body == body and channel.kind in "xy"]
+        first, along = float(scene.inputs[body][1][0]), np.asarray(law["direction"], float)
+        if not at or not first or not all(sigmas[k] > 0 for k in at):
+            continue
+        speed = law["gain"] * np.interp(t, *scene.inputs[body]) / math.hypot(*along)
+        commanded = speed[:, None] * along[["xy".index(channels[k].kind) for k in at]]
+        rests = at_rest_though_commanded(t, values[:, at], [sigmas[k] for k in at], commanded)
+        if rests:
+            notes.append(
+                f"{recording.name}: {body} is at rest in its first {rests} frames, though its first command is "
+                f"{first:g}, as if that had stood there for long: where the motor began then, a row with 0 before it "
+                "in the commands says so; else its gain and how late it is are found wrong"
+            )
+    return notes
 
 
 def _unused_angles(recording: Recording, used: Collection[str]) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..engine import Simulation
-from ..errors import InputError, SimulationError
+from ..errors import BodyLost, InputError, SimulationError
 from ..joints import hinged
 from ..laws import has_role
 from ..recording.camera import see
@@ -270,6 +270,7 @@ def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> s
 
 
 FLEW_OFF = "a body is not within"  # how a failure begins that says so
+NO_NUMBERS = "numbers that no law takes"
 
 
 class Failed(Exception):
@@ -278,16 +279,19 @@ class Failed(Exception):
 
 def left_out(failures: Sequence[str]) -> str:
     """For the reader what runs that could not be finished were, each told as "recording: why"."""
-    others = [why for why in failures if f": {FLEW_OFF} " not in why]
-    flown = len(failures) - len(others)
-    told = [f"{_scenes(flown)} left out of the search, as bodies flew off there"] if flown else []
+    flown = [why for why in failures if f": {FLEW_OFF} " in why]
+    beyond = [why for why in failures if f": {NO_NUMBERS}: " in why]
+    plain = {*flown, *beyond}
+    others = [why for why in failures if why not in plain]
+    kinds = [(len(flown), "bodies flew off there"), (len(beyond), "no law takes numbers such as theirs")]
     if others:
-        first = f"{_scenes(len(others))} left out of the search" if not flown else f"{len(others)} more"
         why = f"it could not be followed to the end: {others[0]}"
         if len(others) > 1:
             why = f"they could not be followed to the end, the first: {others[0]}"
-        told.append(f"{first}, as {why}")
-    return "; ".join(told)
+        kinds.append((len(others), why))
+    kinds = [(count, why) for count, why in kinds if count]
+    first = [f"{_scenes(count)} left out of the search, as {why}" for count, why in kinds[:1]]
+    return "; ".join([*first, *(f"{count} more, as {why}" for count, why in kinds[1:])])
 
 
 def _scenes(count: int) -> str:
@@ -378,7 +382,7 @@ class Predictor:
             begins = float(clock(camera, t0))
             placed = states(starts, numbers, scene, begins)
         except InputError as error:  # numbers that a search tried and no law takes
-            self.failures.append(f"{case.name}: {error}")
+            self.failures.append(f"{case.name}: {NO_NUMBERS}: {error}")
             raise Failed(str(error)) from None
         (self._counted or self).runs += 1
         # angles of hinged bodies follow from the places of those that they hang from
@@ -396,7 +400,8 @@ class Predictor:
                     end = _end_of(simulation, scene, ends, after)
         except (SimulationError, InputError) as error:
             self._leave(hypothesis, case, values)
-            self.failures.append(f"{case.name}: {error}")
+            why = f"{FLEW_OFF} {current().fits.escaped:g} m" if isinstance(error, BodyLost) else str(error)
+            self.failures.append(f"{case.name}: {why}")
             raise Failed(str(error)) from None
         if not (np.abs(xy) < current().fits.escaped).all():  # so also where one is not a number
             self._leave(hypothesis, case, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,6 +41,30 @@ def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: 
         if first:
             return first
     return 0
+
+
+def at_rest_though_commanded(
+    t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], commanded: np.ndarray
+) -> int:  # fmt: skip
+    """In how many of its first frames a driven body rests, though its first command would have moved it by far.
+
+    values : (T, c) measured numbers of the body;  sigmas : (c,) one standard deviation of each
+    commanded : (T, c) their rates by the command
+    0 where it does not rest, or does not begin to move before that command ends: what never moves is not driven.
+    """
+    c, seen = current().release, np.isfinite(values).all(axis=1)
+    t, z, rate = t[seen], values[seen] / np.asarray(sigmas), commanded[seen] / np.asarray(sigmas)
+    size = np.linalg.norm(rate, axis=1)
+    if len(t) < c.still or not size[0] > 0:
+        return 0
+    ended = np.flatnonzero(size < c.lasts * size[0])
+    first = slice(int(ended[0]) if len(ended) else len(t))
+    way = np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t)[:, None], axis=0)
+    least = math.sqrt(2.0) * c.away  # of a difference of two frames
+    far = np.flatnonzero(np.linalg.norm(way, axis=1)[first] > c.commanded * least)
+    off = np.linalg.norm(z[1:] - z[0], axis=1)[first] > least
+    moved = np.flatnonzero(off[:-2] & off[1:-1] & off[2:])  # a single one is off by chance
+    return int(moved[0]) + 1 if len(far) and len(moved) and moved[0] > far[0] else 0
 
 
 def caught(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], gravity: float) -> int | None:

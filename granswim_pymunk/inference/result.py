@@ -156,7 +156,8 @@ def rival_entries(
     """``rivals``: what was named and did not stand comes first, then what does worse or as well.
 
     withdrawn : name and gain;  near : name, gain and share of what was not accepted
-    others : name, gain and whether these data cannot tell it from what was named
+    others : name, gain and whether these data cannot tell it from what was named; each name is told once, as it
+        comes first
     """
     entries: list[dict[str, Any]] = [
         {"name": name, "gain_heldout": gain, "indistinguishable": False, "withdrawn": True} for name, gain in withdrawn
@@ -164,11 +165,11 @@ def rival_entries(
     entries += [
         {"name": name, "gain_heldout": gain, "indistinguishable": False, "share": share} for name, gain, share in near
     ]
-    first = {r["name"] for r in entries}
-    return entries + [
-        {"name": name, "gain_heldout": gain, "indistinguishable": same}
-        for name, gain, same in others if name not in first
-    ]  # fmt: skip
+    entries += [{"name": name, "gain_heldout": gain, "indistinguishable": same} for name, gain, same in others]
+    once: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        once.setdefault(entry["name"], entry)
+    return list(once.values())
 
 
 def check_verdict(verdict: Mapping[str, Any]) -> None:

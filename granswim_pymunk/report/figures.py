@@ -105,7 +105,7 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
     _falling_axis(left, low, high, top=before)
     left.axvline(1.0, color=FLOOR, linestyle=(0, (1, 1.5)), zorder=1)
     left.set_xlabel("misfit left [χ² per number]")
-    middle.set_xlim(-0.04, 1.06)
+    middle.set_xlim(-0.08, 1.08)
     middle.set_xticks([0, 0.5, 1], ["0", "½", "1"])
     middle.set_xlabel("surviving\nfraction")
     base = diagnosis.inner.get("recalibrated", float("nan"))
@@ -115,7 +115,7 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
         if together and diagnosis.inner.get(together, 0.0) > 0:
             scores.append(diagnosis.inner[together])
         _falling_axis(right, min(scores), max(scores))
-    right.set_xlabel("inner test\n[−2 ln p per number]")
+    right.set_xlabel("inner test\n[−2 ln p\nper number]")  # the layout leaves no room for what is wider than the axes
     for axis in (left, middle, right):
         axis.tick_params(axis="y", length=0)
         axis.spines["left"].set_visible(False)
@@ -135,7 +135,8 @@ def _bar(axis: Axes, row: int, trial: Trial, without: tuple[float, int], colour:
     before, count = without
     if trial.fit is None:
         why = " " + _why_not(trial.reason)
-        axis.text(before, row, why, va="center", fontsize=7.5, color="#666666", style="italic")
+        ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}  # no line runs through the words
+        axis.text(before, row, why, va="center", fontsize=7.5, color="#666666", style="italic", bbox=ground)
         return
     # the axis runs from much misfit to little: a longer bar takes more away
     axis.barh(row, trial.fit.chi2 / count - before, left=before, height=0.66, color=colour)

@@ -334,7 +334,7 @@ def _else(d: Diagnosis) -> str:
 
 
 def _other_laws(d: Diagnosis) -> str:
-    alike = [spoken(r["name"]) for r in d.verdict["rivals"] if r["indistinguishable"]]
+    alike = list(dict.fromkeys(spoken(r["name"]) for r in d.verdict["rivals"] if r["indistinguishable"]))
     if alike:
         return f"These data cannot tell it apart from {listed(alike)}."
     rivals = [r for r in d.verdict["rivals"] if not r.get("withdrawn") and r.get("share") is None]

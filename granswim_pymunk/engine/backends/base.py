@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pymunk
 
-from ...errors import InputError, SimulationError
+from ...errors import BodyLost, InputError, SimulationError
 from ...laws import Law
 from ...scene import LawUse, Scene
 from .. import neighbours
@@ -347,13 +347,13 @@ class Backend(ABC):
         self.state.lists.allocate(room)
         self.state.forget_lists()
 
-    def lost(self) -> SimulationError:
+    def lost(self) -> BodyLost:
         """The error for a body that went astray."""
         raw = self.raw()
         away = np.hypot(raw["x"], raw["y"])
         lost = int(np.argmax(np.where(np.isfinite(away), away, np.inf)))
         what = f"is {away[lost]:.3g} m away" if np.isfinite(away[lost]) else "is not finite"
-        return SimulationError(
+        return BodyLost(
             f"the position of body {self.scene.bodies[self.order.rows_of[lost]].id} {what} after step {self.step + 1} "
             f"(t = {self.t:.6g} s, dt = {self.dt:.3g} s); a smaller dt may help"
         )

@@ -12,7 +12,7 @@ import numpy as np
 import pymunk.batch
 from pymunk.batch import BodyFields
 
-from ...errors import SimulationError
+from ...errors import BodyLost
 from ..motion import Motion
 from ..native import Offsets
 from .base import Plan
@@ -61,7 +61,7 @@ class Batch(Compiled):
             vy[at] = values[ours, 4] * u.velocity
             spin[at] = values[ours, 5] / u.time
             if not np.isfinite(x).all() or not np.isfinite(y).all():
-                raise SimulationError(f"a position is not finite after step {self.step} (t = {self.t:.6g} s)")
+                raise BodyLost(f"a position is not finite after step {self.step} (t = {self.t:.6g} s)")
             self.array_forces(True, self.scene.time.start + (self.step + 1) * self.dt, b.state, in_step=True)
             forces = values[:, 6:9].copy()  # what the user put on the bodies
             forces[ours, 0] += b.fx[at] * b.heavier[at] / u.force

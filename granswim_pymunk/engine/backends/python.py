@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pymunk
 
-from ...errors import SimulationError
+from ...errors import BodyLost, SimulationError
 from ...scene import LawUse
 from ..callbacks import ALONE, HALF_STEP, TOGETHER, USE_COLUMNS, WALL
 from ..motion import Motion
@@ -424,7 +424,7 @@ class Python(Backend):
             if not np.isfinite(positions).all():
                 who = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
                 name = self.scene.bodies[self.order.rows_of[who]].id
-                raise SimulationError(
+                raise BodyLost(
                     f"the position of body {name} is not finite after step {self.step} (t = {self.t:.6g} s)"
                 )
             if length:

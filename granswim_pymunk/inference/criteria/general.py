@@ -188,6 +188,8 @@ class ReleaseCriteria:
     sure : of chi2, by which rest and then motion has to be ahead of one smooth motion. Theory: chance gives as much to
         a number once in 3e7;  alarm : probability of what the better one leaves, below which neither describes it
     falls : standard deviations that a body which rests at the end would have fallen meanwhile, the least. Choice
+    commanded : times ``away``, that a command would have moved a body which rests, the least. Choice: a gain that is
+        believed is seldom six times too large;  lasts : of the first command, down to which it goes on. Choice
     """
 
     still: int = 5
@@ -198,6 +200,8 @@ class ReleaseCriteria:
     sure: float = 30.0
     alarm: float = 1e-4
     falls: float = 100.0
+    commanded: float = 6.0
+    lasts: float = 0.5
 
 
 @dataclass(frozen=True)

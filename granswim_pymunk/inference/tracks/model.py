@@ -72,7 +72,7 @@ from .kicks import all_kicks, chance_of_one, remains_of_kicks
 from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
-from .pairs import Exchange, two_alike
+from .pairs import Exchange, as_well_in_place, two_alike
 from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
@@ -833,6 +833,7 @@ class Tracks(ObservationModel):
             notes.append(left_out(failures))
         notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
         laws = course.judged.claim.laws
+        notes += as_well_in_place(self.exchanged, [t.mechanism for t in laws])
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")

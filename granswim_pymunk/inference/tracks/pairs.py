@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -756,11 +756,20 @@ def _any_field_beside(search: SetSearch, e: Exchange) -> bool:
     return any(any_field(t.term, e.trial.term, search.terms) for t in e.keep)
 
 
-def rivals_of_pair(others: Sequence[Exchange], notes: list[str]) -> list[tuple[Trial, bool]]:
+def rivals_of_pair(others: Sequence[Exchange]) -> list[tuple[Trial, bool]]:
     """Laws that may stand in place of one of those found, best first; True where these data cannot tell, all such."""
-    for e in others:
-        if e.alike:
-            notes.append(f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well")
     first = [e for e in others if e.alike]
     rest = [e for e in others if not e.alike][: max(current().verdict.rivals_of_pair - len(first), 0)]
     return [(e.trial, e.alike) for e in (*first, *rest)]
+
+
+def as_well_in_place(others: Sequence[Exchange], named: Collection[str]) -> list[str]:
+    """A line for each law that does as well in place of one of the mechanisms that are ``named`` in the end.
+
+    What else was found and went, or was exchanged itself, tells a reader nothing.
+    """
+    return [
+        f"{e.trial.mechanism} in place of {e.replaced.mechanism} does as well"
+        for e in others
+        if e.alike and e.trial.mechanism not in named and {t.mechanism for t in (*e.keep, e.replaced)} <= {*named}
+    ]

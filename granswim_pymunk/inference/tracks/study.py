@@ -520,7 +520,7 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
             found, revised, others = settled(search, found, revised)
     if len(found) > 1 and not study.late(current().budget.settling):
         found, revised, dropped = whom(search, found, revised)
-    near = rivals_of_pair(others, study.notes) if len(found) > 1 else []
+    near = rivals_of_pair(others) if len(found) > 1 else []
     if found and not study.late(current().budget.settling):
         if len(found) > 1:
             found, revised = without_idle_numbers(search, found, revised)

@@ -26,7 +26,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "posx", "xpos", "cx", "abscisse", "abscissa", "abszisse"),
     "y": ("y", "posy", "ypos", "cy", "ordonnee", "ordinate", "ordenada", "ordinata"),
     "angle": ("angle", "theta", "phi", "θ", "φ", "orientation", "winkel", "drehwinkel", "auslenkwinkel", "angulo",
-              "angolo", "angular position", "angular displacement"),
+              "angolo", "angular position", "angular displacement", "ang"),
 }  # fmt: skip
 # beside x or y they leave it what it is: "Ort x", "posição x", "Centroid.X", "center_y"
 BESIDE = {
@@ -49,14 +49,22 @@ RATES = {
     "field", "accelerometer", "geschwindigkeit", "beschleunigung", "kraft", "vitesse", "velocidade", "velocidad",
     "velocita", "aceleracao", "aceleracion", "accelerazione", "forca", "fuerza", "forza",
 }  # fmt: skip
+# beside a coordinate they are no bodies: rates and errors
+NO_BODY = re.compile(
+    r"d?dots?\d*|mom|freq|frequency|rate|err(?:or)?s?|std|sigma|sem|noise|uncertainty|fehler", re.IGNORECASE
+)
 _RATE_UNIT = re.compile(r".*[/^²³·].*|N|V|T|[mµμu]T|Hz|kHz|W|J|Pa|k?g")
+
+
+def folded(text: str) -> str:
+    """A text in small letters without accents."""
+    letters = unicodedata.normalize("NFKD", text.lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def words(column: str) -> list[str]:
     """A heading's words as they are compared."""
-    letters = unicodedata.normalize("NFKD", split_unit(column)[0].lower())
-    letters = "".join(letter for letter in letters if not unicodedata.combining(letter))
-    found = re.findall(r"[^\s_.,:;{}#]+", letters)
+    found = re.findall(r"[^\s_.,:;{}#]+", folded(split_unit(column)[0]))
     return [word for word in found if word not in COUNTING] or found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import find_columns, is_clock, is_lone, words
+from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -86,11 +86,20 @@ def recognise(source: Source) -> bool:
     x = found.get("x")
     if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
         return False  # center_x and nose_x: a wide table
+    if not {"x", "y", *given} & found.keys() - {"t"} and any(_is_place_of_a_body(name) for name in header):
+        return False  # a_x, a_y and an angle: it is not the angle alone
     if "t" not in found and "frame" not in found:
         # each row of a body is its next frame, where columns are called x and y and nothing else, or said to be
         said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y"))
         return source.options.fps is not None and said
     return any(key in found for key in ("x", "y", "angle"))
+
+
+def _is_place_of_a_body(column: str) -> bool:
+    """Whether a column is x or y of something that its heading names."""
+    said = words(column)
+    other = [word for word in said if word not in ("x", "y")]
+    return 0 < len(other) < len(said) and not is_rate(column) and not any(map(NO_BODY.fullmatch, other))
 
 
 def _given(options: Options, table: Table) -> dict[str, str]:

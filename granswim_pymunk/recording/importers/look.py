@@ -18,7 +18,9 @@ FAST = 20.0  # m/s
 FAST_RADII = 2e4  # radii a second; a golf ball that falls 30 m has 1e3, a swimmer's disk 1e2
 NARROW = 1e4  # times as long as wide, where a path cannot be drawn to scale
 LEFT_OUT = 1.5  # times the usual step of the stamps, from which a frame is left out for all bodies
-EVEN = 1.25  # times that step are three quarters of the steps at most, where stamps count frames at all
+# stamps count frames where nine of ten steps that are not long are as close to the usual one, as a share of it, and
+# the middle one of the long steps to a whole number of them, which of steps longer than 1/EVEN is not asked
+EVEN = 0.1
 FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 
 
@@ -26,7 +28,10 @@ FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 class Look:
     """Figures of a recording's tracks. Lengths in m, times in s; nan where they cannot be told.
 
-    gaps : share of the frames between first and last sight in which a body is not seen, those without a row as well
+    gaps : share of the frames between first and last sight in which a body is not seen, those without a row as well,
+        where stamps are even;  unseen : of those that have a row alone
+    left_out : frames without a row between the first and the last;  uneven : steps that are long where stamps are not
+        even, and count no frames;  step, longest_step : of the stamps, the usual one and the longest
     jumps : steps that no motion of that kind makes;  noise : one standard deviation, off fast differences
     """
 
@@ -44,6 +49,11 @@ class Look:
     extent: tuple[float, float]
     radius: float
     nearest: float
+    unseen: float = 0.0
+    left_out: int = 0
+    uneven: int = 0
+    step: float = math.nan
+    longest_step: float = math.nan
     warnings: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
@@ -69,7 +79,7 @@ def look(recording: Recording) -> Look:
     unwrapped = recording.unwrapped()
     t, xy = unwrapped.t, unwrapped.xy
     seen, counted = recording.seen, _counted(t)
-    gaps, longest, possible = 0, 0.0, 0
+    gaps, longest, possible, unseen, rows = 0, 0.0, 0, 0, 0
     speeds, noises, turned = [], [], []
     jumps, jump_at = 0, ""
     for k, name in enumerate(recording.ids):
@@ -77,6 +87,8 @@ def look(recording: Recording) -> Look:
         there = counted[frames[-1]] - counted[frames[0]] + 1
         possible += there
         gaps += there - len(frames)
+        rows += int(frames[-1] - frames[0]) + 1
+        unseen += int(frames[-1] - frames[0]) + 1 - len(frames)
         longest = max(longest, float(np.diff(t[frames])[np.diff(counted[frames]) > 1].max(initial=0.0)))
         if recording.angle is not None:
             turned.append(noise_of(recording.angle[:, k]))
@@ -105,12 +117,16 @@ def look(recording: Recording) -> Look:
     radii = [recording.scene.bodies[row].radius for row in recording.track_rows]
     places = xy[np.isfinite(xy[..., 0])]
     extent = np.ptp(places, axis=0) if len(places) else np.array([math.nan, math.nan])
+    stamps = np.diff(t)
+    usual, long_ = _usual(stamps)
     found = Look(
         bodies=len(recording.ids), frames=len(t), duration=float(t[-1] - t[0]), gaps=float(gaps / max(possible, 1)),
         longest_gap=longest, jumps=jumps, jump_at=jump_at, speed=float(np.median(speed)), fastest=float(np.max(speed)),
         noise=float(np.nanmedian(noises)) if np.isfinite(noises).any() else math.nan,
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
+        unseen=unseen / max(rows, 1), left_out=int(counted[-1]) + 1 - len(t),
+        uneven=0 if _even(stamps) else int(long_.sum()), step=usual, longest_step=float(stamps.max(initial=0.0)),
     )  # fmt: skip
     found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise), *bounced(recording)])
     return found
@@ -119,11 +135,28 @@ def look(recording: Recording) -> Look:
 def _counted(t: np.ndarray) -> np.ndarray:
     """(T,) which frame of the film each is: where stamps are even but for some longer steps, these leave frames out."""
     steps = np.diff(t)
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    if usual <= 0 or np.quantile(steps, 0.75) > EVEN * usual:
+    usual, long_ = _usual(steps)
+    if not _even(steps):
         return np.arange(len(t))
-    passed = np.where(steps > LEFT_OUT * usual, np.round(steps / usual), 1.0)
+    passed = np.where(long_, np.round(steps / usual), 1.0)
     return np.concatenate([[0.0], np.cumsum(passed)]).astype(int)
+
+
+def _usual(steps: np.ndarray) -> tuple[float, np.ndarray]:
+    """The usual step of stamps [s], and which steps are so long that frames may have been left out."""
+    usual = float(np.median(steps)) if len(steps) else math.nan
+    return usual, steps > LEFT_OUT * usual
+
+
+def _even(steps: np.ndarray) -> bool:
+    """Whether steps of stamps count the frames of a film: a program that writes when it can has steps of any length."""
+    usual, long_ = _usual(steps)
+    if not usual > 0 or np.mean(long_) > 0.25:
+        return False
+    times = steps / usual
+    off = np.abs(times - np.where(long_, np.round(times), 1.0))
+    off[times > 1 / EVEN] = 0.0
+    return bool(np.quantile(off[~long_], 0.9) <= EVEN and (not long_.any() or np.median(off[long_]) <= EVEN))
 
 
 def _nearest(recording: Recording) -> float:
@@ -184,8 +217,7 @@ def told(recording: Recording, found: Look) -> list[str]:
     rate = f", {recording.sampling:g} Hz" if recording.sampling else ""
     bodies = "1 body" if found.bodies == 1 else f"{found.bodies} bodies"
     lines = [f"{bodies} ({names}), {found.frames} frames in {found.duration:.4g} s{rate}"]
-    gaps = f"not seen in {found.gaps:.1%} of them (longest gap {found.longest_gap:.3g} s)" if found.gaps else "no gaps"
-    lines.append(f"{gaps}, {'no jumps' if not found.jumps else f'{found.jumps} jumps'}")
+    lines.append(f"{_gaps(found)}, {'no jumps' if not found.jumps else f'{found.jumps} jumps'}")
     if math.isfinite(found.speed):
         lines.append(f"speeds: median {found.speed:.3g} m/s, largest {found.fastest:.3g} m/s")
         near = f", nearest centres {_length(found.nearest)}" if math.isfinite(found.nearest) else ""
@@ -200,6 +232,25 @@ def told(recording: Recording, found: Look) -> list[str]:
     laws = ", ".join(dict.fromkeys(item.name for item in recording.scene.laws)) or "none"
     lines.append(f"laws of the scene: {laws}")
     return lines
+
+
+def _gaps(found: Look) -> str:
+    """What is not seen: of the frames that have a row, and the frames that have none; or that the stamps are uneven."""
+    said = []
+    if found.unseen:
+        whose = "not seen" if found.bodies == 1 else "a body is not seen, on average,"
+        said.append(f"{whose} in {found.unseen:.1%} of the frames between its first and its last")
+    if found.left_out:
+        frames = "1 frame has" if found.left_out == 1 else f"{found.left_out} frames have"
+        said.append(f"{frames} no row, {found.left_out / (found.frames + found.left_out):.1%} of the film")
+    longest = f" (longest gap {found.longest_gap:.3g} s)" if found.longest_gap else ""
+    if found.uneven:
+        steps = "1 step is" if found.uneven == 1 else f"{found.uneven} of {found.frames - 1} steps are"
+        said.append(
+            f"time stamps are uneven: {steps} longer than {LEFT_OUT:g} times the usual {found.step:.3g} s, up to "
+            f"{found.longest_step:.3g} s"
+        )
+    return "; ".join(said) + longest if said else "no gaps"
 
 
 def draw(recording: Recording, path: str | Path, *, most: int = 400) -> Path:

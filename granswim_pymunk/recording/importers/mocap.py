@@ -13,9 +13,12 @@ from ...errors import InputError
 from .base import Found, Importer, Options, grid, single
 from .source import Source
 from .table import numeric, split
+from .templates import TEMPLATES
 from .units import LENGTHS
 
 KEYS_OF_QUALISYS = 40  # rows at the top among which its keys stand: a dozen, and events
+WHAT_WORKS = "BODY=MARKER takes that marker for BODY and leaves out those that are not said, y=z takes x and z"
+TOLD = 12  # markers that are listed at most
 
 
 def recognise(source: Source) -> bool:
@@ -26,7 +29,10 @@ def recognise(source: Source) -> bool:
 
 
 def read(source: Source, options: Options) -> Found:
-    """Two of the three coordinates, x and y where ``columns`` does not say ``y=z``; a body for each marker."""
+    """Two of the three coordinates, x and y where ``columns`` does not say ``y=z``; a body for each marker.
+
+    Of the markers those are taken that ``columns`` says, ``BODY=MARKER`` each, or else those that ``bodies`` names.
+    """
     if _is_qualisys(source):
         return _qualisys(split(source.text or "", "\t", source.path), source, options)
     rows = split(source.text or "", ",", source.path)
@@ -49,6 +55,8 @@ def _found(
     """``at``: the first of a marker's three columns;  ``zero``: the origin means not seen."""
     if not names or not rows:
         raise InputError("is empty: it has no markers, or no rows", file=source.path)
+    plane, notes = _plane(options, source), list[str]()
+    names, at = _chosen(names, at, source, options, notes)
     xyz = np.full((len(rows), len(names), 3), math.nan)
     t = np.arange(len(rows), dtype=float)
     for k, (line, row) in enumerate(rows):
@@ -64,7 +72,6 @@ def _found(
             t[k] = float(row[clock])
     if zero:
         xyz[(xyz == 0).all(axis=-1)] = math.nan
-    plane = [{"x": 0, "y": 1, "z": 2}.get(options.column_map().get(key, key), 0) for key in ("x", "y")]
     x, y = single(xyz[..., plane[0]], xyz[..., plane[1]])
     counted, body, xs, ys = grid(t, names, np.stack([x, y], axis=-1))
     timed = clock is not None and rate is None
@@ -72,8 +79,54 @@ def _found(
     return Found(
         clock=counted, counts="time" if timed else "frame", body=body, x=xs, y=ys, length=length,
         time="s" if timed else None, rate=rate, rows=[line for line, _ in rows for _ in names],
-        notes=[f"of its three coordinates {seen[0]} and {seen[1]} are taken (--columns y=z takes x and z)"],
+        notes=[f"of its three coordinates {seen[0]} and {seen[1]} are taken (--columns y=z takes x and z)", *notes],
     )  # fmt: skip
+
+
+def _plane(options: Options, source: Source) -> list[int]:
+    """Which of a marker's three coordinates are x and y. Raises InputError."""
+    said = {key: options.column_map().get(key, key).lower() for key in ("x", "y")}
+    for key, axis in said.items():
+        if axis not in ("x", "y", "z"):
+            raise InputError(
+                f"{key} is one of a marker's coordinates x, y, z, got {axis!r} ({WHAT_WORKS})",
+                file=source.path, where="columns",
+            )  # fmt: skip
+    return ["xyz".index(axis) for axis in said.values()]
+
+
+def _chosen(
+    names: list[str], at: list[int], source: Source, options: Options, notes: list[str]
+) -> tuple[list[str], list[int]]:
+    """Bodies and their columns: the markers that the user chose, all where none was chosen. Raises InputError."""
+    said = {key: column for key, column in options.column_map().items() if key not in ("x", "y")}
+    wanted: dict[str, int] = {}
+    for body, marker in said.items():
+        if marker.replace(" ", "_") not in names or body == "t" or "." in body:
+            raise InputError(
+                f"{body}={marker} says no marker: {WHAT_WORKS}; the markers are {_listed(names)}",
+                file=source.path, where="columns",
+            )  # fmt: skip
+        wanted[body] = names.index(marker.replace(" ", "_"))
+    if not said:
+        named = {text.partition(":")[0].strip() for text in options.bodies}
+        wanted = {name: k for k, name in enumerate(names) if "*" in named or _is_scene(options) or name in named}
+    if not wanted:
+        return names, at
+    left_out = [name for k, name in enumerate(names) if k not in wanted.values()]
+    if left_out:
+        way = "--columns" if said else "--body"
+        notes.append(f"markers that {way} does not name are left out: {_listed(left_out)}")
+    return list(wanted), [at[k] for k in wanted.values()]
+
+
+def _is_scene(options: Options) -> bool:
+    """Whether a file says which bodies there are."""
+    return options.scene is not None and str(options.scene) not in TEMPLATES
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:TOLD]) + (" ..." if len(names) > TOLD else "")
 
 
 def _optitrack(rows: Rows, source: Source, options: Options) -> Found:
@@ -138,7 +191,7 @@ def _qualisys(rows: Rows, source: Source, options: Options) -> Found:
         _unlike(names), at, 0 if lead > 0 else None, body, source, options, rate=float(rate), length="mm", zero=True
     )
     if lead == 0:
-        found.clock = np.repeat([float(line - body[0][0]) for line, _ in body], len(names))
+        found.clock = np.repeat([float(line - body[0][0]) for line, _ in body], len(found.x) // len(body))
     return found
 
 

@@ -3,39 +3,47 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 
 import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import is_clock, is_rate
+from .headings import BESIDE, NAMES, NO_BODY, folded, is_clock, is_rate, words
 from .long import clock, frames_by_row, known, passed_over, said_unit
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, is_unit, split_unit
 
-_ANGLES = ("angle", "theta", "phi", "θ", "φ", "winkel", "ángulo", "ângulo", "angulo", "angolo")
-_KINDS = "|".join(("x", "y", *_ANGLES))
-_FIRST = re.compile(rf"({_KINDS})[ _.]?(.+)", re.IGNORECASE)
-_LAST = re.compile(rf"(.+?)[ _.:/]({_KINDS})", re.IGNORECASE)
-# beside a coordinate they are no bodies: rates and errors
-_NO_BODY = re.compile(r"d?dots?\d*|err(?:or)?s?|std|sigma|sem|noise|uncertainty|fehler", re.IGNORECASE)
+# a short word of an angle is one only where it ends there: "ang_a", but not "anger" or "angel"
+_SHORT = "ang"
+_ANGLES = "|".join(re.escape(word).replace(r"\ ", "[ _]") for word in NAMES["angle"] if word != _SHORT)
+_KINDS = rf"x|y|{_ANGLES}|{_SHORT}"
+_FIRST = re.compile(rf"(x|y|{_ANGLES}|{_SHORT}(?=[ _.\d]))[ _.]?(.+)")
+_LAST = re.compile(rf"(.+?)[ _.:/]({_KINDS})")
+# a word of a heading that looks like an angle or a coordinate, whatever stands beside it
+_LIKE = re.compile(rf"(?:{_KINDS}|z)\d*|(?:{_ANGLES})\w*")
+_CENTRE = BESIDE | {"c"}  # words for the centre of a body
+TOLD = 8  # columns that are listed in a note at most
 
 
 def place(column: str) -> tuple[str, str] | None:
     """Body and coordinate of a column called ``x1``, ``x_left``, ``left_x`` or ``theta1``, with a unit or not."""
     if is_rate(column):
         return None
-    plain, _ = split_unit(column)
-    if (match := _LAST.fullmatch(plain)) is not None:
-        name, kind = match[1], match[2].lower()
-    elif (match := _FIRST.fullmatch(plain)) is not None and not is_unit(match[2]):
-        name, kind = match[2], match[1].lower()
+    plain = unicodedata.normalize("NFC", split_unit(column)[0])
+    letters = folded(plain)
+    if len(letters) != len(plain):  # a sign that is several letters: places in the one are none in the other
+        plain = letters
+    if (match := _LAST.fullmatch(letters)) is not None:
+        name, kind = plain[slice(*match.span(1))], match[2]
+    elif (match := _FIRST.fullmatch(letters)) is not None and not is_unit(plain[slice(*match.span(2))]):
+        name, kind = plain[slice(*match.span(2))], match[1]
     else:
         return None
-    if _NO_BODY.fullmatch(name.strip()):
+    if NO_BODY.fullmatch(name.strip()):
         return None
-    return name.strip(), "angle" if kind in _ANGLES else kind
+    return name.strip(), kind if kind in ("x", "y") else "angle"
 
 
 def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
@@ -63,9 +71,44 @@ def find_places(table: Table, options: Options) -> tuple[dict[str, str], dict[st
     return clocks, places
 
 
-def _by_its_name(
-    places: dict[str, dict[str, str]], options: Options, notes: list[str]
-) -> dict[str, dict[str, str]]:
+def _joined(places: dict[str, dict[str, str]], options: Options, notes: list[str]) -> dict[str, dict[str, str]]:
+    """The angle and the place of one body whose headings differ by a word for its centre: "c_a_x", "ang_a"."""
+    alone = {tuple(words(name)): name for name, columns in places.items() if columns.keys() == {"angle"}}
+    named = [text.partition(":")[0].strip() for text in options.bodies]
+    for name, columns in list(places.items()):
+        plain = tuple(word for word in words(name) if word not in _CENTRE)
+        turned = alone.pop(plain, None) if "angle" not in columns else None
+        if turned is None or {turned, name} <= {*named}:
+            continue
+        both = turned if turned in named else name
+        columns = {**columns, **places[turned]}
+        places = {both if key == name else key: columns if key == name else value
+                  for key, value in places.items() if key != turned}  # fmt: skip
+        notes.append(f"{', '.join(columns.values())} are taken for one body, {both}")
+    return places
+
+
+def _left_over(table: Table, clocks: dict[str, str], places: dict[str, dict[str, str]]) -> list[str]:
+    """A line on columns that are not read and look like an angle or a coordinate of a body."""
+    read = {*clocks.values(), *(column for columns in places.values() for column in columns.values())}
+    like = [column for column in table.header if column not in read and _looks_like_a_place(table, column)]
+    if not like:
+        return []
+    listed = ", ".join(like[:TOLD]) + (" ..." if len(like) > TOLD else "")
+    return [
+        f"not read, though by the heading an angle or a coordinate: {listed} (--columns BODY.angle=NAME, BODY.x=NAME "
+        "or BODY.y=NAME says which)"
+    ]
+
+
+def _looks_like_a_place(table: Table, column: str) -> bool:
+    said = words(column)
+    if is_rate(column) or is_clock(column) is not None or any(NO_BODY.fullmatch(word) for word in said):
+        return False
+    return said_unit(table, column) in ANGLES or any(_LIKE.fullmatch(word) for word in said)
+
+
+def _by_its_name(places: dict[str, dict[str, str]], options: Options, notes: list[str]) -> dict[str, dict[str, str]]:
     """The columns of the only body by the name that the user gave it, where a heading has another: "Angle of arm"."""
     named = [text.partition(":")[0].strip() for text in options.bodies]
     if len(places) != 1 or len(named) != 1 or named[0] in ("*", *places) or options.column_map().keys() - {"t"}:
@@ -99,7 +142,8 @@ def read(source: Source, options: Options) -> Found:
         t, counts, unit = clock(table, clocks, options)
     if not places:
         raise InputError(f"has no columns like x1, y1; it has: {', '.join(table.header)}", file=source.path)
-    places = _by_its_name(places, options, notes)
+    places = _by_its_name(_joined(places, options, notes), options, notes)
+    notes += _left_over(table, clocks, places)
     size = len(t)
     nothing = np.full(size, np.nan)
     xs, ys, angles = [], [], []
