@@ -633,6 +633,15 @@ def test_a_coordinate_that_hardly_moves_has_the_noise_of_its_pixels():
     assert estimate_noise(t, np.round(along / pixel) * pixel) == pytest.approx(1e-3, rel=0.2)
 
 
+def test_a_grid_is_found_where_its_levels_are_written_to_few_digits():
+    """A turn of an encoder of 4096 steps, to a microradian: the least difference is off by 2e-4 of a step, and 2000
+    times that far off at the other end."""
+    step = 2 * math.pi / 4096
+    angle = np.round(np.round(1.6 * np.cos(np.arange(200) / 20) / step) * step, 6)
+    assert grid_of(angle) == pytest.approx(step, rel=1e-6)
+    assert grid_of(np.round(np.random.default_rng(1).normal(size=300), 6)) <= 1e-6
+
+
 def test_one_sighting_is_one():
     assert left_out(1, "off by more than noise") == "1 single sighting, off by more than noise, is left out"
     assert left_out(5, "off by more than noise") == "5 single sightings, off by more than noise, are left out"

@@ -213,6 +213,23 @@ def test_several_laws_that_are_not_named_are_told_as_several():
     ]
 
 
+def test_a_note_tells_where_the_scene_as_given_predicts_held_out_data_better():
+    """Of a servo that was let go the scene left 0.265 rad, the claim 0.653, the recalibrated scene 1.59: it holds."""
+
+    def said(outcome: str, *errors: float | None) -> bool:
+        class Servo(Toy):
+            def hold_out(self, judged):
+                return replace(super().hold_out(judged), held=dict(zip(MODELS, errors, strict=True)))
+
+        notes = diagnose_by(Servo(outcome=outcome)).verdict["notes"]
+        return any("as given predicts held-out data better" in note and "0.265" in note for note in notes)
+
+    assert said("holds", 0.265, 1.59, 0.653, 0.003)
+    assert not said("holds", 0.265, 1.59, 0.267, 0.003)  # as good as equal
+    assert not said("fails", 0.265, 1.59, 0.653, 0.003)
+    assert not said("holds", None, 1.59, 0.653, 0.003)
+
+
 def test_held_out_data_withdraw_a_name_and_never_make_one():
     found = diagnose_by(Toy(outcome="fails")).verdict
     check_verdict(found)

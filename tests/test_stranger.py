@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import savgol_filter
 
 from granswim_pymunk import api
 from granswim_pymunk.inference.candidates import law_terms
@@ -22,7 +23,7 @@ from granswim_pymunk.inference.tracks.line import strongest_line
 from granswim_pymunk.inference.tracks.undeclared import Instead, declared, in_a_lost_scene
 from granswim_pymunk.inference.tracks.verdict import as_the_picture
 from granswim_pymunk.laws import get_law
-from granswim_pymunk.recording import film
+from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 from granswim_pymunk.walls import Wall
 
@@ -47,6 +48,33 @@ def recorded(t, xy, **more):
     return api.make_recording(t, xy, radius=0.02, mass=0.05, **more)
 
 
+def servo(held: int, seed: int, start: float = 1.56) -> tuple[np.ndarray, np.ndarray]:
+    """An arm with dry friction, held for some frames and let go, on an encoder of 4096 steps: t, angle (T,)."""
+    rng, step = np.random.default_rng(seed), 2 * np.pi / 4096
+    t, fine = np.arange(66) / 50, np.arange(0.0, 1.5, 1e-3)
+    friction = 0.1 * start
+    q = moved(lambda q, v: -18.0 * np.sin(q) - 18.0 * friction * np.tanh(v / 0.01), [start, 0.0], fine)
+    read = np.maximum(t - t[max(held - 1, 0)] + rng.normal(0, 1.5e-3, 66), 0.0)
+    read[:held] = 0.0
+    return t, np.round(np.round(np.interp(read, fine, q) / step) * step, 6)
+
+
+# an arm on a servo that lets go after seven frames of 50 a second, in steps of its encoder
+SERVO = (
+    1018, 1019, 1019, 1019, 1019, 1019, 1019, 1016, 1015, 1011, 1000, 991, 981, 969, 954, 937, 919, 900, 878,
+    856, 830, 801, 772, 742, 709, 674, 638, 602, 566, 526, 484, 442, 401, 360, 319, 276, 234, 196, 158, 122,
+    87, 56, 29, 3, -22, -47, -67, -81, -92, -102, -106, -108, -107, -106, -107, -107, -107, -107, -107, -106,
+    -106, -106, -107, -107, -106, -107,
+)
+
+
+def armed(t, angle) -> Recording:
+    laws = (use("gravity"), use("pin", anchor=(0.0, 0.0), length=0.5, bodies=["arm"]))
+    scene = Scene((Body("arm", "free", 0.02, 0.1),), laws, gravity=GRAVITY)
+    nowhere = np.full((len(t), 1, 2), np.nan)
+    return Recording("drop", scene, t, ("arm",), nowhere, angle=angle[:, None], sampling=50.0)
+
+
 class TestRelease:
     @pytest.mark.parametrize("held", [6, 10, 20])
     def test_frames_in_which_a_ball_is_held_are_left_out(self, held):
@@ -65,6 +93,42 @@ class TestRelease:
             xy = xy + np.random.default_rng(3).normal(0, 1e-3, xy.shape)
             case = prepare(recorded(t, xy, gravity=GRAVITY), held_out=False, split=True)
             assert case.training[0], rate
+
+    @pytest.mark.parametrize("held", [7, 12])
+    def test_frames_in_which_an_arm_on_an_encoder_is_held_are_left_out(self, held):
+        """It reads whole steps at moments that jitter: what moves is off by more than what rests, and no filter."""
+        for seed in range(3):
+            t, angle = servo(held, seed)
+            case = prepare(armed(t, angle), held_out=False, split=True)
+            assert t[held - 2] <= case.t[case.training][0] <= t[held + 2], seed
+            assert len(case.t) == len(t) and not any("smoothed" in note for note in case.notes)
+
+    def test_the_arm_of_a_real_servo_is_held_and_was_not_smoothed(self):
+        """Dry friction lets it begin unevenly, and moments at which it was asked jitter."""
+        t, steps = np.arange(66) / 50, 2 * np.pi / 4095 * np.array(SERVO)
+        case = prepare(armed(t, np.round(steps, 6)), held_out=False, split=True)
+        assert t[5] <= case.t[case.training][0] <= t[8] and len(case.t) == len(t)
+        assert not any("smoothed" in note for note in case.notes)
+        # of what is on a grid neighbours tell of no filter, whoever held it
+        loose = prepare(armed(t[7:], np.round(steps[7:], 6)), held_out=False, split=True)
+        assert len(loose.t) == len(t) - 7
+
+    def test_an_arm_on_an_encoder_that_starts_from_rest_at_the_first_frame_is_kept(self):
+        for seed in range(3):
+            for start in (0.05, 0.3, 1.5):
+                case = prepare(armed(*servo(1, seed, start)), held_out=False, split=True)
+                assert case.training[0], (seed, start)
+
+    def test_of_smoothed_tracks_all_frames_tell_when_a_body_is_let_go(self):
+        """One frame in some is used: of those in which it is held fewer than tell of it."""
+        t = np.arange(600) / 240
+        for seed in range(3):
+            noise = np.random.default_rng(seed).normal(0, 1e-4, 600)
+            y = 4.5 - 0.5 * 9.81 * np.maximum(t - t[10], 0.0) ** 2 + noise
+            xy = np.stack([0 * t, savgol_filter(y, 9, 2)], axis=1)[:, None]
+            case = prepare(recorded(t, xy, gravity=GRAVITY), held_out=False, split=True)
+            assert case.apart > 2 and any("look smoothed" in note for note in case.notes)
+            assert t[7] <= case.t[case.training][0] <= t[10 + 2 * case.apart], seed
 
     def test_a_puck_that_waits_for_another_is_kept(self):
         t = np.arange(120) / 60

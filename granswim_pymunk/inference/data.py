@@ -167,13 +167,33 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
 
 
 def grid_of(values: np.ndarray) -> float:
-    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none."""
+    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none.
+
+    Values that are written to few digits are off their grid by as much, and so is the least of their differences: each
+    difference of neighbouring levels tells how many steps it is, and all of them together tell the step.
+    """
     step = least_step(values)
     if not step:
         return 0.0
     levels = np.unique(values)
-    count = (levels - levels[0]) / step
-    return step if np.abs(count - np.round(count)).max() < current().noise.on_grid else 0.0
+    away = levels - levels[0]
+    count = np.cumsum(np.round(np.diff(away, prepend=0.0) / step))
+    step = float(count @ away / (count @ count))
+    return step if np.abs(away / step - count).max() < current().noise.on_grid else 0.0
+
+
+def coarse_grid(t: np.ndarray, values: np.ndarray) -> float:
+    """The step of the grid that the values (T,) lie on, where it is no finer than the noise that neighbours show.
+
+    0 where they lie on none, or on a finer one. An encoder counts whole steps: at rest it tells one number again and
+    again, and a step g is g/sqrt(12) of noise, which neighbours share while the body moves less than a step a frame.
+    Noise told from frames apart then grows without any filter. A filter's output is a mean of several numbers, each
+    frame its own, and lies on a finer grid than they did. Where it was rounded to a coarse one once more, rounding is
+    what neighbours show, and of a filter they tell nothing.
+    """
+    seen = np.isfinite(values)
+    step = grid_of(values[seen])
+    return step if step and step >= current().smoothed.coarse * estimate_noise(t, values) else 0.0
 
 
 def last_place(values: np.ndarray) -> float:
@@ -265,12 +285,9 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     notes, lost, tau, first, apart = list[str](), 0, 0.0, 0, 1
     if clean:
         recording, values, told = _mended(recording, values, channels, sigmas)
-        if len(recording.t) < len(t) and not known:
-            sigmas = [estimate_noise(recording.t, column) for column in values.T]
-        apart = -(-len(t) // len(recording.t))
+        recording, values, sigmas, first, apart = _let_go(recording, values, channels, sigmas, known)
+        told += [_says_smoothed(recording, apart)] if apart > 1 else []
         t = recording.t
-        first = first_free(recording, t, values, sigmas)
-        values[:first] = np.nan
         swapped += _without_caught(recording, t, values, channels, sigmas)
         near = _meetings(recording, channels, values)
         smooth = _without_meetings(near)
@@ -420,8 +437,7 @@ def _mended(
     """Recording and numbers (T, c) without what a camera or a tracker made of them, and what is said of it.
 
     Frames that are there twice and sightings that a tracker made up become NaN; stamps after frames that are missing
-    though the stamps go on become later; of tracks that were smoothed, frames so far apart that their noise is
-    independent are kept.
+    though the stamps go on become later.
     """
     again = repeated(values, sigmas, [least_step(v[np.isfinite(v)]) for v in values.T])
     values[again] = np.nan
@@ -440,22 +456,54 @@ def _mended(
             f"go on ({lost}): the stamps after that are taken as so many frames later"
         )
         recording = replace(recording, t=t)
-    apart = _apart(recording, channels, values)
-    if apart > 1:
-        notes.append(
-            f"{recording.name}: the tracks look smoothed, neighbouring frames differ by far less than those {apart} "
-            f"frames apart: one frame in {apart} is used; tracks as they were found tell more"
-        )
-        recording, values = _thinned(recording, apart), values[::apart]
     return recording, values, notes
 
 
-def _apart(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> int:
-    """How many frames apart the noise of ``values`` (T, c) is independent, 1 where impacts are all about."""
-    apart = frames_apart(recording.t, list(values.T), _scatter)
+def _let_go(
+    recording: Recording, values: np.ndarray, channels: Sequence[Channel], sigmas: list[float], known: bool
+) -> tuple[Recording, np.ndarray, list[float], int, int]:  # fmt: skip
+    """Recording, numbers (T, c), their noise, the first frame in which nothing is held, one frame in how many is kept.
+
+    Frames before that one become NaN. Of tracks that were smoothed, frames so far apart that their noise is independent
+    are kept. When bodies are let go is asked of all frames: a hand may hold them for few that are kept, or for none.
+    Where the noise of neighbours is one, so many frames tell as much as one.
+    """
+    t, steps = recording.t, [coarse_grid(recording.t, column) for column in values.T]
+    first = first_free(recording, t, values, sigmas, steps)
+    apart = _apart(recording, channels, values, steps, first)
+    if apart > 1:
+        kept = t[::apart], values[::apart]
+        if not known:
+            sigmas = [estimate_noise(kept[0], column) for column in kept[1].T]
+        first = first or first_free(recording, t, values, [math.sqrt(apart) * sigma for sigma in sigmas])
+        recording, values = _thinned(recording, apart), kept[1]
+        first = -(-first // apart) or first_free(recording, *kept, sigmas)
+    values[:first] = np.nan
+    return recording, values, sigmas, first, apart
+
+
+def _says_smoothed(recording: Recording, apart: int) -> str:
+    """What is said of tracks of which one frame in so many is used."""
+    return (
+        f"{recording.name}: the tracks look smoothed, neighbouring frames differ by far less than those {apart} "
+        f"frames apart: one frame in {apart} is used; tracks as they were found tell more"
+    )
+
+
+def _apart(
+    recording: Recording, channels: Sequence[Channel], values: np.ndarray, steps: Sequence[float], first: int
+) -> int:
+    """How many frames apart the noise of ``values`` (T, c) is independent, 1 where impacts are all about.
+
+    steps : (c,) of coarse grids, 0 where there is none: numbers on one tell nothing of it, see ``coarse_grid``
+    first : the frame from which bodies are free: where they are let go no polynomial follows them
+    """
+    fine = [column[first:] for column, step in zip(values.T, steps, strict=True) if not step]
+    apart = frames_apart(recording.t[first:], fine, _scatter)
     if apart == 1:
         return 1
-    around = np.convolve(_meetings(recording, channels, values), np.ones(current().stamps.window * apart), mode="same")
+    near = _meetings(recording, channels, values)[first:]
+    around = np.convolve(near, np.ones(current().stamps.window * apart), mode="same")
     return apart if np.mean(around > 0) < 1 - current().smoothed.quiet else 1
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from .criteria import current
 from .judge import (
     Claim,
     Judgement,
@@ -283,8 +284,27 @@ def verdict_of(model: ObservationModel, course: Course) -> dict[str, Any]:
         name: dict(zip(("value", "low", "high"), limits, strict=True))
         for name, limits in model.adjustables(course).items()
     }
-    verdict["notes"] = [*model.notes, *model.closing_notes(course)]
+    verdict["notes"] = [*model.notes, *model.closing_notes(course), *_better_as_given(held, model.unit)]
     return verdict
+
+
+def _better_as_given(held: HeldOut, unit: str | None) -> list[str]:
+    """That the scene as it was given predicts held-out data better than with what is named, where these say it holds.
+
+    A claim is held against the recalibrated scene, since both have their numbers from the same frames. Numbers that are
+    off in the same way make both predict worse than numbers that nobody fitted.
+    """
+    given, plain, revised = (held.held.get(name) for name in ("naive", "recalibrated", "revised"))
+    if held.outcome != "holds" or given is None or plain is None or revised is None:
+        return []
+    if given >= current().verdict.as_given * revised:
+        return []
+    of = f" {unit}" if unit else ""
+    return [
+        f"the scene as given predicts held-out data better than the revised one: {given:.3g}{of} is left, and "
+        f"{revised:.3g}{of} with that one; held-out data hold against the recalibrated scene, which leaves "
+        f"{plain:.3g}{of}"
+    ]
 
 
 def _null(model: ObservationModel, course: Course) -> dict[str, Any] | None:

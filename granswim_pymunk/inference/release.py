@@ -12,13 +12,19 @@ from ..recording import Recording
 from .criteria import current
 
 
-def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: Sequence[float]) -> int:
+def first_free(
+    recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float] = ()
+) -> int:
     """The first frame in which nothing holds the bodies any more, 0 where nothing shows that they were held.
 
     values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
+    steps : (c,) of the coarse grids that they lie on, as of an encoder, 0 where they lie on none
     Where forces do not depend on time, what is at rest stays at rest. Two descriptions of the first frames are
     compared by chi2: at rest until a time, a parabola from there on, and one cubic throughout, which a motion from
     rest at the first frame follows. Not where a command or an unseen body may begin the motion.
+    On a coarse grid what rests is told by one number again and again, to which rounding is all the noise: g/sqrt(12) of
+    a step g (Widrow & Kollar 2008, Quantization Noise). What moves is off by more, as its stamps are, too: there noise
+    is what the better description leaves, and the other has to leave more of it than chance does.
     """
     c = current().release
     hidden = any(b.mobile and b.id not in recording.ids for b in recording.scene.bodies)
@@ -32,12 +38,16 @@ def first_free(recording: Recording, t: np.ndarray, values: np.ndarray, sigmas: 
     away = np.flatnonzero((off[:-2] > c.away) & (off[1:-1] > c.away) & (off[2:] > c.away))
     if not len(away) or away[0] < c.still:
         return 0
-    gone = int(away[0])
+    gone, on_grid = int(away[0]), np.asarray(steps if len(steps) else np.zeros(len(sigma)), float)
+    rounding = np.where(on_grid > 0, np.minimum(on_grid / math.sqrt(12.0), sigma), sigma)
+    same = np.abs(values - np.median(lead, axis=0)) < on_grid / 2
+    same[gone:] = False
+    weights = np.where(same, sigma / rounding, 1.0)
     for clear in c.clear:
         beyond = np.flatnonzero(off[gone:] > clear * c.away)
         most = max(gone, 2 * c.after)
         end = min(len(t), gone + max(c.after, min(most, int(beyond[0]) if len(beyond) else most)))
-        first = _held_until(t[:end], values[:end] / sigma, gone)
+        first = _held_until(t[:end], values[:end] / sigma, gone, weights[:end], scaled=bool(on_grid.all()))
         if first:
             return first
     return 0
@@ -100,24 +110,34 @@ def _stopped(t: np.ndarray, z: np.ndarray, powers: Sequence[int]) -> float:
     return min(left)
 
 
-def _held_until(t: np.ndarray, z: np.ndarray, gone: int) -> int:
+def _held_until(t: np.ndarray, z: np.ndarray, gone: int, weights: np.ndarray, *, scaled: bool) -> int:
     """The first frame after a rest until then, 0 where the numbers (T, c) in units of their noise do not show one.
 
-    gone : frame from which they are away from the place of rest
+    gone : frame from which they are away from the place of rest;  weights : (T, c) how much less noise each has
+    scaled : noise is as large as the better description leaves it, where that is more
     """
     c = current().release
     seen = np.isfinite(z).all(axis=1)
-    s, z = (t[seen] - t[0]) / (t[-1] - t[0]), z[seen]
+    s, z, weights = (t[seen] - t[0]) / (t[-1] - t[0]), z[seen], weights[seen]
     tried = np.unique(np.linspace(c.still - 1, gone, min(gone, c.tried)).astype(int))
     held = []
     for k in tried:
         since = np.maximum(s - (t[k] - t[0]) / (t[-1] - t[0]), 0.0)
-        held.append(_left(np.column_stack([np.ones(len(s)), since, since**2]), z))
+        held.append(_weighed(np.column_stack([np.ones(len(s)), since, since**2]), z, weights))
     best = int(np.argmin(held))
-    smooth = _left(np.power(s[:, None], np.arange(4)), z)
-    if smooth - held[best] < c.sure or held[best] > stats.chi2.isf(c.alarm, z.size - 3 * z.shape[1] - 1):
+    smooth = _weighed(np.power(s[:, None], np.arange(4)), z, weights)
+    freedom = z.size - 3 * z.shape[1] - 1
+    larger = max(held[best] / freedom, 1.0) if scaled else 1.0
+    if smooth - held[best] < c.sure * larger or held[best] > stats.chi2.isf(c.alarm, freedom) * larger:
         return 0
     return int(tried[best]) + 1
+
+
+def _weighed(design: np.ndarray, z: np.ndarray, weights: np.ndarray) -> float:
+    """What a linear fit to each number leaves of chi2, ``weights`` (T, c) over the noise that ``z`` is in units of."""
+    if (weights == 1).all():
+        return _left(design, z)
+    return sum(_left(design * w[:, None], (w * k)[:, None]) for k, w in zip(z.T, weights.T, strict=True))
 
 
 def _left(design: np.ndarray, z: np.ndarray) -> float:

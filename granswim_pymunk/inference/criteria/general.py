@@ -282,6 +282,8 @@ class SmoothedCriteria:
     seen : of the frames, in which a number has to be seen. Choice
     of_motion : of the spread of a track, from which what is told is no noise that a filter hid. Choice: a filter that
         hides a tenth of the motion would bend the motion, too
+    coarse : of the noise that neighbours show, the step of a grid from which they tell of it and of no filter. Theory:
+        rounding to a step is 1/sqrt(12) of it; a body at rest whose noise is less than a step is told by few numbers
     """
 
     apart: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
@@ -298,6 +300,7 @@ class SmoothedCriteria:
     quiet: float = 0.3
     seen: float = 0.8
     of_motion: float = 0.1
+    coarse: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -420,6 +423,8 @@ class VerdictCriteria:
     bodies : of the excess of the worst body over the floor, from which another one is told beside it. Choice
     rival : of the gain of what is named, from which another law is told as its rival;  rivals : that are told at most;
         ``rivals_of_pair`` beside several laws, and all that these data cannot tell. Choice
+    as_given : of the held-out error with what is named, below which that of the scene as given is told to be smaller.
+        Choice: a difference that the report calls one
     """
 
     alarm: float = 0.01
@@ -451,3 +456,4 @@ class VerdictCriteria:
     rival: float = 0.2
     rivals: int = 8
     rivals_of_pair: int = 3
+    as_given: float = 0.9
