@@ -133,6 +133,8 @@ def _better_of(
         if found is None:
             continue
         last = other
+        if other.claim.label == judged.claim.label:
+            continue  # what stood beside it was dropped: it is the same claim
         # what bends the picture predicts a little better whatever is missing
         fault = bends(other) and not bends(judged)
         within |= not found.beyond

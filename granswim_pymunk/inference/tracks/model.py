@@ -174,6 +174,7 @@ class Tracks(ObservationModel):
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
         self._draws: np.random.Generator | None = None
+        self._looked_at: set[str] = set()
         self.best_form: Trial | None = None
         self.windows: WindowMap | None = None
         # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
@@ -522,7 +523,7 @@ class Tracks(ObservationModel):
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
         cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
-        rng = self._same_draws()
+        rng = self._draws_for(judged.claim.label)
         spreads = {c.name: carried_on(revised, c, study.predictor, rng) for c in cut}
         self.followed = {name: spread for name, spread in spreads.items() if spread < 1}
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
@@ -553,12 +554,16 @@ class Tracks(ObservationModel):
             self._more_held_out(bends(judged)), self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
 
-    def _same_draws(self) -> np.random.Generator:
-        """Random numbers that are the same for every claim that is held out: laws are compared in the same noise."""
+    def _draws_for(self, label: str) -> np.random.Generator:
+        """Random numbers that are the same for every claim that is held out: laws are compared in the same noise.
+
+        A claim that is looked at again, as no other one stands in its place, is so in other noise.
+        """
         if self._draws is None:
             self._draws = deepcopy(self.study.rng)
-            return self.study.rng
-        return deepcopy(self._draws)
+        again = not self._looked_at or label in self._looked_at
+        self._looked_at.add(label)
+        return self.study.rng if again else deepcopy(self._draws)
 
     def _excused(self, claim: Claim) -> bool:
         """Whether held-out data are predicted worse by what was not known well enough, not by a law that is none."""
