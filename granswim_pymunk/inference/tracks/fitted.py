@@ -87,6 +87,10 @@ class Fit:
         first = self.segments[case][0]
         return first.starts, self.starts[case][: first.size]
 
+    def told(self, k: int) -> bool:
+        """Whether the frames say anything of free number k: what happens in none of them (an impact) says nothing."""
+        return any(by_value[:, k].any() for by_value, _ in self.jacobian.values())
+
     def interval(self, k: int, inflation: float = 1.0) -> tuple[float, float, float]:
         """Value, low, high of free number k: central 95 %, cut at its bounds."""
         free = self.hypothesis.free[k]

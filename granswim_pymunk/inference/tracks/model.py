@@ -820,7 +820,11 @@ class Tracks(ObservationModel):
 
     def interval(self, course: Course, k: int) -> tuple[float, float | None, float | None]:
         fit: Fit = course.judged.claim.fit
-        return fit.interval(k, self.spread)
+        if fit.told(k):
+            return fit.interval(k, self.spread)
+        free = fit.hypothesis.free[k]
+        low, high = (end if math.isfinite(end) else None for end in (free.low, free.high))
+        return float(fit.values[k]), low, high
 
     def instead(self, course: Course) -> tuple[str, ...]:
         claim, told = course.judged.claim, course.judged.verdict
@@ -865,7 +869,7 @@ class Tracks(ObservationModel):
         found = []
         for k, free in self.adjusted().items():
             near = current().verdict.at_bound * (free.high - free.low)
-            if not free.natural and min(fit.values[k] - free.low, free.high - fit.values[k]) <= near:
+            if not free.natural and fit.told(k) and min(fit.values[k] - free.low, free.high - fit.values[k]) <= near:
                 found.append((free, float(fit.values[k])))
         return found
 

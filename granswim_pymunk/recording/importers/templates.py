@@ -290,8 +290,23 @@ def _drop(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any
     return Filled({"scene": {"gravity": [0.0, -G], **box}}, [], list(laws))
 
 
+def _line_of(xy: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) of the line that places (n, 2) lie along: an axis where its slope is within three of its errors.
+
+    The squares across an axis are then those across the line, larger by no more than nine of their mean.
+    """
+    away = xy - xy.mean(axis=0)
+    spread, axes = np.linalg.svd(away, full_matrices=False)[1:]
+    along = axes[0] * (1 if axes[0][np.argmax(np.abs(axes[0]))] > 0 else -1)
+    least = max(float(spread[1]) ** 2 / len(xy), (np.finfo(float).eps * float(spread[0])) ** 2)
+    for k in (0, 1):
+        if np.sum(away[:, 1 - k] ** 2) <= float(spread[1]) ** 2 + 9 * least:
+            return np.eye(2)[k]
+    return np.asarray(along)
+
+
 def _cart(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
-    """Each body on a rail; its direction is that of the largest spread, an axis where that is within 2 degrees."""
+    """Each body on a rail; its direction is that of the largest spread, an axis where that does as well."""
     laws, rails, notes = list(laws), [], []
     for body in bodies:
         name = body["id"]
@@ -303,12 +318,7 @@ def _cart(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any
                 raise InputError(
                     f"{name} is hardly seen: say its rail, as --law 'rail:{name},direction=1 0'", where="scene cart"
                 )
-            along = np.linalg.svd(xy - xy.mean(axis=0), full_matrices=False)[2][0]
-            along = along * (1 if along[np.argmax(np.abs(along))] > 0 else -1)
-            for axis in np.eye(2):
-                if along @ axis > math.cos(math.radians(2)):
-                    along = axis
-            direction = [_round(float(v)) for v in along]
+            direction = [_round(float(v)) for v in _line_of(xy)]
             notes.append(f"{name} moves along ({direction[0]:.4g}, {direction[1]:.4g}): its rail")
         rails.append({"name": "rail", "bodies": [name], "direction": direction})
     return Filled({"scene": {"gravity": [0.0, 0.0], **box}, "law": rails}, notes, laws)
