@@ -34,6 +34,7 @@ from ..judge import (
     bends,
     best_form,
     completeness,
+    named_verdict,
     not_named,
     remains_of,
 )
@@ -433,7 +434,8 @@ class Tracks(ObservationModel):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
         fit = with_none_beyond(fit, sure, self.spread)
-        return replace(judged, claim=replace(judged.claim, laws=laws, fit=fit))
+        # a law that is no longer named may have been the only one that is no fault of the apparatus
+        return replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
         """The laws but for those that stay in the revised scene and are not named, which a note says."""
