@@ -310,3 +310,12 @@ def test_a_rail_runs_where_its_cart_was_seen(tmp_path, slope, noise, along):
     (rail,) = r.scene.laws
     direction = np.array(rail.values["direction"]) / np.hypot(*rail.values["direction"])
     assert direction == pytest.approx([1.0, slope] / np.hypot(1, slope) if along else [1.0, 0.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("stamp", ["0:00:0{:.3f}", "2024-05-01T10:00:0{:.3f}"])
+def test_a_first_row_with_a_time_of_day_is_no_header(tmp_path, stamp):
+    rows = [f"{stamp.format(0.1 * k)},{0.5 + 0.01 * k * k:g}" for k in range(10)]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    (r,) = import_recording(tmp_path / "log.csv", bodies=["arm:3cm:100g"], columns="t=1,x=2", scene="cart")
+    assert len(r.t) == 10 and r.xy[0, 0, 0] == 0.5
+    np.testing.assert_allclose(r.t, 0.1 * np.arange(10), atol=1e-9)

@@ -279,7 +279,8 @@ def table_from_rows(
         # what stands above the header has another number of columns: a title, remarks
         start = next(k for k, (_, row) in enumerate(rows) if len(row) == common)
     body = list(rows[start:])
-    bare = all(numeric(cell, sign) for cell in body[0][1])
+    # no heading is a number, nor a time of day
+    bare = all(numeric(cell, sign) or _microseconds(cell) is not None for cell in body[0][1])
     units: dict[str, str] = {}
     if bare and comment_header is not None and len(comment_header) == len(body[0][1]):
         header, bare = comment_header, False
