@@ -319,3 +319,13 @@ def test_a_first_row_with_a_time_of_day_is_no_header(tmp_path, stamp):
     (r,) = import_recording(tmp_path / "log.csv", bodies=["arm:3cm:100g"], columns="t=1,x=2", scene="cart")
     assert len(r.t) == 10 and r.xy[0, 0, 0] == 0.5
     np.testing.assert_allclose(r.t, 0.1 * np.arange(10), atol=1e-9)
+
+
+@pytest.mark.parametrize(("columns", "told"), [(None, True), ("t=t [s],x=x [m],y=z [m]", False)])
+def test_a_third_coordinate_is_left_out_with_a_note(tmp_path, columns, told):
+    rows = [f"{0.1 * k:g},{0.2 * k:g},0.5,{1 - 0.01 * k * k:g}" for k in range(10)]
+    source = tmp_path / "table.csv"
+    source.write_text("\n".join(["t [s],x [m],y [m],z [m]", *rows]) + "\n")
+    (done,) = import_all(source, tmp_path / "out", bodies=["ball:3cm:100g"], columns=columns, picture=False)
+    assert any("z [m], which goes from 0.19 to 1, is left out" in note for note in done.notes) == told
+    assert done.recording.xy[3, 0, 1] == pytest.approx(0.5 if told else 0.91)

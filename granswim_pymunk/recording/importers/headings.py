@@ -81,6 +81,12 @@ def is_lone(column: str) -> bool:
     return " ".join(words(column)) in ALONE
 
 
+def is_third(column: str) -> bool:
+    """Whether a column is the third coordinate of a place."""
+    said = words(column)
+    return "z" in said and BESIDE.union("z").issuperset(said) and not is_rate(column)
+
+
 def is_clock(column: str) -> str | None:
     """ "t" or "frame", where a column is a clock by its heading."""
     name = " ".join(words(column))

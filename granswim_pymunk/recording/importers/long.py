@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, words
+from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -155,6 +155,13 @@ def read(source: Source, options: Options) -> Found:
         y = np.where(np.isfinite(x), 0.0, math.nan)
     elif "y" in found and "x" not in found:
         x = np.where(np.isfinite(y), 0.0, math.nan)
+    third = [name for name in table.header if is_third(name) and name not in given.values()]
+    seen = table.numbers(third[0]) if third and {"x", "y"} <= found.keys() else nothing
+    if np.nanmax(seen, initial=-math.inf) > np.nanmin(seen, initial=math.inf):
+        notes.append(
+            f"of three coordinates {found['x']} and {found['y']} are taken; {third[0]}, which goes from {np.nanmin(seen):.3g} "
+            f'to {np.nanmax(seen):.3g}, is left out (--columns "y={third[0]}" takes it for the vertical)'
+        )
     if body is not None and "body" not in given and len(t) > 1 and len(set(body)) == len(t) == len(np.unique(t)):
         # as ImageJ labels its results: film:1, film:2 ...
         notes.append(f"{found['body']} differs in every row and is not taken for a body (--columns body=... does so)")
