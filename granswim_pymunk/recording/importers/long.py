@@ -157,10 +157,11 @@ def read(source: Source, options: Options) -> Found:
         x = np.where(np.isfinite(y), 0.0, math.nan)
     third = [name for name in table.header if is_third(name) and name not in given.values()]
     seen = table.numbers(third[0]) if third and {"x", "y"} <= found.keys() else nothing
-    if np.nanmax(seen, initial=-math.inf) > np.nanmin(seen, initial=math.inf):
+    least, most = np.nanmin(seen, initial=math.inf), np.nanmax(seen, initial=-math.inf)
+    if most > least:
         notes.append(
-            f"of three coordinates {found['x']} and {found['y']} are taken; {third[0]}, which goes from {np.nanmin(seen):.3g} "
-            f'to {np.nanmax(seen):.3g}, is left out (--columns "y={third[0]}" takes it for the vertical)'
+            f"of three coordinates {found['x']} and {found['y']} are taken; {third[0]}, which goes from {least:.3g} to "
+            f'{most:.3g}, is left out (--columns "y={third[0]}" takes it for the vertical)'
         )
     if body is not None and "body" not in given and len(t) > 1 and len(set(body)) == len(t) == len(np.unique(t)):
         # as ImageJ labels its results: film:1, film:2 ...
