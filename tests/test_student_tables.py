@@ -329,3 +329,11 @@ def test_a_third_coordinate_is_left_out_with_a_note(tmp_path, columns, told):
     (done,) = import_all(source, tmp_path / "out", bodies=["ball:3cm:100g"], columns=columns, picture=False)
     assert any("z [m], which goes from 0.19 to 1, is left out" in note for note in done.notes) == told
     assert done.recording.xy[3, 0, 1] == pytest.approx(0.5 if told else 0.91)
+
+
+def test_friction_of_contacts_comes_beside_the_contact_of_the_template(tmp_path):
+    x = np.linspace(0.0, 0.3, len(T))
+    source = write(tmp_path, "t,a_x,a_y,b_x,b_y", T, x, 0 * x, 0.34 - 0.1 * x, 0 * x)
+    laws = ["contact_friction,mu=0.1"]
+    (r,) = import_recording(source, bodies=["a:2cm:20g", "b:2cm:20g"], scene="puck", laws=laws)
+    assert [item.name for item in r.scene.laws] == ["contact_elastic", "contact_friction"]

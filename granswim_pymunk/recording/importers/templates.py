@@ -276,7 +276,8 @@ def _puck(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any
     laws = list(laws)
     data: dict[str, Any] = {"scene": {"gravity": [0.0, 0.0], **box}}
     notes = ["pucks on a level table: no gravity, no friction is believed"]
-    told = any(item["name"].startswith("contact_") for item in laws)
+    # not by friction of contacts, which goes beside another contact law
+    told = any(get_law(item["name"]).loses for item in laws)
     if len(bodies) > 1 and not told and not _ever_near(tracks, bodies):
         notes.append("they never come near each other: no contact law (--law contact_elastic,restitution=1 adds one)")
     elif len(bodies) > 1 and not told:
