@@ -337,3 +337,10 @@ def test_friction_of_contacts_comes_beside_the_contact_of_the_template(tmp_path)
     laws = ["contact_friction,mu=0.1"]
     (r,) = import_recording(source, bodies=["a:2cm:20g", "b:2cm:20g"], scene="puck", laws=laws)
     assert [item.name for item in r.scene.laws] == ["contact_elastic", "contact_friction"]
+
+
+@pytest.mark.parametrize(("scale", "unit", "told"), [(175.0, None, True), (175.0, "deg", False), (3.0, None, False)])
+def test_angles_without_a_unit_that_may_be_degrees_are_told(tmp_path, scale, unit, told):
+    source = write(tmp_path, "t,x,y,orientation", T, LEFT, RIGHT, scale * T / T[-1])
+    (done,) = import_all(source, tmp_path / "out", bodies=["log:3cm:100g"], angle_unit=unit, picture=False)
+    assert any("are taken for radians (degrees: --angle-unit deg)" in note for note in done.notes) == told

@@ -21,6 +21,8 @@ from .stamps import look_rounded, rounded
 from .templates import TEMPLATES, G, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
 
+TURNS = 4 * math.pi  # a range of angles above which they may be degrees; a pendulum goes round less often
+FULL_CIRCLES = 720.0  # and up to which: degrees between -360 and 360
 HOLDING = ("pin", "rail", "hinge", "rod", "drive")  # laws that say which way a body can go
 
 
@@ -51,6 +53,9 @@ def build(found: Found, options: Options, source: Path) -> Built:
     place = _place(found, options, length)
     if angle is not None:
         turn = options.angle_unit if options.angle_unit is not None else (found.turn or "rad")
+        least, most = np.nanmin(angle, initial=0.0), np.nanmax(angle, initial=0.0)
+        if options.angle_unit is None and not found.turn and TURNS < most - least <= FULL_CIRCLES:
+            notes.append(f"angles from {least:.4g} to {most:.4g} are taken for radians (degrees: --angle-unit deg)")
         angle = angle * factor(turn, ANGLES, "angle unit")
     body = list(found.body or ())
     # whether one coordinate is enough is known with the scene
