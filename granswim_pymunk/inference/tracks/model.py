@@ -540,12 +540,10 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], rng)
-            # so few blocks that chance may have it, yet worse, and worse than numbers of the right law can be
-            worse = (self.held["revised"].rms or 0.0) > (self.held["recalibrated"].rms or math.inf)
-            if outcome == "undecided" and worse and self._more_held_out():
-                outcome = "fails"
             if outcome == "fails" and self._excused(judged.claim):
                 outcome = "undecided"
+            elif outcome == "undecided" and self._refuted(judged.claim):
+                outcome = "fails"
         train, held = (
             {name: e.rms for name, e in part.items()} | {"noise_floor": floor}
             for part, floor in zip((self.train, self.held), self.floor, strict=True)
@@ -571,6 +569,15 @@ class Tracks(ObservationModel):
         """Whether held-out data are predicted worse by what was not known well enough, not by a law that is none."""
         unsure = self._by_its_start(claim.fit) or self._by_its_numbers() or self._by_chance(claim.fit)
         return unsure and self._earned_on_all_frames(claim)
+
+    def _refuted(self, claim: Claim) -> bool:
+        """Whether held-out data are predicted worse, by blocks so few that chance may have it, and it has not.
+
+        By more than numbers of the right law leave; and on all frames together the laws do not earn their price.
+        """
+        after, before = self.held["revised"].rms, self.held["recalibrated"].rms
+        worse = after is not None and before is not None and after > before
+        return worse and self._more_held_out() and not self._earned_on_all_frames(claim)
 
     def _earned_on_all_frames(self, claim: Claim) -> bool:
         """Whether laws earn their price on training and held-out frames together, on which their numbers are sure.
