@@ -273,7 +273,7 @@ def best_form(forms: Sequence[Form]) -> Form | None:
 
 def bends(judged: Judgement) -> bool:
     """Whether a special fault of the apparatus is claimed, as a lens that bends the picture."""
-    return any(getattr(law, "special", False) for law in judged.claim.laws)  # of a bed none is
+    return any(law.special for law in judged.claim.laws)
 
 
 def turned_down(judged: Judgement) -> str:

@@ -19,10 +19,7 @@ def without_latecomers(recording: Recording, share: float) -> tuple[Recording, l
     """
     t = recording.t
     early = t <= t[0] + share * (t[-1] - t[0])
-    seen = np.isfinite(recording.xy).any(axis=2)
-    if recording.angle is not None:
-        seen = seen | np.isfinite(recording.angle)
-    least = current().noise.sightings
+    seen, least = recording.seen, current().noise.sightings
     held = {b for ids in recording.scene.joints_of.values() for b in ids}
     late = [
         k for k, name in enumerate(recording.ids)
@@ -34,11 +31,10 @@ def without_latecomers(recording: Recording, share: float) -> tuple[Recording, l
     names = {recording.ids[k] for k in late}
     near = _first_near(recording, late)
     kept = [k for k in range(len(recording.ids)) if k not in late]
-    rows = slice(0, near)
     less = replace(
-        recording, scene=_without(recording.scene, names), ids=tuple(recording.ids[k] for k in kept), t=t[rows],
-        xy=recording.xy[rows, kept], angle=None if recording.angle is None else recording.angle[rows, kept],
-    )  # fmt: skip
+        recording, scene=_without(recording.scene, names), ids=tuple(recording.ids[k] for k in kept),
+        xy=recording.xy[:, kept], angle=None if recording.angle is None else recording.angle[:, kept],
+    ).select(slice(0, near))  # fmt: skip
     told = f"{recording.name}: {', '.join(sorted(names))} first seen after what is learnt from, and left out"
     return less, [told + ("" if near == len(t) else f"; all frames from t = {t[near]:.4g} s on are, as it comes near")]
 

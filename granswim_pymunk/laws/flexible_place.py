@@ -2,12 +2,22 @@
 
 from .base import Parameter, law
 
-_NAMES = ("1", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
-_COEFFICIENTS = [
-    Parameter(f"{axis}{k}", "N", f"force along {axis} times {name} (scaled coordinates)", default=0.0, typical=1.0)
-    for axis in ("a", "b")
-    for k, name in enumerate(_NAMES)
-]
+SCALED = (
+    Parameter("centre", "m", "where the scaled coordinates are zero", size=2, default=(0.0, 0.0)),
+    Parameter("size", "m", "length that scales the coordinates", low=0.0, default=1.0),
+)
+
+
+def coefficients(*monomials: str) -> list[Parameter]:
+    """Those of a series in scaled coordinates: a0, a1, ... along x, then b0, b1, ... along y [N]."""
+    return [
+        Parameter(f"{axis}{k}", "N", f"force along {axis} times {name} (scaled coordinates)", default=0.0, typical=1.0)
+        for axis in ("a", "b")
+        for k, name in enumerate(monomials)
+    ]
+
+
+_COEFFICIENTS = coefficients("1", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
 
 
 @law(
@@ -15,8 +25,7 @@ _COEFFICIENTS = [
     expression="F_i = (m_i/m_0)^q sum_k a_k p_k(x_i, y_i), p_k the monomials to the third degree, m_0 = 1 kg for q = 1",
     reference="Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, ch. 5 (basis expansions)",
     parameters=[
-        Parameter("centre", "m", "where the scaled coordinates are zero", size=2, default=(0.0, 0.0)),
-        Parameter("size", "m", "length that scales the coordinates", low=0.0, default=1.0),
+        *SCALED,
         Parameter("q", "1", "power of the mass: 0 a force, 1 an acceleration", default=0.0, choices=(0, 1)),
         *_COEFFICIENTS,
     ],

@@ -1,13 +1,9 @@
 """A form without a name in place and velocity: the equation of motion about a point, to first order in both."""
 
 from .base import Parameter, law
+from .flexible_place import SCALED, coefficients
 
-_NAMES = ("1", "x", "y")
-_COEFFICIENTS = [
-    Parameter(f"{axis}{k}", "N", f"force along {axis} times {name} (scaled coordinates)", default=0.0, typical=1.0)
-    for axis in ("a", "b")
-    for k, name in enumerate(_NAMES)
-]
+_COEFFICIENTS = coefficients("1", "x", "y")
 
 
 @law(
@@ -15,8 +11,7 @@ _COEFFICIENTS = [
     expression="F_i = sum_k a_k p_k(x_i, y_i) - c v_i, p_k the monomials to the first degree",
     reference="Goldstein, Poole & Safko, Classical Mechanics, ch. 6 (forced and damped oscillations about a point)",
     parameters=[
-        Parameter("centre", "m", "where the scaled coordinates are zero", size=2, default=(0.0, 0.0)),
-        Parameter("size", "m", "length that scales the coordinates", low=0.0, default=1.0),
+        *SCALED,
         *_COEFFICIENTS,
         Parameter("c", "kg/s", "drag coefficient", low=0.0, default=0.0, typical=1.0),
     ],

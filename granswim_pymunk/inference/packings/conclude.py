@@ -34,6 +34,7 @@ class Curve:
 
     mechanism: str = UNKNOWN
     label: str = "a mean shift of all numbers"
+    special: bool = False  # see ``Tried``
 
 
 @dataclass

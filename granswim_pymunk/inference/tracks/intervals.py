@@ -282,11 +282,16 @@ def with_other_choices(
                 below, above = limits.get(k, (low, high))
                 there = float(found.values[k])
                 limits[k] = min(below, there - (value - low) * share), max(above, there + (high - value) * share)
-            equal.append(" and ".join(f"{name} = {chosen:g}" for name, chosen in other.choices.items()))
+            equal.append(_chosen(other))
         if equal:
-            mine = " and ".join(f"{name} = {chosen:g}" for name, chosen in term.choices.items())
-            notes.append(f"{term.law}: {mine} was chosen; {' or '.join(equal)} does as well, which the intervals hold")
+            told = f"{_chosen(term)} was chosen; {' or '.join(equal)} does as well"
+            notes.append(f"{term.law}: {told}, which the intervals hold")
     return replace(fit, limits=limits), notes
+
+
+def _chosen(term: Term) -> str:
+    """The numbers of a law that are chosen, in words."""
+    return " and ".join(f"{name} = {number:g}" for name, number in term.choices.items())
 
 
 def _differ_by_choice(one: Term, other: Term) -> bool:

@@ -18,6 +18,7 @@ from .adjustables import adjusted
 from .base import Found, Options
 from .commands import commanded
 from .stamps import look_rounded, rounded
+from .table import some_of
 from .templates import TEMPLATES, G, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
 
@@ -312,7 +313,7 @@ def _scene_data(
     if bodies:
         data["body"] = [*listed, *bodies]
     if not any(key in data for key in ("body", "bodies", "swimmer")):
-        some = ", ".join(names[:8]) + (" ..." if len(names) > 8 else "")
+        some = some_of(names, 8)
         raise InputError(
             f"which bodies are these? The file has {some}: say radius and mass of each, as --body '{names[0]}:5mm:10g' "
             "(all alike: --body '*:5mm:10g'), or --scene TEMPLATE.toml",

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..recording import Recording
 from .plausible import bounced, doubts
+from .table import some_of
 
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
@@ -213,7 +214,7 @@ def _length(value: float) -> str:
 
 def told(recording: Recording, found: Look) -> list[str]:
     """The figures in words, a line each."""
-    names = ", ".join(recording.ids[:6]) + (" ..." if len(recording.ids) > 6 else "")
+    names = some_of(recording.ids, 6)
     rate = f", {recording.sampling:g} Hz" if recording.sampling else ""
     bodies = "1 body" if found.bodies == 1 else f"{found.bodies} bodies"
     lines = [f"{bodies} ({names}), {found.frames} frames in {found.duration:.4g} s{rate}"]

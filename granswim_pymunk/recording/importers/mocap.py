@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InputError
 from .base import Found, Importer, Options, grid, single
 from .source import Source
-from .table import numeric, split
+from .table import numeric, some_of, split
 from .templates import TEMPLATES
 from .units import LENGTHS
 
@@ -104,7 +104,7 @@ def _chosen(
     for body, marker in said.items():
         if marker.replace(" ", "_") not in names or body == "t" or "." in body:
             raise InputError(
-                f"{body}={marker} says no marker: {WHAT_WORKS}; the markers are {_listed(names)}",
+                f"{body}={marker} says no marker: {WHAT_WORKS}; the markers are {some_of(names, TOLD)}",
                 file=source.path, where="columns",
             )  # fmt: skip
         wanted[body] = names.index(marker.replace(" ", "_"))
@@ -116,17 +116,13 @@ def _chosen(
     left_out = [name for k, name in enumerate(names) if k not in wanted.values()]
     if left_out:
         way = "--columns" if said else "--body"
-        notes.append(f"markers that {way} does not name are left out: {_listed(left_out)}")
+        notes.append(f"markers that {way} does not name are left out: {some_of(left_out, TOLD)}")
     return list(wanted), [at[k] for k in wanted.values()]
 
 
 def _is_scene(options: Options) -> bool:
     """Whether a file says which bodies there are."""
     return options.scene is not None and str(options.scene) not in TEMPLATES
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:TOLD]) + (" ..." if len(names) > TOLD else "")
 
 
 def _optitrack(rows: Rows, source: Source, options: Options) -> Found:

@@ -72,8 +72,7 @@ class Table:
     def cells(self, name: str) -> Any:
         if name not in self.columns:
             hint = "; it has no header: columns are 1, 2, 3 ..." if self.bare else ""
-            listed = ", ".join(self.header[:20]) + (" ..." if len(self.header) > 20 else "")
-            raise InputError(f"has no column {name!r}; it has: {listed}{hint}", file=self.source)
+            raise InputError(f"has no column {name!r}; it has: {some_of(self.header, 20)}{hint}", file=self.source)
         return self.columns[name]
 
     def texts(self, name: str) -> list[str]:
@@ -235,6 +234,11 @@ def _parts(line: str, delimiter: str) -> int:
         return len(next(csv.reader([line], delimiter=delimiter), []))
     except csv.Error:  # a cell of a hundred thousand letters is none
         return 1
+
+
+def some_of(names: Sequence[str], most: int) -> str:
+    """The first names of a list, so many at most, and dots where there are more."""
+    return ", ".join(names[:most]) + (" ..." if len(names) > most else "")
 
 
 def numeric(cell: str, decimal: str = ".") -> bool:

@@ -12,7 +12,7 @@ from .base import Found, Importer, Options, only_one
 from .headings import BESIDE, NAMES, NO_BODY, folded, is_clock, is_rate, words
 from .long import clock, frames_by_row, known, passed_over, said_unit
 from .source import Source
-from .table import Table
+from .table import Table, some_of
 from .units import ANGLES, LENGTHS, is_unit, split_unit
 
 # a short word of an angle is one only where it ends there: "ang_a", but not "anger" or "angel"
@@ -94,10 +94,9 @@ def _left_over(table: Table, clocks: dict[str, str], places: dict[str, dict[str,
     like = [column for column in table.header if column not in read and _looks_like_a_place(table, column)]
     if not like:
         return []
-    listed = ", ".join(like[:TOLD]) + (" ..." if len(like) > TOLD else "")
     return [
-        f"not read, though by the heading an angle or a coordinate: {listed} (--columns BODY.angle=NAME, BODY.x=NAME "
-        "or BODY.y=NAME says which)"
+        f"not read, though by the heading an angle or a coordinate: {some_of(like, TOLD)} (--columns BODY.angle=NAME, "
+        "BODY.x=NAME or BODY.y=NAME says which)"
     ]
 
 
