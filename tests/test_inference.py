@@ -554,6 +554,9 @@ def test_errors_of_the_stamps_are_told_from_white_noise():
     kinked = film(0.0)
     kinked[60:] += 3.0 * np.maximum(t[60:] - t[60], 0.0)[:, None]  # a collision is no error of a stamp
     assert timing(t, kinked, sigma)[0] == 0.0
+    jerked = film(0.0)  # each body turns as it likes, and the faster it is the more: no stamp makes that
+    jerked += 1e-3 * rng.normal(size=jerked.shape) * np.gradient(jerked, t, axis=0)
+    assert timing(t, jerked, sigma)[0] == 0.0
 
 
 @pytest.mark.parametrize("axes", [slice(0, 1), slice(0, 2)])

@@ -103,6 +103,18 @@ def test_an_impact_is_no_jump_of_the_picture():
         assert not jumps_of(prepare(seen, held_out=False, split=True))
 
 
+@pytest.mark.parametrize("restitution", [0.35, 0.5, 0.8])
+@pytest.mark.parametrize("rate", [30, 60])
+def test_bounces_are_no_errors_of_stamps_nor_of_sightings(restitution, rate):
+    """With some frames from bounce to bounce, and then at rest on the floor: no polynomial follows the ball."""
+    ball = Body("ball", "free", 0.03, 0.1, initial=(0.0, 0.6, 0.3, 0.0))
+    laws = (use("gravity"), use("contact_elastic", restitution=restitution))
+    scene = Scene((ball,), laws, (0.0, -9.81), walls=(Wall((-5.0, 0.0), (5.0, 0.0)),))
+    seen = film(scene, np.arange(2 * rate) / rate, rng=np.random.default_rng(0), noise=1e-3)
+    case = prepare(replace(seen, position_noise=None), held_out=False, split=True)
+    assert case.late is None and not case.notes
+
+
 def test_what_is_learnt_from_may_have_jumped_and_what_is_held_out_ends_there():
     learnt, later = (prepare(bumped(row), held_out=False, split=True) for row in (100, 260))
     (term,) = jump_terms([learnt])

@@ -291,6 +291,9 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         swapped += _without_caught(recording, t, values, channels, sigmas)
         near = _meetings(recording, channels, values)
         smooth = _without_meetings(near)
+        if smooth.all() and not _lasts(recording):  # bodies that rest on a wall touch it, and are not struck by it
+            least = current().stamps.struck * max(sigmas)
+            smooth = ~_around(_meetings(recording, channels, values, least))
         values, lost = _without_outliers(t, values, channels, sigmas, smooth, _pressed(recording, near))
         sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
         sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
@@ -564,8 +567,13 @@ def _timed_noise(
     return [b * larger if off or not known else b for b in base], tau
 
 
-def _meetings(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> np.ndarray:
-    """(T,) frames in which two bodies, or one and a wall, may touch, as near as they get between two frames."""
+def _meetings(
+    recording: Recording, channels: Sequence[Channel], values: np.ndarray, least: float = 0.0
+) -> np.ndarray:  # fmt: skip
+    """(T,) frames in which two bodies, or one and a wall, may touch, as near as they get between two frames.
+
+    least : [m] by which their distance changes from one of these frames to the next
+    """
     scene = recording.scene
     place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
     bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
@@ -581,7 +589,8 @@ def _meetings(recording: Recording, channels: Sequence[Channel], values: np.ndar
         gaps += [(radius, gap_to_wall(xy, radius, wall, scene.periodic_x)) for wall in scene.walls if len(xy) > 1]
         for size, gap in gaps:
             step = np.abs(np.diff(gap, prepend=gap[:1]))
-            near |= gap < np.fmax(step, np.append(step[1:], 0.0)) + current().segments.near * size
+            step = np.fmax(step, np.append(step[1:], 0.0))
+            near |= (gap < step + current().segments.near * size) & (step >= least)
     return near
 
 
@@ -590,14 +599,23 @@ def _without_meetings(near: np.ndarray) -> np.ndarray:
 
     All of them where that leaves less than half: bodies that go on touching press, and do not kink.
     """
-    around = np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
+    around = _around(near)
     return np.ones_like(near) if around.sum() > len(near) / 2 else ~around
+
+
+def _around(near: np.ndarray) -> np.ndarray:
+    """(T,) frames whose polynomial goes over one of ``near`` (T,)."""
+    return np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
+
+
+def _lasts(recording: Recording) -> bool:
+    """Whether a contact takes its time, so that it may be seen."""
+    return any(item.law.kind != "impulse" for item in recording.scene.laws_as("contact"))
 
 
 def _pressed(recording: Recording, near: np.ndarray) -> np.ndarray:
     """(T,) frames in which a contact may be seen while it lasts, none where contacts are instantaneous."""
-    lasts = any(item.law.kind != "impulse" for item in recording.scene.laws_as("contact"))
-    return near if lasts else np.zeros_like(near)
+    return near if _lasts(recording) else np.zeros_like(near)
 
 
 def _without_outliers(

@@ -157,12 +157,14 @@ def timing(
     missing = seen.shape[1] - count
     off = math.log(current().stamps.stated_off if known else current().stamps.unstated_off)
 
+    own = np.einsum("kcc->kc", spread[rows]) * seen
+    own_squares = np.where(seen, left[rows], 0.0) ** 2
     wider = current().stamps.scale  # Student's t of unit scale is wider than the Gaussian that it stands for
 
-    def loss(a: float, tau: float) -> float:
-        variances = a**2 + tau**2 * along
+    def loss(a: float, tau: float, sizes: np.ndarray = along, at: np.ndarray = squares) -> float:
+        variances = a**2 + tau**2 * sizes
         half = np.sum(np.log(variances), axis=1) - 2 * missing * math.log(a)
-        distance = np.sum(squares / variances, axis=1)
+        distance = np.sum(at / variances, axis=1)
         told = half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)
         # where the stamps hide the white part, it is as large as was believed, within what that may be off
         return float(np.sum(told)) + (math.log(a * wider) / off) ** 2
@@ -182,6 +184,9 @@ def timing(
     # frames come in their order: what looks later is a motion that polynomials over so few frames do not follow
     most = current().stamps.most * float(np.median(np.diff(t)))
     if table[i, j] > alone - current().stamps.sure or taus[j] * wider > most:
+        return 0.0, 1.0
+    # a late frame moves all numbers at once: what moves each by itself is how bodies turn, or a picture that blurs
+    if min(loss(float(a), float(tau), own, own_squares) for a in sizes for tau in taus) < table[i, j]:
         return 0.0, 1.0
     return float(taus[j]) * wider, float(sizes[i]) * wider
 
@@ -495,6 +500,8 @@ def outliers(
         off[first] = np.fmin(off[first], _off_cubic(t[seen], values[seen], first, 1, sigma))
         off[last] = np.fmin(off[last], _off_cubic(t[seen], values[seen], last, -1, sigma))
         if smooth is not None:
+            ends = np.concatenate([first, last])
+            off[ends[~smooth[seen[ends]]]] = np.nan  # nor from a bounce
             curve = _off_both_sides(t[seen], values[seen], sigma, smooth[seen])
             off = np.where(smooth[seen], np.fmax(off, curve), off)
         new = seen[np.nan_to_num(off) > criteria.outlier]

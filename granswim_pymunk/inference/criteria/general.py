@@ -162,6 +162,8 @@ class StampCriteria:
         sizes that are off by two;  unstated_off : by which one told from the same frames may be, which late stamps
         enlarge
     most : of the time from frame to frame, up to which stamps are late. Choice: beyond, frames would change places
+    struck : standard deviations of a sighting, by which bodies that meet come nearer from frame to frame, the least.
+        Choice: what rests on a wall seems to move by less
     """
 
     window: int = 9
@@ -175,6 +177,7 @@ class StampCriteria:
     stated_off: float = 2.0
     unstated_off: float = 4.0
     most: float = 0.5
+    struck: float = 4.0
 
 
 @dataclass(frozen=True)
