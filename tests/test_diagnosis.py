@@ -362,7 +362,10 @@ def test_balls_in_the_wind_are_dragged_with_the_square_of_the_speed():
 
 
 def test_a_wind_is_for_what_flies():
-    """Across a rail it makes a drag that is a square any line in between; over a table it is a drag and a slope."""
+    """Across a rail it makes a drag that is a square any line in between; over a table it is a drag and a slope.
+
+    And what flies lies on no substrate.
+    """
     rail, down = use("rail", direction=(1.0, 0.3)), (0.0, -9.81)
     for laws, gravity, expected in (
         ((use("gravity"),), down, True), ((use("gravity"), rail), down, False), ((), (0.0, 0.0), False),
@@ -372,6 +375,7 @@ def test_a_wind_is_for_what_flies():
         labels = {t.label for t in named_terms([case], each=False)}
         assert ("ambient_flow with the square of the speed p=0" in labels) == expected
         assert "ambient_flow" in labels
+        assert ("coulomb_substrate" in labels) != expected
 
 
 def test_limits_of_numbers_that_are_known_only_together():

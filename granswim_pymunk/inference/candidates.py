@@ -332,8 +332,11 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     rubs by its weight on a substrate has none there: with one joint, where it is the friction of the joint in other
     numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one. A stream whose
     drag is not linear has its place where bodies fly. Along a rail what blows across makes the drag anything from a
-    square to a line, and nobody sees it; over a table a slow one is a drag and a slope.
+    square to a line, and nobody sees it; over a table a slow one is a drag and a slope. What flies has no substrate.
     """
+    rubs = law.damping and "g" in law.arguments
+    if rubs and all(_flies(c.recording.scene) for c in cases):
+        return True
     held: set[str] = set()
     for other in all_laws().values():
         if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):
@@ -342,9 +345,15 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     across = law.role == "medium" and not law.linear
     if across and (not with_gravity(cases) or all(_holds_all(c.recording.scene, rails) for c in cases)):
         return True
-    by_weight = law.damping and "g" in law.arguments and len(joints_by_body(cases)) > 1
+    by_weight = rubs and len(joints_by_body(cases)) > 1
     richer = {*law.nests, *all_laws().get(law.mechanism, law).nests}
     return bool(held & richer) or (by_weight and law.name in held)
+
+
+def _flies(scene: Scene) -> bool:
+    """Whether bodies fall in the picture's plane, with nothing in it that could bear their weight."""
+    steep = math.hypot(*scene.gravity) > current().apparatus.steep * STANDARD_GRAVITY
+    return steep and falls(scene) and not scene.walls
 
 
 def may_hold(law: Law, cases: Sequence[Case]) -> bool:

@@ -124,6 +124,8 @@ class ApparatusCriteria:
         middle of a lens. Choices
     off_level [rad] : of a table, or of a picture with gravity in it, one standard deviation that nobody notices.
         Choice: half a millimetre on a metre
+    steep : of gravity, what acts in the picture's plane, beyond which bodies lie on no substrate. Choice: it is a slope
+        of 64 degrees
     within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
     outside : factor by which a number is sought outside its bounds where nothing within follows; of one that may be
         zero so many widths of its range to both sides. Choice: twice a period is four times a stiffness
@@ -140,6 +142,7 @@ class ApparatusCriteria:
     turn: float = 0.1
     middle: float = 0.1
     off_level: float = 5e-4
+    steep: float = 0.9
     within_frame: float = 0.3
     outside: float = 8.0
     usual_scale: float = 0.005
