@@ -208,7 +208,7 @@ def test_several_laws_that_are_not_named_are_told_as_several():
     for named in (share(0.3), share(0.8, low=-0.1)):
         judge(laws, Weighed(named, (form(0.2),)), REAL, PLAIN, notes)
     assert notes == [
-        f"{laws.label} are not named: together they explain 30 % of the mismatch",
+        f"{laws.label} are not named: together they explain 30 % of the mismatch, 50 % are asked",
         f"{laws.label} are not named: on some parts of the data they predict no better than the scene without them",
     ]
 
@@ -345,10 +345,10 @@ def test_of_a_class_the_first_that_explains_unseen_blocks_is_named(good):
     if good:
         assert [t.mechanism for t in found.claim.laws] == [good] and found.verdict == "missing_physics"
         assert model.notes == [
-            "linear_drag p=0 is not named: it explains 30 % of the mismatch; "
+            "linear_drag p=0 is not named: it explains 30 % of the mismatch, 50 % are asked; "
             f"{good}, which fits cannot tell from it, does"
         ]
     else:
         # as without them, and the last look was at the first
         assert found.verdict == "unmodelled" and found.closest == ((DRAG, 0.3),) and model.last == "linear_drag p=0"
-        assert model.notes == ["linear_drag p=0 is not named: it explains 30 % of the mismatch"]
+        assert model.notes == ["linear_drag p=0 is not named: it explains 30 % of the mismatch, 50 % are asked"]
