@@ -1,6 +1,7 @@
 """Straight walls: what a wall does to a disk in closed form, in every mode and by the reference; what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import granswim_pymunk as gs
 from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.candidates import named_terms
+from granswim_pymunk.inference.data import prepare, thinnest_layer
 from granswim_pymunk.recording import Recording, film, read_recording, write_recording
 from granswim_pymunk.run import run_scene
 from granswim_pymunk.scene import Adjustable, Body, Scene, Wall, read_scene, scene_from_dict, use, write_scene
@@ -379,6 +382,33 @@ def test_a_cushion_is_no_puck(tmp_path):
     assert found["low"] < 0.7 < found["high"] and found["high"] - found["low"] < 0.03
     between = verdict["recalibrated"]["contact_elastic.restitution"]
     assert between["low"] < 0.9 < between["high"]
+
+
+def thrown_at_a_board(rate, v):
+    """A ball in flight that a board stops partly, along it too, filmed; the scene knows of no loss."""
+    ball = Body("ball", "free", 0.12, 0.6, initial=(0.0, 2.0, *v))
+    board = (Wall((0.8, -5.0), (0.8, 8.0)),)
+    lossy = (use("gravity"), use("contact_elastic", restitution=0.62), use("contact_friction", mu=0.3))
+    truth = Scene((ball,), lossy, (0.0, -9.81), walls=board)
+    seen = film(truth, np.arange(0.0, 0.9, 1 / rate), rng=np.random.default_rng(4), noise=1e-3)
+    naive = (use("gravity"), use("contact_elastic", restitution=1.0))
+    return replace(seen, scene=replace(seen.scene, laws=naive), angle=None)
+
+
+def test_a_layer_along_a_wall_has_to_be_seen():
+    """Four metres a second, 60 frames a second: whatever is thinner than 10 cm shows no more than an impact."""
+    for rate, v, thin in ((60, (4.0, -1.0), (0.05, 0.15)), (60, (1.0, 0.0), (0.0, 0.04)), (600, (4.0, -1.0), (0.0, 0.02))):
+        seen = thrown_at_a_board(rate, v)
+        case = prepare(replace(seen, scene=replace(seen.scene, gravity=(0.0, 0.0))), held_out=False, split=False)
+        assert thin[0] <= thinnest_layer([case]) <= thin[1]
+        term = next(t for t in named_terms([case]) if t.label == "wall_drag")
+        reach = term.free[1]
+        assert reach.low == thinnest_layer([case]) <= reach.first
+
+
+def test_a_board_that_takes_speed_is_no_layer_of_air(tmp_path):
+    verdict = gs.diagnose(thrown_at_a_board(60, (4.0, -1.0)), seed=1).verdict
+    assert {m["name"] for m in verdict["mechanisms"]} == {"restitution", "contact_friction"}
 
 
 def test_pictures(tmp_path):

@@ -20,7 +20,7 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import Case, falls, with_gravity
+from .data import Case, falls, thinnest_layer, with_gravity
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
@@ -80,6 +80,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
+    thin = thinnest_layer(cases) if any(p.within == "sight" for p in fitted) else -math.inf
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
     least = lightest() if weighed(cases) else -math.inf
     heavy = with_gravity(cases)
@@ -99,7 +100,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = current().candidates.step * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
-                low = max(low, least) if p.within == "weight" else low
+                low = max(low, {"weight": least, "sight": thin}.get(p.within, -math.inf))
+                typical = max(typical, low) if p.within == "sight" else typical
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary

@@ -575,12 +575,10 @@ def _meetings(
     least : [m] by which their distance changes from one of these frames to the next
     """
     scene = recording.scene
-    place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
-    bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
     near = np.zeros(len(values), dtype=bool)
     if not scene.laws_as("contact"):
         return near
-    paths = {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
+    paths = _paths(recording, channels, values)
     paths |= {b.id: np.array([b.initial[:2]]) for b in scene.bodies if not b.mobile and b.initial is not None}
     for k, (name, xy) in enumerate(paths.items()):
         radius = scene.body(name).radius
@@ -592,6 +590,29 @@ def _meetings(
             step = np.fmax(step, np.append(step[1:], 0.0))
             near |= (gap < step + current().segments.near * size) & (step >= least)
     return near
+
+
+def _paths(recording: Recording, channels: Sequence[Channel], values: np.ndarray) -> dict[str, np.ndarray]:
+    """(T, 2) places of the bodies of which both coordinates were measured."""
+    place = {(channel.body, channel.kind): values[:, c] for c, channel in enumerate(channels)}
+    bodies = [b for b in recording.ids if (b, "x") in place and (b, "y") in place]
+    return {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
+
+
+def thinnest_layer(cases: Sequence[Case]) -> float:
+    """How thin a layer along walls may be [m] of which more is seen in training parts than that bodies strike the wall.
+
+    Bodies pass a thinner one between two frames: it shows no more than a contact does. None where there are no walls.
+    """
+    gaps = [np.zeros(0)]
+    for case in cases:
+        scene = case.recording.scene
+        for name, xy in _paths(case.recording, case.channels, case.values).items() if scene.walls else ():
+            seen = xy[case.training & np.isfinite(xy).all(axis=1)]
+            every = [gap_to_wall(seen, scene.body(name).radius, wall, scene.periodic_x) for wall in scene.walls]
+            gaps.append(np.min(every, axis=0))
+    every, count = np.sort(np.concatenate(gaps)), current().candidates.layer
+    return float(max(every[count - 1], 0.0)) if len(every) >= count else 0.0
 
 
 def _without_meetings(near: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from .base import AUTOMATIC, Parameter, law
             low=0.0,
             default=2.0e-3,
             typical=2.0e-3,
+            within="sight",
         ),
         Parameter(
             "bottom",

@@ -22,6 +22,7 @@ class CandidateCriteria:
     top : times the fastest that bodies moved, over which a drag by the speed is drawn;  fastest : quantile of the steps
         that says how fast. Choice: a hundredth of them may be wrong
     loss : of what contacts lose, and ``kept`` at the least, by which a restitution first steps
+    layer : sightings within a layer along walls, the fewest, that show more of it than an impact does. Choice
     amplitude : of the drive's amplitude, by which a number within it first steps
     """
 
@@ -32,6 +33,7 @@ class CandidateCriteria:
     unstated: float = 0.01
     single: int = 6
     step: float = 0.1
+    layer: int = 4
     adjustable: float = 1e-3
     ranges: tuple[float, ...] = (1.0, 0.1, 3.0)
     shapes: tuple[float, ...] = (1.0, 0.3, 3.0)

@@ -854,7 +854,8 @@ class Tracks(ObservationModel):
         notes += as_well_in_place(self.exchanged, [t.mechanism for t in laws])
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
             if not any(meets_when_scored(c) for c in self.study.cases):
-                notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} shows")
+                shows = "show" if len(laws) > 1 else "shows"
+                notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
         notes += as_the_picture(self.mechanisms(course), self.study.cases)
         if course.judged.claim.nameless:
             notes += as_a_spring(laws[0], course.judged.claim.fit, self.study.training)
