@@ -21,7 +21,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.kicks import cut_at_kicks, told, unexplained
 from granswim_pymunk.inference.tracks.line import strongest_line
 from granswim_pymunk.inference.tracks.undeclared import Instead, declared, in_a_lost_scene
-from granswim_pymunk.inference.tracks.verdict import as_the_picture
+from granswim_pymunk.inference.tracks.verdict import as_a_push, as_the_picture
 from granswim_pymunk.laws import get_law
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
@@ -461,6 +461,16 @@ def test_a_push_along_gravity_is_told_as_what_the_picture_may_be(a, held, said):
     entry = {"name": "uniform_force", "parameters": {"a": {"value": list(a)}}}
     notes = as_the_picture([entry], [SimpleNamespace(recording=SimpleNamespace(scene=scene))])
     assert [said in note for note in notes] == [True] * bool(said)
+
+
+@pytest.mark.parametrize("mass, flat, says", [(0.05, True, "14 degrees"), (0.05, False, "(2.4, 0)"), (0.08, True, "")])
+def test_a_stream_over_bodies_of_one_mass_is_told_as_a_drag_and_a_push_as_well(mass, flat, says):
+    """A magnet that slides down a pipe: the stream that it is like would blow with its last speed."""
+    bodies = Body("a", "free", 0.02, 0.05), Body("b", "free", 0.02, mass)
+    scene = Scene(bodies, (), (0.0, 0.0) if flat else (0.0, -9.81))
+    entry = {"name": "ambient_flow", "parameters": {"c": {"value": 0.3}, "u": {"value": [0.4, 0.0]}}}
+    notes = as_a_push([entry], [SimpleNamespace(recording=SimpleNamespace(scene=scene))])
+    assert (says in notes[0] and ("leans" in notes[0]) == flat) if says else not notes
 
 
 def test_a_dead_band_of_a_motor_is_named():

@@ -611,8 +611,8 @@ def thinnest_layer(cases: Sequence[Case]) -> float:
             seen = xy[case.training & np.isfinite(xy).all(axis=1)]
             every = [gap_to_wall(seen, scene.body(name).radius, wall, scene.periodic_x) for wall in scene.walls]
             gaps.append(np.min(every, axis=0))
-    every, count = np.sort(np.concatenate(gaps)), current().candidates.layer
-    return float(max(every[count - 1], 0.0)) if len(every) >= count else 0.0
+    nearest, count = np.sort(np.concatenate(gaps)), current().candidates.layer
+    return max(float(nearest[count - 1]), 0.0) if len(nearest) >= count else 0.0
 
 
 def _without_meetings(near: np.ndarray) -> np.ndarray:

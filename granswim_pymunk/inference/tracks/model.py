@@ -105,7 +105,7 @@ from .study import (
     without_single_ones,
 )
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
-from .verdict import Told, as_a_spring, as_the_picture, at_its_bound, revised_scene, used
+from .verdict import Told, as_a_push, as_a_spring, as_the_picture, at_its_bound, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
 MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
@@ -856,7 +856,8 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 shows = "show" if len(laws) > 1 else "shows"
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
-        notes += as_the_picture(self.mechanisms(course), self.study.cases)
+        entries = self.mechanisms(course)
+        notes += as_the_picture(entries, self.study.cases) + as_a_push(entries, self.study.cases)
         if course.judged.claim.nameless:
             notes += as_a_spring(laws[0], course.judged.claim.fit, self.study.training)
         if laws:

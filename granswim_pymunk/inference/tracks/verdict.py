@@ -11,9 +11,10 @@ import numpy as np
 
 from ...laws import all_laws, has_role
 from ...scene import Scene
-from ..candidates import joints_by_body, names_of, owners, weighed
+from ...scene.parts import STANDARD_GRAVITY
+from ..candidates import distinct_bodies, joints_by_body, names_of, owners, weighed
 from ..criteria import current
-from ..data import Case
+from ..data import Case, with_gravity
 from ..hypothesis import Free, Term, clock, equation_with
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
@@ -68,6 +69,30 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
                 f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is "
                 f"believed; {scaled}a frame rate times {seen**-0.5:.3g} would make that right as well"
             )
+    return notes
+
+
+def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
+    """What a stream is where all bodies have one mass: a drag and a push as well, -c (v - u) = -c v + m a, a = c u/m.
+
+    Not a stream whose drag is no line: there both differ.
+    """
+    masses = {mass for name, _, mass in distinct_bodies(cases)}
+    flat = not with_gravity(cases)
+    notes: list[str] = []
+    for entry in entries:
+        law = all_laws().get(str(entry["name"]))
+        numbers = entry["parameters"]
+        if law is None or law.role != "medium" or not law.linear or len(masses) != 1 or not {"c", "u"} <= set(numbers):
+            continue
+        a = float(numbers["c"]["value"]) * np.array(numbers["u"]["value"], float) / min(masses)
+        size = float(np.hypot(*a))
+        slope = min(size / STANDARD_GRAVITY, 1.0)
+        level = f", as of a table that leans by {math.degrees(math.asin(slope)):.2g} degrees" if flat else ""
+        notes.append(
+            f"{law.mechanism} is the same as linear_drag with this c and a push on all bodies of "
+            f"({a[0]:.3g}, {a[1]:.3g}) m/s^2{level}: no motion of bodies of one mass tells them apart"
+        )
     return notes
 
 
