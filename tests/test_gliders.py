@@ -14,7 +14,7 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
 from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.fit import Fitter
-from granswim_pymunk.inference.tracks.kicks import unexplained
+from granswim_pymunk.inference.tracks.kicks import all_kicks, not_of, shown_later, unexplained
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.study import FittedAlone, calibrated, study_of, without_sightings
@@ -192,3 +192,22 @@ def test_a_run_that_flies_off_to_no_number_spoils_none_that_comes_after():
     before, lost = seen(200.0, 4.0, 0.02), seen(1e90, 4.0, 0.02)
     assert fitter.predictor.failures and np.abs(lost).max() >= DEFAULT.fits.hopeless
     np.testing.assert_allclose(seen(200.0 + 1e-9, 4.0, 0.02), before, atol=1e-6)
+
+
+def test_what_the_held_out_part_alone_shows_is_told_with_its_time():
+    """One glider drives another on without touching it: neither a hand nor physics that nothing tells of."""
+    t = np.arange(70) / 30
+    # the first comes with 40 cm/s to 10 cm from the second at 1.9 s and stays there
+    x = np.stack([0.3 - 0.4 * np.maximum(t - 1.9, 0.0), 0.4 + 0.4 * np.maximum(1.9 - t, 0.0)], axis=1)
+    xy = np.stack([x + 5e-4 * np.random.default_rng(3).normal(size=x.shape), np.full(x.shape, np.nan)], axis=2)
+    scene = gliders("", (0.2, 0.2), (0.3, 1.2), (0.0, 0.0)).scene
+    film = Recording("late", scene, t, ("a", "b"), xy, sampling=30.0, position_noise=5e-4)
+    case = prepare(film, held_out=False, split=True)
+    kicks = all_kicks(case)
+    assert {kick.body for kick in kicks} == {"a", "b"} and not any(case.training[kick.row] for kick in kicks)
+    told = shown_later(case)
+    assert told.startswith("the velocity of a and b changes by up to 0.4")
+    assert not shown_later(replace(case, scored=case.scored & False))
+    # a law that acts between both is what they show; one that acts on one of them is not
+    frames = 2 * DEFAULT.kicks.half
+    assert not_of(kicks, ["a", "b"], frames) == [] and not_of(kicks, ["a"], frames) == kicks

@@ -284,6 +284,8 @@ def test_held_out_data_tell_which_of_a_class_it_is_not():
     assert [m["name"] for m in found["mechanisms"]] == ["quadratic_drag"] and found["heldout"] == "holds"
     assert found["notes"][:2] == ["looked at linear_drag p=0", "looked at quadratic_drag"]  # nothing of what fell
     assert "tell quadratic_drag from linear_drag p=0" in found["notes"][2]
+    # what held-out data told apart is no rival that data cannot tell from it
+    assert not any(r["indistinguishable"] for r in found["rivals"] if r["name"] == "linear_drag")
     # none of them holds: the first is withdrawn as ever, and the last look was at it
     model = Alike()
     model.good = ()

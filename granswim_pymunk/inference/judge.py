@@ -198,6 +198,7 @@ class Judgement:
     explained : of what was named, or of the curve; None where no share can be said
     free_form : the largest share of a form without a name, None where none was possible
     closest : names that were not accepted, with their share;  withdrawn : those that held-out data turned down
+    told_from : labels of what training data cannot tell from the claim, and held-out data have told from it
     """
 
     verdict: str
@@ -206,6 +207,7 @@ class Judgement:
     free_form: float | None = None
     closest: tuple[tuple[Any, float], ...] = ()
     withdrawn: tuple[Any, ...] = ()
+    told_from: tuple[str, ...] = ()
 
 
 def named_verdict(laws: Sequence[Any]) -> str:

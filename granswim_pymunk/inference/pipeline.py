@@ -118,7 +118,8 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
         f"held-out data tell {other.claim.label} from {judged.claim.label}, with which they are predicted {how}; the"
         " data that were learnt from cannot"
     )
-    return other, found if last is other else model.hold_out(other)
+    said = found if last is other else model.hold_out(other)
+    return replace(other, told_from=tuple(law.label for law in judged.claim.laws)), said
 
 
 def _better_of(
@@ -247,7 +248,9 @@ def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], 
         closest = () if share is None else ((best, share.share),)
     gains = model.gains(judged, [t for t, _ in closest], [t for t, _ in beside])
     told = [(Rival(t, gains.get(t.label), False), share) for t, share in closest]
-    return [Rival(t, gains.get(t.label), same) for t, same in beside], told
+    # of several laws each may be told from the claim beside the others alone
+    apart = judged.told_from if len(judged.told_from) == 1 else ()
+    return [Rival(t, gains.get(t.label), same and t.label not in apart) for t, same in beside], told
 
 
 def result_of(model: ObservationModel, course: Course, seconds: float = 0.0, seed: int = 0) -> Diagnosis:

@@ -21,6 +21,7 @@ from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import seen_by, tells_noise, white_sizes
+from .kicks import shown_later
 from .segments import find_impacts, make_segments
 
 
@@ -86,7 +87,9 @@ def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None)
     least = 1.0 + current().verdict.bodies * (max(means.values()) - 1.0)  # one: the noise
     bodies = tuple(body for body, mean in means.items() if mean > least) or tuple(means)
     times = errors.rms / floor if errors.rms is not None and floor else None
-    return Remains(errors.rms, times, bodies, when, None, "physics that the training part does not show")
+    later = next(filter(None, map(shown_later, cases)), "")
+    looks = f"physics that the training part does not show{': ' if later else ''}{later}"
+    return Remains(errors.rms, times, bodies, when, None, looks)
 
 
 def meets_when_scored(case: Case) -> bool:

@@ -60,6 +60,27 @@ def all_kicks(case: Case) -> list[Kick]:
     return sorted((*case.kicks, *unexplained(case)), key=lambda kick: kick.t)
 
 
+def shown_later(case: Case) -> str:
+    """What a kick in the held-out frames tells, empty where there is none: whose velocity changes, and when."""
+    later = [kick for kick in all_kicks(case) if case.scored[kick.row]]
+    if not later:
+        return ""
+    first, near = later[0], current().kicks.half * float(np.median(np.diff(case.t)))
+    whose = sorted({kick.body for kick in later if abs(kick.t - first.t) < near})
+    size = max(float(np.hypot(*kick.change)) for kick in later)
+    return f"the velocity of {' and '.join(whose)} changes by up to {size:.2g} m/s at once at t = {first.t:.4g} s"
+
+
+def not_of(kicks: Sequence[Kick], acting: Sequence[str], frames: int) -> list[Kick]:
+    """Kicks but for those of two bodies in the same few ``frames`` between which a named law acts: it is that law."""
+    mine = [kick for kick in kicks if kick.body in acting]
+    together = [
+        kick for kick in mine
+        if any(other.body != kick.body and abs(other.row - kick.row) <= frames for other in mine)
+    ]  # fmt: skip
+    return [kick for kick in kicks if not any(kick is one for one in together)]
+
+
 def cut_at_kicks(case: Case) -> Case:
     """The recording with its unexplained kicks of bodies that are alone: they go on at velocities of their own.
 

@@ -69,7 +69,7 @@ from .held_out import (
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_other_choices, with_slopes
-from .kicks import all_kicks, chance_of_one, remains_of_kicks
+from .kicks import all_kicks, chance_of_one, not_of, remains_of_kicks
 from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
@@ -863,7 +863,7 @@ class Tracks(ObservationModel):
         if laws:
             notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:
-            notes += [told_of(c, kicks) for c in self.study.cases if (kicks := all_kicks(c))]
+            notes += self._kicks_untold(laws)
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > current().left.told * floor:
             times = revised / floor
@@ -874,6 +874,14 @@ class Tracks(ObservationModel):
                 text += f"{least:.2g} to {most:.2g} {self.unit}"
             notes.append(text)
         return notes
+
+    def _kicks_untold(self, laws: Sequence[Trial]) -> list[str]:
+        """Notes on velocities that change at once, but for those that a law between bodies is there for."""
+        declared = all_laws()
+        between = [t for t in laws if t.term.law in declared and declared[t.term.law].kind in ("pair", "impulse")]
+        acting, frames = [b for t in between for b in t.term.bodies or ()], 2 * current().kicks.half
+        left = ((case, not_of(all_kicks(case), acting, frames)) for case in self.study.cases)
+        return [told_of(case, kicks) for case, kicks in left if kicks]
 
     def _at_bounds(self, fit: Fit) -> list[tuple[Free, float]]:
         """Adjustable numbers that ended where they may not go on, and their values."""

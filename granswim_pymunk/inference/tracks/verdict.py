@@ -38,7 +38,8 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     """What a push along gravity is the same as: a picture of another scale, of another frame rate, or upside down.
 
     x = s x' and t = r t' make s/r^2 of an acceleration; s only of bodies that nothing but gravity holds, r where
-    nothing else says how fast they are (a spring, a motor).
+    nothing else says how fast they are (a spring, a motor). A pendulum swings by g/l: where its bob is no point, l is
+    I/(m d), and no ruler tells it.
     """
     notes: list[str] = []
     scenes = [case.recording.scene for case in cases]
@@ -65,6 +66,9 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
             )
         elif seen > 0 and not timed:
             scaled = f"lengths times {1 / seen:.3g}, or " if falls else ""
+            rods = {float(scene.resolved(i)["length"]) for scene in scenes for i in scene.laws_as("pendulum")}
+            if len(rods) == 1:
+                scaled = f"a pendulum {min(rods) / seen:.3g} m long in place of {min(rods):.3g} m, or "
             notes.append(
                 f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is "
                 f"believed; {scaled}a frame rate times {seen**-0.5:.3g} would make that right as well"
