@@ -856,6 +856,56 @@ class TestScenes:
         (r,) = import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", laws=laws, fps=60, flip_y=60.0)
         assert r.scene.laws_named("pin")[0].values["anchor"] == pytest.approx((0.1, 0.4), abs=3e-3)
 
+    def one_coordinate(self, folder, coordinate, **swing):
+        """The same pendulum, of which one coordinate is in the file."""
+        table = pd.read_csv(self.swing(folder, **swing))
+        table[["frame", f"{coordinate} (cm)"]].to_csv(folder / "one.csv", index=False)
+        return folder / "one.csv"
+
+    @pytest.mark.parametrize("start", [0.12, 0.9])
+    def test_a_pendulum_of_which_x_alone_is_measured_has_the_length_of_its_period(self, tmp_path, start):
+        source = self.one_coordinate(tmp_path, "x", start=start)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", fps=60, picture=False
+        )  # fmt: skip
+        pin = done.recording.scene.laws_named("pin")[0].values
+        assert pin["length"] == pytest.approx(0.25, rel=3e-3)
+        assert pin["anchor"] == pytest.approx((0.1, pin["length"]), abs=5e-4)  # y stands as 0 where it hangs
+        (bounds,) = done.recording.scene.adjustable
+        assert (bounds.low, bounds.high) == pytest.approx((0.95 * pin["length"], 1.05 * pin["length"]), rel=1e-3)
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert "by its period of 1.0" in note and "x alone is measured" in note
+        assert not done.look.warnings
+
+    @pytest.mark.parametrize(
+        "coordinate, frames, words",
+        [("x", 40, "x alone is measured, which has no arc, and no period can be told.*--law 'pin:bob,length"),
+         ("y", 600, "y alone is measured, which goes along gravity.*--columns x=NAME")],
+    )  # fmt: skip
+    def test_one_coordinate_that_tells_no_rod_is_named(self, tmp_path, coordinate, frames, words):
+        source = self.one_coordinate(tmp_path, coordinate, frames=frames)
+        with pytest.raises(InputError, match=words):
+            import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", fps=60)
+
+    @pytest.mark.parametrize("rate, told", [(60, ""), (54, "is that of a point on a rod of 0.30")])
+    def test_an_arc_and_a_period_of_two_lengths_are_both_told(self, tmp_path, rate, told):
+        (done,) = import_all(
+            self.swing(tmp_path), tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", fps=rate, flip_y=60.0,
+            picture=False,
+        )  # fmt: skip
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert (told in note and "--fps, times 1.1" in note) if told else "; but" not in note
+
+    def test_a_length_that_was_said_and_that_of_the_period_are_both_told(self, tmp_path):
+        source = self.one_coordinate(tmp_path, "x", start=0.12)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", laws=["pin:bob,length=0.28"], fps=60,
+            picture=False,
+        )  # fmt: skip
+        assert done.recording.scene.laws_named("pin")[0].values["length"] == 0.28
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert "a point on a rod of 0.2" in note and "--adjustable pin.length=0.23" in note
+
     def test_own_csv_of_a_pendulum_to_a_verdict_in_two_commands(self, tmp_path, capsys):
         source = self.swing(tmp_path, noise=5e-4, frames=360)
         assert main(["import", str(source), "--body", "bob:1cm:50g", "--scene", "pendulum", "--fps", "60",
