@@ -590,6 +590,12 @@ class TestSaid:
         assert any("5 mm across move at 240 m/s" in w and "--unit" in w for w in fast.look.warnings)
         assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
 
+    def test_a_density_is_asked_of_what_may_be_a_sphere(self, tmp_path):
+        (tmp_path / "a.csv").write_text("t,x\n" + "\n".join(f"{0.1 * k},{0.02 * k}" for k in range(20)))
+        for scene, told in (("cart", 0), ("puck", 1)):
+            (done,) = import_all(tmp_path / "a.csv", tmp_path / scene, bodies=["a:5mm:0.4kg"], scene=scene)
+            assert sum("kg/m^3" in w for w in done.look.warnings) == told
+
     @pytest.mark.parametrize(
         "uneven, said",
         [
@@ -645,6 +651,9 @@ class TestSaid:
             (1.0, 60.0, ""),
             (2.0, 60.0, "--unit, times 0.5"),
             (1.0, 7.5, "--fps, times 8"),  # filmed in slow motion, believed to be what is played
+            (1.28, 60.0, "--unit, times 0.78"),
+            (1.05, 60.0, ""),
+            (0.9, 60.0, ""),  # a medium may bear it
         ],
     )
     def test_a_fall_at_another_rate_than_gravity_is_doubted(self, tmp_path, scale, rate, said):
@@ -655,6 +664,16 @@ class TestSaid:
         (done,) = import_all(tmp_path / "throw.csv", tmp_path / "out", bodies=["a:2cm:50g"], fps=rate, scene="drop")
         doubt = [w for w in done.look.warnings if "gravity" in w]
         assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    def test_a_fall_through_a_drag_is_not_doubted(self, tmp_path):
+        """v' = g (1 - (v/u)^2), from rest: y = u^2/g ln(cosh(g t/u))."""
+        t = np.arange(60) / 60
+        for u in (3.0, 8.0, 30.0):
+            y = -(u**2) / 9.81 * np.log(np.cosh(9.81 * t / u)) + np.random.default_rng(9).normal(0, 5e-4, 60)
+            rows = [f"{a},0.0,{b}" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
+            (tmp_path / "drop.csv").write_text("\n".join(["t,x,y", *rows]))
+            (done,) = import_all(tmp_path / "drop.csv", tmp_path / "out", bodies=["a:2cm:50g"], scene="drop")
+            assert not [w for w in done.look.warnings if "gravity" in w]
 
     def bouncing(self, folder, restitution, wrong=0.0):
         """A ball that drops from 1 m, 60 frames a second; a point of the tracker may be wrong."""
