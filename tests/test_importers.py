@@ -440,6 +440,20 @@ class TestTrackers:
         assert r.ids == ("mass_A",)
         np.testing.assert_allclose(r.xy[:, 0], XY[:, 0], atol=1e-13)
 
+    @pytest.mark.parametrize("head, sign", [(('"mass A"', '"t\tx\ty"'), "\t"), (("mass A", '"t,x,y"'), ","), ((), ";")])
+    def test_a_spreadsheet_that_took_each_row_for_one_cell(self, tmp_path, head, sign):
+        head = head or ('"t;x;y"',)
+        rows = [f'"{sign.join(map(repr, [t, *xy]))}"' for t, xy in zip(TIMES, XY[:, 0].tolist(), strict=True)]
+        (tmp_path / "a.csv").write_text("\n".join([*head, *rows]))
+        (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"])
+        np.testing.assert_allclose(r.t, T)
+        np.testing.assert_allclose(r.xy[:, 0], XY[:, 0])
+
+    def test_quoted_numbers_with_a_decimal_comma_are_no_rows(self, tmp_path):
+        (tmp_path / "a.csv").write_text("x\n" + "\n".join(f'"{k},{k}5"' for k in range(9)))
+        (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=10, delimiter=";")
+        assert r.xy[2, 0, 0] == 2.25
+
     def test_a_time_code_of_kinovea(self, tmp_path):
         (tmp_path / "k.txt").write_text(
             "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 866,00 320,00\n0:00:00:50 847,00 321,00\n"

@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
 from .arrays import MATLAB, MATLAB_73, NUMPY, held, is_json, is_npz, table_of
 from .base import Options, extra_needed
-from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows
+from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows, unquoted
 
 HEAD = 65536  # bytes that decide what a file is
 LISTED = 12  # columns of a table that a message names
@@ -97,6 +97,10 @@ class Source:
             if skipped >= len(lines):
                 raise InputError(f"has {len(lines)} lines, none after {skipped}", file=self.path, where="skip rows")
             text = "\n" * skipped + "\n".join(lines[skipped:])
+        if '"' in text[:HEAD]:
+            lines = text.splitlines()
+            bare = unquoted(lines)
+            text = text if bare is lines else "\n".join(bare)
         return plain_numbers(text)
 
     @cached_property
@@ -105,7 +109,7 @@ class Source:
         if self.encoding is None:
             return []
         with contextlib.suppress(UnicodeDecodeError, LookupError):
-            return self.head.decode(self.encoding, errors="ignore").splitlines()[:200]
+            return unquoted(self.head.decode(self.encoding, errors="ignore").splitlines()[:200])
         return []
 
     @cached_property

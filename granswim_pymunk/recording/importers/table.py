@@ -28,6 +28,7 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)")
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # U+2212
 _SCIENTIFIC = re.compile(r"([-+]?\d),(\d+[eE][-+]?\d+)")
 _BOTH_COMMAS = re.compile(r"(?:[-+]?\d,\d+[eE][-+]?\d+)?(?:,(?:[-+]?\d,\d+[eE][-+]?\d+)?)+")
+_QUOTED = re.compile(r'\s*"((?:[^"]|"")*)"[\s,;]*')
 LOOKED_AT = 200  # rows that decide about delimiter, header and decimal sign
 
 
@@ -190,6 +191,27 @@ def plain_numbers(text: str) -> str:
     if both >= 3 and both > 0.5 * len(lines):
         text = _SCIENTIFIC.sub(r"\1.\2", text)
     return text
+
+
+def unquoted(lines: list[str]) -> list[str]:
+    """Lines, where each row stands in quotes as a whole, without them: a spreadsheet took the row for one cell.
+
+    A row of one word, as a title, may stand without quotes. A cell that is a number with a decimal comma is no row.
+    """
+    sample = [_QUOTED.fullmatch(line) for line in lines[:LOOKED_AT]]
+    rows = sum(cell is not None and _is_row(cell[1]) for cell in sample)
+    if rows < 3 or rows < 0.5 * len(sample):
+        return lines
+    cells = [_QUOTED.fullmatch(line) for line in lines]
+    # the last line may be cut
+    others = [line for line, cell in zip(lines[:-1], cells[:-1], strict=True) if cell is None]
+    if any(re.search(r"[\t,;\"]", line.strip()) for line in others):
+        return lines
+    return [line if cell is None else cell[1].replace('""', '"') for cell, line in zip(cells, lines, strict=True)]
+
+
+def _is_row(cell: str) -> bool:
+    return bool(re.search(r"[\t;]", cell)) or ("," in cell and not _DECIMAL_COMMA.fullmatch(cell.strip()))
 
 
 def split(text: str, delimiter: str, path: Path) -> list[tuple[int, list[str]]]:
