@@ -440,6 +440,15 @@ class TestTrackers:
         assert r.ids == ("mass_A",)
         np.testing.assert_allclose(r.xy[:, 0], XY[:, 0], atol=1e-13)
 
+    def test_the_masses_of_tracker_and_the_names_of_bodies(self, tmp_path):
+        """One mass is the one body that is named; of several the message says how to name them."""
+        (tmp_path / "a.txt").write_text("mass_A\nt,x,y\n" + "\n".join(f"0.{k},{k},{k * k}" for k in range(9)))
+        (r,) = import_recording(tmp_path / "a.txt", bodies=["ball:5mm:10g"])
+        assert r.ids == ("ball",)
+        file, _, _ = tracker_txt(tmp_path)
+        with pytest.raises(InputError, match=r"'mass_B' is not in the scene; it has: mass_A \(--body 'mass_B:RADIUS"):
+            import_recording(tmp_path / file, bodies=["mass_A:5mm:10g"])
+
     @pytest.mark.parametrize("head, sign", [(('"mass A"', '"t\tx\ty"'), "\t"), (("mass A", '"t,x,y"'), ","), ((), ";")])
     def test_a_spreadsheet_that_took_each_row_for_one_cell(self, tmp_path, head, sign):
         head = head or ('"t;x;y"',)
