@@ -506,6 +506,19 @@ class TestTables:
         (r,) = import_recording(source, bodies=["a:1:1"], columns="t=1,x=2,y=3")
         np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [3, 4], [5, 6]])
 
+    @pytest.mark.parametrize("header", ["", "theta\n"])
+    def test_angles_alone_with_a_frame_rate(self, tmp_path, header):
+        """Of a pendulum of 0.4 m: the length of its rod is that of its period."""
+        angles = (0.1 * np.cos(math.sqrt(9.81 / 0.4) * np.arange(200) / 20)).tolist()
+        source = self.write(tmp_path, header + "".join(f"{a}\n" for a in angles))
+        said = {"bodies": ["a:1cm:1g"], "columns": None if header else "angle=1"}
+        (r,) = import_recording(source, fps=20.0, scene="pendulum", **said)
+        np.testing.assert_allclose(r.angle[:, 0], angles)
+        assert r.scene.laws_named("pin")[0].values["length"] == pytest.approx(0.4, rel=3e-3)
+        if said["columns"]:
+            with pytest.raises(InputError, match=r"no clock is found.*--fps HZ where each row is the next frame"):
+                import_recording(source, **said)
+
     def test_rows_and_encoding_that_are_told(self, tmp_path):
         text = "größe;1\nkeine;2\nt;x;y\n0;1,5;2\n1;1,6;2\n"
         (tmp_path / "a.csv").write_bytes(text.encode("utf-16-be"))

@@ -89,8 +89,9 @@ def recognise(source: Source) -> bool:
     if not {"x", "y", *given} & found.keys() - {"t"} and any(_is_place_of_a_body(name) for name in header):
         return False  # a_x, a_y and an angle: it is not the angle alone
     if "t" not in found and "frame" not in found:
-        # each row of a body is its next frame, where columns are called x and y and nothing else, or said to be
-        said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y"))
+        # each row of a body is its next frame, where columns are called x and y and nothing else, or an angle, or said
+        # to be
+        said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y")) or "angle" in found
         return source.options.fps is not None and said
     return any(key in found for key in ("x", "y", "angle"))
 

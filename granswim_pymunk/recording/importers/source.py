@@ -297,9 +297,19 @@ class Source:
             more = f" ... ({len(self.table.header)} in all)" if len(self.table.header) > LISTED else ""
             listed = ", ".join(self.table.header[:LISTED]) + more
             bare = " (it has no header)" if self.table.bare else ""
+            if self._clock_alone_is_missing():
+                return (
+                    f"is a table in which no clock is found{bare}; its columns: {listed}; say which it is, as "
+                    "--columns t=TIME, or --fps HZ where each row is the next frame"
+                )
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "
                 "which, as --columns t=TIME,x=CX,y=CY,body=NAME (a row per body and frame) or "
                 "t=TIME,A.x=AX,A.y=AY,B.angle=BA (a row per frame); --fps where each row is the next frame"
             )
         return "is a text, but no table of tracks"
+
+    def _clock_alone_is_missing(self) -> bool:
+        """Whether the user has said where places or angles stand, and not where a clock does, nor a frame rate."""
+        said = {key.rpartition(".")[2] for key in self.options.column_map()}
+        return bool({"x", "y", "angle"} & said) and "t" not in said and self.options.fps is None

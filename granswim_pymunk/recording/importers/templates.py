@@ -44,6 +44,13 @@ class Tracks:
         order = np.argsort(self.t[own], kind="stable")
         return self.t[own][order], np.stack([self.x[own], self.y[own]], axis=-1)[order]
 
+    def turned(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) and angles (k,) where the angle of the body is seen, in the order of time."""
+        angle = np.full(len(self.t), np.nan) if self.angle is None else self.angle
+        own = (np.array(self.body) == name) & np.isfinite(angle)
+        order = np.argsort(self.t[own], kind="stable")
+        return self.t[own][order], np.unwrap(angle[own][order])
+
 
 @dataclass(frozen=True)
 class Filled:
@@ -236,9 +243,14 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         return dict(given), ""
     ask = f"say how long its rod is, as --law 'pin:{name},length=0.25'"
     if len(xy) < 10:
-        if "length" not in given:
-            raise InputError(f"only the angle of {name} is measured: {ask}", where="scene pendulum")
-        return {"anchor": [0.0, 0.0], **given}, ""
+        anchor = np.zeros(2)
+        if "length" in given:
+            return {"anchor": anchor.tolist(), **given}, ""
+        swing, g = swing_of(*tracks.turned(name)), math.hypot(*gravity)
+        length = math.nan if swing is None or not g else rod_of(swing, g, across=False)
+        if swing is None or not math.isfinite(length):
+            raise InputError(f"only the angle of {name} is measured, and no period is told: {ask}", where="scene pendulum")
+        return _hung(name, anchor, length, given, _by_period(swing, g, "the angle"))
     flat = [axis for axis in (0, 1) if np.ptp(xy[:, axis]) == 0]
     if len(flat) == 1:
         return _pin_of_one(name, t, xy, 1 - flat[0], given, gravity)
@@ -335,11 +347,14 @@ def _pin_of_one(
         how = f"above the middle of its swing, as {there} alone is measured"
         return _hung(name, anchor, length, given, how + _period_told(name, swing, g, length, 0.0, True, across=True))
     assert swing is not None
-    how = (
-        f"by its period of {swing.period:.4g} s, as that of a point on a rod under {g:.4g} m/s^2: {there} alone is "
+    return _hung(name, anchor, length, given, _by_period(swing, g, there))
+
+
+def _by_period(swing: Swing, g: float, seen: str) -> str:
+    return (
+        f"by its period of {swing.period:.4g} s, as that of a point on a rod under {g:.4g} m/s^2: {seen} alone is "
         "measured, which has no arc"
     )
-    return _hung(name, anchor, length, given, how)
 
 
 def _pendulum(
