@@ -506,6 +506,18 @@ class TestTables:
         (r,) = import_recording(source, bodies=["a:1:1"], columns="t=1,x=2,y=3")
         np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [3, 4], [5, 6]])
 
+    @pytest.mark.parametrize("header", ["t s v a", "t s v", "t(s) s(m)", "time,s[cm],v[cm/s]"])
+    def test_the_letter_of_a_way_is_the_place_along_a_line(self, tmp_path, header):
+        sign = "," if "," in header else " "
+        rows = [sign.join(f"{a:.6g}" for a in (0.1 * k, 0.01 * k**2, 0.2 * k, 2.0)[: len(re.split("[ ,]", header))])
+                for k in range(9)]  # fmt: skip
+        source = self.write(tmp_path, "\n".join([header, *rows]))
+        unit = 0.01 if "cm" in header else 1.0
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], scene="cart")
+        np.testing.assert_allclose(r.xy[:, 0, 0], unit * 0.01 * np.arange(9) ** 2)
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], scene="drop")
+        np.testing.assert_allclose(r.xy[:, 0, 1], unit * 0.01 * np.arange(9) ** 2)
+
     @pytest.mark.parametrize("header", ["", "theta\n"])
     def test_angles_alone_with_a_frame_rate(self, tmp_path, header):
         """Of a pendulum of 0.4 m: the length of its rod is that of its period."""
@@ -546,6 +558,7 @@ class TestTables:
             ("a.zip", b"PK\x03\x04rest", "ZIP"),
             ("a.csv", b"", "is empty"),
             ("a.csv", b"colour,size\nred,3\nblue,4\n", "no time and positions.*colour, size"),
+            ("a.csv", b"t,s\n0,3\n1,4\n", "no time and positions.*t, s"),
             ("a.bin", bytes(range(1, 200)) * 9, "binary file"),
             ("a.xlsx", b"PK\x03\x04 no workbook", "not a workbook"),
             ("a.xyz", b"2\nProperties=species:S:1:pos:R:3\nA 0 0 0\n", "ends within a frame"),

@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from ...errors import InputError
-from .units import ANGLES, PIXELS, SENSOR, is_unit, split_unit
+from .units import ANGLES, LENGTHS, PIXELS, SENSOR, is_unit, split_unit
 
 NAMES: dict[str, tuple[str, ...]] = {
     "t": ("t", "time", "times", "trial time", "timestamp", "time stamp", "elapsed time", "seconds", "zeit", "uhrzeit",
@@ -37,6 +37,8 @@ BESIDE = {
 # a single coordinate, where there is no x or y
 ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displacement", "posicao", "posicion",
          "posizione", "distancia", "deslocamento")  # fmt: skip
+# the letter of a way along a line, as motion sensors write it beside v and a; alone it may be anything
+WAY, RATES_OF_WAY = "s", (["v"], ["a"])
 # the same, of which the axis is clear; not where it is the size of a box, beside its width
 UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation")
 WIDTHS = {"width", "breite", "largeur", "largura", "ancho", "larghezza", "w"}
@@ -79,6 +81,13 @@ def is_rate(column: str) -> bool:
 def is_lone(column: str) -> bool:
     """Whether a column is a coordinate of which its heading does not say the axis."""
     return " ".join(words(column)) in ALONE
+
+
+def is_way(column: str, header: Sequence[str]) -> bool:
+    """Whether a column is the place along a line as the letter s: beside v or a, or in a unit of lengths."""
+    if words(column) != [WAY]:
+        return False
+    return split_unit(column)[1] in LENGTHS or any(words(name) in RATES_OF_WAY for name in header)
 
 
 def is_third(column: str) -> bool:
@@ -136,6 +145,8 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
         take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
     if not {"x", "y"} & found.keys():
         take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
+    if not {"x", "y"} & found.keys():
+        take("x", [name for name in open_to if is_way(name, header)])
     if "angle" not in found:
         take("angle", [name for name in open_to if " ".join(words(name)) in DEFLECTION and _is_angle(name)])
     return found

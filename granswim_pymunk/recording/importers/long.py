@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, words
+from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, is_way, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -185,9 +185,17 @@ def read(source: Source, options: Options) -> Found:
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
         unmeasured=only_one(found),
-        lone=found["x"] if only_one(found) == "y" and "x" not in given and is_lone(found["x"]) else None,
+        lone=_lone(table, found, given),
         notes=notes,
     )
+
+
+def _lone(table: Table, found: Mapping[str, str], given: Mapping[str, str]) -> str | None:
+    """The heading of the only coordinate, where it names no axis and the user did not."""
+    column = found.get("x", "")
+    if only_one(found) != "y" or "x" in given:
+        return None
+    return column if is_lone(column) or is_way(column, table.header) else None
 
 
 IMPORTER = Importer("long", "plain table, one row per body and frame (t,body,x,y[,angle])", recognise, read)

@@ -249,7 +249,8 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         swing, g = swing_of(*tracks.turned(name)), math.hypot(*gravity)
         length = math.nan if swing is None or not g else rod_of(swing, g, across=False)
         if swing is None or not math.isfinite(length):
-            raise InputError(f"only the angle of {name} is measured, and no period is told: {ask}", where="scene pendulum")
+            only = f"only the angle of {name} is measured, and no period can be told"
+            raise InputError(f"{only}: {ask}", where="scene pendulum")
         return _hung(name, anchor, length, given, _by_period(swing, g, "the angle"))
     flat = [axis for axis in (0, 1) if np.ptp(xy[:, axis]) == 0]
     if len(flat) == 1:
