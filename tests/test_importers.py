@@ -506,6 +506,33 @@ class TestTables:
         (r,) = import_recording(source, bodies=["a:1:1"], columns="t=1,x=2,y=3")
         np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [3, 4], [5, 6]])
 
+    @pytest.mark.parametrize("form", [".3f", ".17g"])
+    def test_a_table_without_a_header_begins_with_a_clock_that_rises_evenly(self, tmp_path, form):
+        stamps = [f"{k / 30:{form}}" for k in range(9)]
+        ways = [f"{0.1 * k:.3f}\t{1 - 0.02 * k**2:.3f}" for k in range(9)]
+        source = self.write(tmp_path, "\n".join(f"{t}\t{xy}" for t, xy in zip(stamps, ways, strict=True)))
+        (done,) = import_all(source, tmp_path / "out", bodies=["a:1mm:1g"], picture=False)
+        np.testing.assert_allclose(done.recording.t, np.arange(9) / 30, atol=6e-4)
+        np.testing.assert_allclose(done.recording.xy[3, 0], [0.3, 0.82])
+        assert any("its columns are taken for t, x and y" in note for note in done.notes)
+        source = self.write(tmp_path, "\n".join(f"{t} {k * k}" for k, t in enumerate(stamps)))
+        (r,) = import_recording(source, bodies=["a:1cm:1g"], scene="drop")
+        np.testing.assert_allclose(r.xy[:, 0, 1], np.arange(9) ** 2)
+        source = self.write(tmp_path, "\n".join(f"{k}\t{xy}" for k, xy in enumerate(ways)))
+        with pytest.raises(InputError, match=r"goes up by one: does it count frames \(--columns t=1,x=2,y=3 --fps HZ"):
+            import_recording(source, bodies=["a:1mm:1g"])
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], time_unit="s")
+        assert r.t[-1] == 8
+
+    def test_no_other_first_column_is_taken_for_a_clock(self, tmp_path):
+        """Of x, y of a throw, of pixels, and of x beside t."""
+        rng = np.random.default_rng(2)
+        noisy = [f"{0.03 * k + rng.normal(0, 2e-3):.4f} {0.01 * k * k}" for k in range(12)]
+        pixels = [f"{round(7.3 * k)} {k * k}" for k in range(12)]
+        for rows in (noisy, pixels, [f"{0.02 * k * k:.4f} {k / 30:.4f}" for k in range(12)]):
+            with pytest.raises(InputError, match=r"no header.*--columns"):
+                import_recording(self.write(tmp_path, "\n".join(rows)), bodies=["a:1mm:1g"])
+
     @pytest.mark.parametrize("header", ["t s v a", "t s v", "t(s) s(m)", "time,s[cm],v[cm/s]"])
     def test_the_letter_of_a_way_is_the_place_along_a_line(self, tmp_path, header):
         sign = "," if "," in header else " "

@@ -104,7 +104,10 @@ def _is_place_of_a_body(column: str) -> bool:
 
 
 def _given(options: Options, table: Table) -> dict[str, str]:
+    """Which columns the user says; where nobody says anything, t, x, y of a table without a header."""
     names = table.mapped(options.column_map())
+    if not names and options.fps is None:
+        return table.unnamed()
     for key in names:
         if key not in KEYS:
             raise InputError(f"unknown name {key!r}; known: {', '.join(KEYS)}", where="columns")
@@ -149,6 +152,9 @@ def read(source: Source, options: Options) -> Found:
         t, counts, time = frames_by_row(body, len(table), notes, passed), "frame", None
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
+    unnamed = bool(given) and not options.column_map()
+    if unnamed:
+        notes.append(_taken(table, given, t, options))
     nothing = np.full(len(t), math.nan)
     x = table.numbers(found["x"]) if "x" in found else nothing
     y = table.numbers(found["y"]) if "y" in found else nothing
@@ -185,8 +191,25 @@ def read(source: Source, options: Options) -> Found:
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
         unmeasured=only_one(found),
-        lone=_lone(table, found, given),
+        lone=f"column {found['x']}" if unnamed and only_one(found) else _lone(table, found, given),
         notes=notes,
+    )
+
+
+def _taken(table: Table, given: Mapping[str, str], t: np.ndarray, options: Options) -> str:
+    """What is said of the columns of a table without a header. Raises InputError where its clock may count frames."""
+    names = " and ".join((", ".join([*given][:-1]), [*given][-1]))
+    said = ",".join(f"{key}={column}" for key, column in given.items())
+    if options.time_unit is None and (np.diff(t) == 1).all():
+        raise InputError(
+            f"has no header, and its first column goes up by one: does it count frames (--columns {said} --fps HZ) or "
+            "seconds (--time-unit s)?",
+            file=table.source,
+        )
+    other = "t=1,x=3,y=2" if "y" in given else "t=1,y=2"
+    return (
+        f"it has no header, and its first column rises in even steps: its columns are taken for {names} (where "
+        f"they are others, say so: --columns {other})"
     )
 
 
