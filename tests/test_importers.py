@@ -545,6 +545,12 @@ class TestTables:
         (r,) = import_recording(source, bodies=["a:1mm:1g"], scene="drop")
         np.testing.assert_allclose(r.xy[:, 0, 1], unit * 0.01 * np.arange(9) ** 2)
 
+    def test_one_of_several_runs_of_a_motion_sensor_may_be_the_vertical_one(self, tmp_path):
+        header = ",".join(f"{what} Run #{run}" for run in (1, 2) for what in ("Time (s)", "Position (m)"))
+        source = self.write(tmp_path, header + "\n0,1,0,2\n0.1,1.1,0.1,2.1\n0.2,1.3,0.2,2.3\n")
+        with pytest.raises(InputError, match=r"several runs.*'x=Position .*y=Position \(m\) Run #1 where it is"):
+            import_recording(source, bodies=["a:1mm:1g"], scene="drop", columns="t=Time (s) Run #1")
+
     @pytest.mark.parametrize("header", ["", "theta\n"])
     def test_angles_alone_with_a_frame_rate(self, tmp_path, header):
         """Of a pendulum of 0.4 m: the length of its rod is that of its period."""

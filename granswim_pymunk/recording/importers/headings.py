@@ -130,9 +130,10 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
             if beside:
                 what = "runs" if _source(names[0])[0] != _source(beside[0])[0] else "sensors"
                 column = f'"{names[0]}"' if "," in names[0] else names[0]
+                upright = f"y={column} where it is the vertical one, " if is_lone(names[0]) else ""
                 raise InputError(
                     f"has several {what}, {names[0]!r} and {beside[0]!r}: say which columns, as --columns "
-                    f"'{key}={column}' (BODY.{key}={column} where there are several bodies)",
+                    f"'{key}={column}' ({upright}BODY.{key}={column} where there are several bodies)",
                     where="table",
                 )
             found[key] = names[0]
