@@ -440,6 +440,29 @@ class TestTrackers:
         assert r.ids == ("mass_A",)
         np.testing.assert_allclose(r.xy[:, 0], XY[:, 0], atol=1e-13)
 
+    def test_the_masses_of_tracker_and_the_names_of_bodies(self, tmp_path):
+        """One mass is the one body that is named; of several the message says how to name them."""
+        (tmp_path / "a.txt").write_text("mass_A\nt,x,y\n" + "\n".join(f"0.{k},{k},{k * k}" for k in range(9)))
+        (r,) = import_recording(tmp_path / "a.txt", bodies=["ball:5mm:10g"])
+        assert r.ids == ("ball",)
+        file, _, _ = tracker_txt(tmp_path)
+        with pytest.raises(InputError, match=r"'mass_B' is not in the scene; it has: mass_A \(--body 'mass_B:RADIUS"):
+            import_recording(tmp_path / file, bodies=["mass_A:5mm:10g"])
+
+    @pytest.mark.parametrize("head, sign", [(('"mass A"', '"t\tx\ty"'), "\t"), (("mass A", '"t,x,y"'), ","), ((), ";")])
+    def test_a_spreadsheet_that_took_each_row_for_one_cell(self, tmp_path, head, sign):
+        head = head or ('"t;x;y"',)
+        rows = [f'"{sign.join(map(repr, [t, *xy]))}"' for t, xy in zip(TIMES, XY[:, 0].tolist(), strict=True)]
+        (tmp_path / "a.csv").write_text("\n".join([*head, *rows]))
+        (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"])
+        np.testing.assert_allclose(r.t, T)
+        np.testing.assert_allclose(r.xy[:, 0], XY[:, 0])
+
+    def test_quoted_numbers_with_a_decimal_comma_are_no_rows(self, tmp_path):
+        (tmp_path / "a.csv").write_text("x\n" + "\n".join(f'"{k},{k}5"' for k in range(9)))
+        (r,) = import_recording(tmp_path / "a.csv", bodies=["*:5mm:10g"], fps=10, delimiter=";")
+        assert r.xy[2, 0, 0] == 2.25
+
     def test_a_time_code_of_kinovea(self, tmp_path):
         (tmp_path / "k.txt").write_text(
             "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 866,00 320,00\n0:00:00:50 847,00 321,00\n"
@@ -483,6 +506,64 @@ class TestTables:
         (r,) = import_recording(source, bodies=["a:1:1"], columns="t=1,x=2,y=3")
         np.testing.assert_array_equal(r.xy[:, 0], [[1, 2], [3, 4], [5, 6]])
 
+    @pytest.mark.parametrize("form", [".3f", ".17g"])
+    def test_a_table_without_a_header_begins_with_a_clock_that_rises_evenly(self, tmp_path, form):
+        stamps = [f"{k / 30:{form}}" for k in range(9)]
+        ways = [f"{0.1 * k:.3f}\t{1 - 0.02 * k**2:.3f}" for k in range(9)]
+        source = self.write(tmp_path, "\n".join(f"{t}\t{xy}" for t, xy in zip(stamps, ways, strict=True)))
+        (done,) = import_all(source, tmp_path / "out", bodies=["a:1mm:1g"], picture=False)
+        np.testing.assert_allclose(done.recording.t, np.arange(9) / 30, atol=6e-4)
+        np.testing.assert_allclose(done.recording.xy[3, 0], [0.3, 0.82])
+        assert any("its columns are taken for t, x and y" in note for note in done.notes)
+        source = self.write(tmp_path, "\n".join(f"{t} {k * k}" for k, t in enumerate(stamps)))
+        (r,) = import_recording(source, bodies=["a:1cm:1g"], scene="drop")
+        np.testing.assert_allclose(r.xy[:, 0, 1], np.arange(9) ** 2)
+        source = self.write(tmp_path, "\n".join(f"{k}\t{xy}" for k, xy in enumerate(ways)))
+        with pytest.raises(InputError, match=r"goes up by one: does it count frames \(--columns t=1,x=2,y=3 --fps HZ"):
+            import_recording(source, bodies=["a:1mm:1g"])
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], time_unit="s")
+        assert r.t[-1] == 8
+
+    def test_no_other_first_column_is_taken_for_a_clock(self, tmp_path):
+        """Of x, y of a throw, of pixels, and of x beside t."""
+        rng = np.random.default_rng(2)
+        noisy = [f"{0.03 * k + rng.normal(0, 2e-3):.4f} {0.01 * k * k}" for k in range(12)]
+        pixels = [f"{round(7.3 * k)} {k * k}" for k in range(12)]
+        for rows in (noisy, pixels, [f"{0.02 * k * k:.4f} {k / 30:.4f}" for k in range(12)]):
+            with pytest.raises(InputError, match=r"no header.*--columns"):
+                import_recording(self.write(tmp_path, "\n".join(rows)), bodies=["a:1mm:1g"])
+
+    @pytest.mark.parametrize("header", ["t s v a", "t s v", "t(s) s(m)", "time,s[cm],v[cm/s]"])
+    def test_the_letter_of_a_way_is_the_place_along_a_line(self, tmp_path, header):
+        sign = "," if "," in header else " "
+        rows = [sign.join(f"{a:.6g}" for a in (0.1 * k, 0.01 * k**2, 0.2 * k, 2.0)[: len(re.split("[ ,]", header))])
+                for k in range(9)]  # fmt: skip
+        source = self.write(tmp_path, "\n".join([header, *rows]))
+        unit = 0.01 if "cm" in header else 1.0
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], scene="cart")
+        np.testing.assert_allclose(r.xy[:, 0, 0], unit * 0.01 * np.arange(9) ** 2)
+        (r,) = import_recording(source, bodies=["a:1mm:1g"], scene="drop")
+        np.testing.assert_allclose(r.xy[:, 0, 1], unit * 0.01 * np.arange(9) ** 2)
+
+    def test_one_of_several_runs_of_a_motion_sensor_may_be_the_vertical_one(self, tmp_path):
+        header = ",".join(f"{what} Run #{run}" for run in (1, 2) for what in ("Time (s)", "Position (m)"))
+        source = self.write(tmp_path, header + "\n0,1,0,2\n0.1,1.1,0.1,2.1\n0.2,1.3,0.2,2.3\n")
+        with pytest.raises(InputError, match=r"several runs.*'x=Position .*y=Position \(m\) Run #1 where it is"):
+            import_recording(source, bodies=["a:1mm:1g"], scene="drop", columns="t=Time (s) Run #1")
+
+    @pytest.mark.parametrize("header", ["", "theta\n"])
+    def test_angles_alone_with_a_frame_rate(self, tmp_path, header):
+        """Of a pendulum of 0.4 m: the length of its rod is that of its period."""
+        angles = (0.1 * np.cos(math.sqrt(9.81 / 0.4) * np.arange(200) / 20)).tolist()
+        source = self.write(tmp_path, header + "".join(f"{a}\n" for a in angles))
+        said = {"bodies": ["a:1cm:1g"], "columns": None if header else "angle=1"}
+        (r,) = import_recording(source, fps=20.0, scene="pendulum", **said)
+        np.testing.assert_allclose(r.angle[:, 0], angles)
+        assert r.scene.laws_named("pin")[0].values["length"] == pytest.approx(0.4, rel=3e-3)
+        if said["columns"]:
+            with pytest.raises(InputError, match=r"no clock is found.*--fps HZ where each row is the next frame"):
+                import_recording(source, **said)
+
     def test_rows_and_encoding_that_are_told(self, tmp_path):
         text = "größe;1\nkeine;2\nt;x;y\n0;1,5;2\n1;1,6;2\n"
         (tmp_path / "a.csv").write_bytes(text.encode("utf-16-be"))
@@ -510,6 +591,7 @@ class TestTables:
             ("a.zip", b"PK\x03\x04rest", "ZIP"),
             ("a.csv", b"", "is empty"),
             ("a.csv", b"colour,size\nred,3\nblue,4\n", "no time and positions.*colour, size"),
+            ("a.csv", b"t,s\n0,3\n1,4\n", "no time and positions.*t, s"),
             ("a.bin", bytes(range(1, 200)) * 9, "binary file"),
             ("a.xlsx", b"PK\x03\x04 no workbook", "not a workbook"),
             ("a.xyz", b"2\nProperties=species:S:1:pos:R:3\nA 0 0 0\n", "ends within a frame"),
@@ -590,6 +672,12 @@ class TestSaid:
         assert any("5 mm across move at 240 m/s" in w and "--unit" in w for w in fast.look.warnings)
         assert json.loads(json.dumps(fast.as_dict()))["speed"] == pytest.approx(240)
 
+    def test_a_density_is_asked_of_what_may_be_a_sphere(self, tmp_path):
+        (tmp_path / "a.csv").write_text("t,x\n" + "\n".join(f"{0.1 * k},{0.02 * k}" for k in range(20)))
+        for scene, told in (("cart", 0), ("puck", 1)):
+            (done,) = import_all(tmp_path / "a.csv", tmp_path / scene, bodies=["a:5mm:0.4kg"], scene=scene)
+            assert sum("kg/m^3" in w for w in done.look.warnings) == told
+
     @pytest.mark.parametrize(
         "uneven, said",
         [
@@ -645,6 +733,9 @@ class TestSaid:
             (1.0, 60.0, ""),
             (2.0, 60.0, "--unit, times 0.5"),
             (1.0, 7.5, "--fps, times 8"),  # filmed in slow motion, believed to be what is played
+            (1.28, 60.0, "--unit, times 0.78"),
+            (1.05, 60.0, ""),
+            (0.9, 60.0, ""),  # a medium may bear it
         ],
     )
     def test_a_fall_at_another_rate_than_gravity_is_doubted(self, tmp_path, scale, rate, said):
@@ -655,6 +746,16 @@ class TestSaid:
         (done,) = import_all(tmp_path / "throw.csv", tmp_path / "out", bodies=["a:2cm:50g"], fps=rate, scene="drop")
         doubt = [w for w in done.look.warnings if "gravity" in w]
         assert (len(doubt) == 1 and said in doubt[0]) if said else not doubt
+
+    def test_a_fall_through_a_drag_is_not_doubted(self, tmp_path):
+        """v' = g (1 - (v/u)^2), from rest: y = u^2/g ln(cosh(g t/u))."""
+        t = np.arange(60) / 60
+        for u in (3.0, 8.0, 30.0):
+            y = -(u**2) / 9.81 * np.log(np.cosh(9.81 * t / u)) + np.random.default_rng(9).normal(0, 5e-4, 60)
+            rows = [f"{a},0.0,{b}" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
+            (tmp_path / "drop.csv").write_text("\n".join(["t,x,y", *rows]))
+            (done,) = import_all(tmp_path / "drop.csv", tmp_path / "out", bodies=["a:2cm:50g"], scene="drop")
+            assert not [w for w in done.look.warnings if "gravity" in w]
 
     def bouncing(self, folder, restitution, wrong=0.0):
         """A ball that drops from 1 m, 60 frames a second; a point of the tracker may be wrong."""
@@ -855,6 +956,56 @@ class TestScenes:
         laws = ["pin:bob,length=0.25"]
         (r,) = import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", laws=laws, fps=60, flip_y=60.0)
         assert r.scene.laws_named("pin")[0].values["anchor"] == pytest.approx((0.1, 0.4), abs=3e-3)
+
+    def one_coordinate(self, folder, coordinate, **swing):
+        """The same pendulum, of which one coordinate is in the file."""
+        table = pd.read_csv(self.swing(folder, **swing))
+        table[["frame", f"{coordinate} (cm)"]].to_csv(folder / "one.csv", index=False)
+        return folder / "one.csv"
+
+    @pytest.mark.parametrize("start", [0.12, 0.9])
+    def test_a_pendulum_of_which_x_alone_is_measured_has_the_length_of_its_period(self, tmp_path, start):
+        source = self.one_coordinate(tmp_path, "x", start=start)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", fps=60, picture=False
+        )  # fmt: skip
+        pin = done.recording.scene.laws_named("pin")[0].values
+        assert pin["length"] == pytest.approx(0.25, rel=3e-3)
+        assert pin["anchor"] == pytest.approx((0.1, pin["length"]), abs=5e-4)  # y stands as 0 where it hangs
+        (bounds,) = done.recording.scene.adjustable
+        assert (bounds.low, bounds.high) == pytest.approx((0.95 * pin["length"], 1.05 * pin["length"]), rel=1e-3)
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert "by its period of 1.0" in note and "x alone is measured" in note
+        assert not done.look.warnings
+
+    @pytest.mark.parametrize(
+        "coordinate, frames, words",
+        [("x", 40, "x alone is measured, which has no arc, and no period can be told.*--law 'pin:bob,length"),
+         ("y", 600, "y alone is measured, which goes along gravity.*--columns x=NAME")],
+    )  # fmt: skip
+    def test_one_coordinate_that_tells_no_rod_is_named(self, tmp_path, coordinate, frames, words):
+        source = self.one_coordinate(tmp_path, coordinate, frames=frames)
+        with pytest.raises(InputError, match=words):
+            import_recording(source, bodies=["bob:1cm:50g"], scene="pendulum", fps=60)
+
+    @pytest.mark.parametrize("rate, told", [(60, ""), (54, "is that of a point on a rod of 0.30")])
+    def test_an_arc_and_a_period_of_two_lengths_are_both_told(self, tmp_path, rate, told):
+        (done,) = import_all(
+            self.swing(tmp_path), tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", fps=rate, flip_y=60.0,
+            picture=False,
+        )  # fmt: skip
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert (told in note and "--fps, times 1.1" in note) if told else "; but" not in note
+
+    def test_a_length_that_was_said_and_that_of_the_period_are_both_told(self, tmp_path):
+        source = self.one_coordinate(tmp_path, "x", start=0.12)
+        (done,) = import_all(
+            source, tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", laws=["pin:bob,length=0.28"], fps=60,
+            picture=False,
+        )  # fmt: skip
+        assert done.recording.scene.laws_named("pin")[0].values["length"] == 0.28
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        assert "a point on a rod of 0.2" in note and "--adjustable pin.length=0.23" in note
 
     def test_own_csv_of_a_pendulum_to_a_verdict_in_two_commands(self, tmp_path, capsys):
         source = self.swing(tmp_path, noise=5e-4, frames=360)

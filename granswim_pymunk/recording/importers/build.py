@@ -380,7 +380,12 @@ def _assemble(
     if (place < 0).any():
         k = int(kept[int(np.argmax(place < 0))])
         listed = ", ".join(scene.ids[:8])
-        raise InputError(f"body {body[k]!r} is not in the scene; it has: {listed}", file=source, where=where(k))
+        raise InputError(
+            f"body {body[k]!r} is not in the scene; it has: {listed} (--body '{body[k]}:RADIUS:MASS' adds it, "
+            "--body '*:RADIUS:MASS' all that are not named)",
+            file=source,
+            where=where(k),
+        )
     used, column = np.unique(place, return_inverse=True)
     times, frame = np.unique(t[kept], return_inverse=True)
     key = frame * len(used) + column

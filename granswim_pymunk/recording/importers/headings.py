@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from ...errors import InputError
-from .units import ANGLES, PIXELS, SENSOR, is_unit, split_unit
+from .units import ANGLES, LENGTHS, PIXELS, SENSOR, is_unit, split_unit
 
 NAMES: dict[str, tuple[str, ...]] = {
     "t": ("t", "time", "times", "trial time", "timestamp", "time stamp", "elapsed time", "seconds", "zeit", "uhrzeit",
@@ -37,6 +37,8 @@ BESIDE = {
 # a single coordinate, where there is no x or y
 ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displacement", "posicao", "posicion",
          "posizione", "distancia", "deslocamento")  # fmt: skip
+# the letter of a way along a line, as motion sensors write it beside v and a; alone it may be anything
+WAY, RATES_OF_WAY = "s", (["v"], ["a"])
 # the same, of which the axis is clear; not where it is the size of a box, beside its width
 UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation")
 WIDTHS = {"width", "breite", "largeur", "largura", "ancho", "larghezza", "w"}
@@ -81,6 +83,13 @@ def is_lone(column: str) -> bool:
     return " ".join(words(column)) in ALONE
 
 
+def is_way(column: str, header: Sequence[str]) -> bool:
+    """Whether a column is the place along a line as the letter s: beside v or a, or in a unit of lengths."""
+    if words(column) != [WAY]:
+        return False
+    return split_unit(column)[1] in LENGTHS or any(words(name) in RATES_OF_WAY for name in header)
+
+
 def is_third(column: str) -> bool:
     """Whether a column is the third coordinate of a place."""
     said = words(column)
@@ -121,9 +130,10 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
             if beside:
                 what = "runs" if _source(names[0])[0] != _source(beside[0])[0] else "sensors"
                 column = f'"{names[0]}"' if "," in names[0] else names[0]
+                upright = f"y={column} where it is the vertical one, " if is_lone(names[0]) else ""
                 raise InputError(
                     f"has several {what}, {names[0]!r} and {beside[0]!r}: say which columns, as --columns "
-                    f"'{key}={column}' (BODY.{key}={column} where there are several bodies)",
+                    f"'{key}={column}' ({upright}BODY.{key}={column} where there are several bodies)",
                     where="table",
                 )
             found[key] = names[0]
@@ -136,6 +146,8 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
         take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
     if not {"x", "y"} & found.keys():
         take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
+    if not {"x", "y"} & found.keys():
+        take("x", [name for name in open_to if is_way(name, header)])
     if "angle" not in found:
         take("angle", [name for name in open_to if " ".join(words(name)) in DEFLECTION and _is_angle(name)])
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, words
+from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, is_way, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -89,8 +89,9 @@ def recognise(source: Source) -> bool:
     if not {"x", "y", *given} & found.keys() - {"t"} and any(_is_place_of_a_body(name) for name in header):
         return False  # a_x, a_y and an angle: it is not the angle alone
     if "t" not in found and "frame" not in found:
-        # each row of a body is its next frame, where columns are called x and y and nothing else, or said to be
-        said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y"))
+        # each row of a body is its next frame, where columns are called x and y and nothing else, or an angle, or said
+        # to be
+        said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y")) or "angle" in found
         return source.options.fps is not None and said
     return any(key in found for key in ("x", "y", "angle"))
 
@@ -103,7 +104,10 @@ def _is_place_of_a_body(column: str) -> bool:
 
 
 def _given(options: Options, table: Table) -> dict[str, str]:
+    """Which columns the user says; where nobody says anything, t, x, y of a table without a header."""
     names = table.mapped(options.column_map())
+    if not names and options.fps is None:
+        return table.unnamed()
     for key in names:
         if key not in KEYS:
             raise InputError(f"unknown name {key!r}; known: {', '.join(KEYS)}", where="columns")
@@ -148,6 +152,9 @@ def read(source: Source, options: Options) -> Found:
         t, counts, time = frames_by_row(body, len(table), notes, passed), "frame", None
     if not any(key in found for key in ("x", "y", "angle")):
         raise InputError(f"has no column x, y or angle; it has: {', '.join(table.header)}", file=source.path)
+    unnamed = bool(given) and not options.column_map()
+    if unnamed:
+        notes.append(_taken(table, given, t, options))
     nothing = np.full(len(t), math.nan)
     x = table.numbers(found["x"]) if "x" in found else nothing
     y = table.numbers(found["y"]) if "y" in found else nothing
@@ -184,9 +191,34 @@ def read(source: Source, options: Options) -> Found:
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         rows=table.lines,
         unmeasured=only_one(found),
-        lone=found["x"] if only_one(found) == "y" and "x" not in given and is_lone(found["x"]) else None,
+        lone=f"column {found['x']}" if unnamed and only_one(found) else _lone(table, found, given),
         notes=notes,
     )
+
+
+def _taken(table: Table, given: Mapping[str, str], t: np.ndarray, options: Options) -> str:
+    """What is said of the columns of a table without a header. Raises InputError where its clock may count frames."""
+    names = " and ".join((", ".join([*given][:-1]), [*given][-1]))
+    said = ",".join(f"{key}={column}" for key, column in given.items())
+    if options.time_unit is None and (np.diff(t) == 1).all():
+        raise InputError(
+            f"has no header, and its first column goes up by one: does it count frames (--columns {said} --fps HZ) or "
+            "seconds (--time-unit s)?",
+            file=table.source,
+        )
+    other = "t=1,x=3,y=2" if "y" in given else "t=1,y=2"
+    return (
+        f"it has no header, and its first column rises in even steps: its columns are taken for {names} (where "
+        f"they are others, say so: --columns {other})"
+    )
+
+
+def _lone(table: Table, found: Mapping[str, str], given: Mapping[str, str]) -> str | None:
+    """The heading of the only coordinate, where it names no axis and the user did not."""
+    column = found.get("x", "")
+    if only_one(found) != "y" or "x" in given:
+        return None
+    return column if is_lone(column) or is_way(column, table.header) else None
 
 
 IMPORTER = Importer("long", "plain table, one row per body and frame (t,body,x,y[,angle])", recognise, read)

@@ -189,7 +189,9 @@ def _absurd(found: Look, recording: Recording) -> list[str]:
     if found.nearest < 1.2 * r and pairs:
         near = _length(found.nearest)
         said.append(f"bodies of {_length(2 * r)} across come as near as {near}: unit or radius is wrong")
-    for body in (recording.scene.bodies[row] for row in recording.track_rows):
+    # of a cart on a rail the radius does not matter
+    railed = {name for item in recording.scene.laws_named("rail") for name in item.bodies or recording.ids}
+    for body in (recording.scene.bodies[row] for row in recording.track_rows if recording.scene.ids[row] not in railed):
         density = body.mass / (4 / 3 * math.pi * body.radius**3)
         if not 0.5 < density < 3e4:
             size = f"{_length(2 * body.radius)} across and {body.mass:.3g} kg"

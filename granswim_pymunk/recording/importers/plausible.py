@@ -15,6 +15,8 @@ from ...joints import arm_of
 from ..recording import Recording
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
+FALLS_TOLD = 0.1  # of gravity, from which a fall that is too fast is told where its course is that of a fall
+COURSE_LEFT = (3.0, 3e-3)  # times the noise, and part of the height, that such a course leaves
 SWINGS_OFF = 1.5  # of the square of a period: the inertia of a rod about its end makes it 2/3
 OFF_RAIL = 0.1  # of the way along a rail, as far across; a bent picture of a straight one has a few hundredths
 INNER = (0.02, 0.98)  # quantiles between which a way is taken: single wrong points make none
@@ -110,7 +112,10 @@ def _off_rail(recording: Recording, k: int, name: str, noise: float) -> str:
 
 
 def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float) -> str:
-    """The acceleration along gravity, where in stretches of the track it is too large or nowhere large enough."""
+    """The acceleration along gravity, where in stretches of the track it is too large or nowhere large enough.
+
+    Or where the fall from the highest place on is a little too fast, which no drag makes.
+    """
     xy = recording.xy[:, k]
     seen = np.isfinite(xy).all(axis=1)
     t, along = recording.t[seen], xy[seen] @ np.array(recording.scene.gravity) / gravity
@@ -126,7 +131,10 @@ def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float)
     rates = np.array([2 * np.polyfit(t[i : i + n] - t[i], along[i : i + n], 2)[0] for i in range(len(t) - n + 1)])
     rate = 2 * float(np.polyfit(t - t[0], along, 2)[0])
     if rates.max() > gravity / FALLS_OFF and float(np.median(rates)) < gravity * FALLS_OFF:
-        return ""
+        told = _too_fast(t, along, gravity, noise)
+        if told is None:
+            return ""
+        rate = told
     fps, unit = "", ""
     if rate > 0.01 * gravity:
         fps, unit = f", times {math.sqrt(gravity / rate):.3g}", f", times {gravity / rate:.3g}"
@@ -135,6 +143,38 @@ def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float)
         f"{name} falls with {rate:.3g} m/s^2 where gravity is {gravity:.3g}: is the frame rate wrong (--fps{fps}) "
         f"or the unit (--unit{unit}){medium}?"
     )
+
+
+def _too_fast(t: np.ndarray, along: np.ndarray, gravity: float, noise: float) -> float | None:
+    """Acceleration [m/s^2] of a fall at times t [s], places along gravity [m], from its highest place to its lowest.
+
+    None where it is not a tenth above gravity, and above it by three of its errors, or where the course is not that
+    of a fall: v' = g - k v is y = a + b t + g t^2/2 - k (integral of y). On the way down a drag takes away, and a
+    parabola has too small a g by it. Nothing is told of a g that is a little too small: a drag, a medium and a hand
+    that lets go late look like it.
+    """
+    top = int(np.argmin(along))
+    low = top + int(np.argmax(along[top:])) + 1
+    t, along = t[top:low] - t[top], along[top:low] - along[top]
+    if len(t) < 8:
+        return None
+    passed = np.concatenate([[0.0], np.cumsum(0.5 * (along[1:] + along[:-1]) * np.diff(t))])
+    columns = np.stack([np.ones_like(t), t, 0.5 * t**2, -passed], axis=-1)
+    most, part = COURSE_LEFT
+    _, left = _fitted(columns, along)
+    if not left < max(most * noise, part * float(np.ptp(along))):
+        return None  # a hand throws it, it bounces, or something else acts
+    numbers, left = _fitted(columns[:, :3], along)
+    error = left * math.sqrt(float(np.linalg.inv(columns[:, :3].T @ columns[:, :3])[2, 2]))
+    rate = float(numbers[2])
+    return rate if rate > (1 + FALLS_TOLD) * gravity and rate - 3 * error > gravity else None
+
+
+def _fitted(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Of values (k,) as a sum of columns (k, n): their numbers (n,), and one standard deviation of what is left."""
+    numbers, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    left = float(np.sum(np.square(values - columns @ numbers)))
+    return numbers, math.sqrt(left / (len(values) - len(numbers)))
 
 
 def _swing(recording: Recording, k: int, name: str, gravity: float) -> str:

@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
 from .arrays import MATLAB, MATLAB_73, NUMPY, held, is_json, is_npz, table_of
 from .base import Options, extra_needed
-from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows
+from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows, unquoted
 
 HEAD = 65536  # bytes that decide what a file is
 LISTED = 12  # columns of a table that a message names
@@ -97,6 +97,10 @@ class Source:
             if skipped >= len(lines):
                 raise InputError(f"has {len(lines)} lines, none after {skipped}", file=self.path, where="skip rows")
             text = "\n" * skipped + "\n".join(lines[skipped:])
+        if '"' in text[:HEAD]:
+            lines = text.splitlines()
+            bare = unquoted(lines)
+            text = text if bare is lines else "\n".join(bare)
         return plain_numbers(text)
 
     @cached_property
@@ -105,7 +109,7 @@ class Source:
         if self.encoding is None:
             return []
         with contextlib.suppress(UnicodeDecodeError, LookupError):
-            return self.head.decode(self.encoding, errors="ignore").splitlines()[:200]
+            return unquoted(self.head.decode(self.encoding, errors="ignore").splitlines()[:200])
         return []
 
     @cached_property
@@ -293,9 +297,19 @@ class Source:
             more = f" ... ({len(self.table.header)} in all)" if len(self.table.header) > LISTED else ""
             listed = ", ".join(self.table.header[:LISTED]) + more
             bare = " (it has no header)" if self.table.bare else ""
+            if self._clock_alone_is_missing():
+                return (
+                    f"is a table in which no clock is found{bare}; its columns: {listed}; say which it is, as "
+                    "--columns t=TIME, or --fps HZ where each row is the next frame"
+                )
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "
                 "which, as --columns t=TIME,x=CX,y=CY,body=NAME (a row per body and frame) or "
                 "t=TIME,A.x=AX,A.y=AY,B.angle=BA (a row per frame); --fps where each row is the next frame"
             )
         return "is a text, but no table of tracks"
+
+    def _clock_alone_is_missing(self) -> bool:
+        """Whether the user has said where places or angles stand, and not where a clock does, nor a frame rate."""
+        said = {key.rpartition(".")[2] for key in self.options.column_map()}
+        return bool({"x", "y", "angle"} & said) and "t" not in said and self.options.fps is None

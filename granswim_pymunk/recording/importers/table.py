@@ -28,6 +28,10 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)")
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # U+2212
 _SCIENTIFIC = re.compile(r"([-+]?\d),(\d+[eE][-+]?\d+)")
 _BOTH_COMMAS = re.compile(r"(?:[-+]?\d,\d+[eE][-+]?\d+)?(?:,(?:[-+]?\d,\d+[eE][-+]?\d+)?)+")
+_QUOTED = re.compile(r'\s*"((?:[^"]|"")*)"[\s,;]*')
+FEWEST_EVEN = 5  # rows of which the first column may be a clock by its even steps
+OFF_EVEN = 1.5  # of their last digit, by which rounded stamps may be off a line through two of them
+DIGITS = 9  # behind the point, to which stamps are rounded at most
 LOOKED_AT = 200  # rows that decide about delimiter, header and decimal sign
 
 
@@ -68,6 +72,23 @@ class Table:
     def mapped(self, columns: Mapping[str, str]) -> dict[str, str]:
         """A map of a user, with columns by their names, see ``named``."""
         return {key: self.named(column) for key, column in columns.items()}
+
+    def unnamed(self) -> dict[str, str]:
+        """Of two or three numbers a row without a header, t, x, y, where the first rises in even steps; else empty."""
+        if not self.bare or not 2 <= len(self.header) <= 3 or len(self) < FEWEST_EVEN:
+            return {}
+        clock = self.times("1")
+        clock = self.numbers("1") if clock is None else clock
+        step = (clock[-1] - clock[0]) / (len(clock) - 1)
+        # places along a straight way may rise as evenly, but hardly to their last digit
+        whole = (clock == np.round(clock)).all()
+        rounded = (d for d in range(DIGITS) if np.allclose(clock, np.round(clock, d), rtol=0, atol=1e-3 * 10.0**-d))
+        digit = next(rounded, DIGITS)
+        if not step > 0 or not (np.diff(clock) > 0).all():
+            return {}
+        off = np.abs(clock - np.linspace(clock[0], clock[-1], len(clock))).max()
+        even = off < (1e-9 if whole else OFF_EVEN * 10.0**-digit)
+        return dict(zip("txy", self.header, strict=False)) if even and off < 0.5 * step else {}
 
     def cells(self, name: str) -> Any:
         if name not in self.columns:
@@ -190,6 +211,27 @@ def plain_numbers(text: str) -> str:
     if both >= 3 and both > 0.5 * len(lines):
         text = _SCIENTIFIC.sub(r"\1.\2", text)
     return text
+
+
+def unquoted(lines: list[str]) -> list[str]:
+    """Lines, where each row stands in quotes as a whole, without them: a spreadsheet took the row for one cell.
+
+    A row of one word, as a title, may stand without quotes. A cell that is a number with a decimal comma is no row.
+    """
+    sample = [_QUOTED.fullmatch(line) for line in lines[:LOOKED_AT]]
+    rows = sum(cell is not None and _is_row(cell[1]) for cell in sample)
+    if rows < 3 or rows < 0.5 * len(sample):
+        return lines
+    cells = [_QUOTED.fullmatch(line) for line in lines]
+    # the last line may be cut
+    others = [line for line, cell in zip(lines[:-1], cells[:-1], strict=True) if cell is None]
+    if any(re.search(r"[\t,;\"]", line.strip()) for line in others):
+        return lines
+    return [line if cell is None else cell[1].replace('""', '"') for cell, line in zip(cells, lines, strict=True)]
+
+
+def _is_row(cell: str) -> bool:
+    return bool(re.search(r"[\t;]", cell)) or ("," in cell and not _DECIMAL_COMMA.fullmatch(cell.strip()))
 
 
 def split(text: str, delimiter: str, path: Path) -> list[tuple[int, list[str]]]:

@@ -19,9 +19,13 @@ from scipy.spatial import cKDTree
 
 from ...errors import InputError
 from ...laws import get_law
+from .periods import Swing, rod_of, swing_of
+from .plausible import SWINGS_OFF
 
 G = 9.81
 MARGIN = 0.05  # part of a length by which recalibration may move it
+AGREE = 0.02  # to which the lengths that an arc and a period tell agree: a bob is no point
+SWING_LEFT = 0.2  # of what a coordinate alone goes, that a swing which is its course may leave
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,13 @@ class Tracks:
         own = (np.array(self.body) == name) & np.isfinite(self.x) & np.isfinite(self.y)
         order = np.argsort(self.t[own], kind="stable")
         return self.t[own][order], np.stack([self.x[own], self.y[own]], axis=-1)[order]
+
+    def turned(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) and angles (k,) where the angle of the body is seen, in the order of time."""
+        angle = np.full(len(self.t), np.nan) if self.angle is None else self.angle
+        own = (np.array(self.body) == name) & np.isfinite(angle)
+        order = np.argsort(self.t[own], kind="stable")
+        return self.t[own][order], np.unwrap(angle[own][order])
 
 
 @dataclass(frozen=True)
@@ -156,15 +167,18 @@ def _swing_fit(
     length: float,
     gravity: tuple[float, float],
     free: tuple[str, ...],
+    seen: Sequence[int] = (0, 1),
 ) -> tuple[np.ndarray, float] | None:
     """Anchor and length of a pendulum by its course as well as its arc; None where no damped swing fits.
 
     theta'' = -(g/L) sin(theta) - a theta' - b |theta'| theta' over at most twelve swings, the dampings free: the
-    period tells the length far better than the arc does. ``free`` : which of anchor and length may move.
+    period tells the length far better than the arc does. ``free`` : which of anchor and length may move;  ``seen`` :
+    the coordinates that were measured, x (0) and y (1)
     """
     g = math.hypot(*gravity)
     if g == 0:
         return None
+    axes = list(seen)
     below = np.array(gravity) / g
     side = np.array([-below[1], below[0]])
     kept = t <= t[0] + 12 * 2 * math.pi * math.sqrt(length / g)
@@ -174,20 +188,23 @@ def _swing_fit(
         return None
 
     away = xy - anchor
-    angle = np.unwrap(np.arctan2(away @ side, away @ below))
+    angle = _angles(away, length, below, side, axes)
     few = slice(0, max(3, int(np.searchsorted(t, 0.4 * math.sqrt(length / g)))))
     speed, first = np.polyfit(t[few], angle[few], 1)
-    start = [first, speed, 0.0, 0.0, *(anchor if "anchor" in free else []), *([length] if "length" in free else [])]
+    moved = [*anchor[axes]] if "anchor" in free else []
+    start = [first, speed, 0.0, 0.0, *moved, *([length] if "length" in free else [])]
     size = np.array([0.1, 0.1 * math.sqrt(g / length), 0.1, 0.1, *([0.01 * length] * (len(start) - 4))])
 
     def place(p: np.ndarray) -> tuple[np.ndarray, float]:
-        return (p[4:6] if "anchor" in free else anchor), (float(p[-1]) if "length" in free else length)
+        centre = anchor.copy()
+        centre[axes[: len(moved)]] = p[4 : 4 + len(moved)]
+        return centre, (float(p[-1]) if "length" in free else length)
 
     def misfit(q: np.ndarray) -> np.ndarray:
         p = np.array(start) + size * (q - 1)
         centre, rod = place(p)
         if not 0.5 * length < rod < 2 * length:
-            return np.full(xy.size, length)
+            return np.full(len(t) * len(axes), length)
         run = solve_ivp(
             lambda _, s: (s[1], -g / rod * math.sin(s[0]) - (p[2] + p[3] * abs(s[1])) * s[1]),
             (0.0, float(t[-1])),
@@ -197,18 +214,26 @@ def _swing_fit(
             atol=1e-9,
         )
         if run.y.shape[1] != len(t):
-            return np.full(xy.size, length)
+            return np.full(len(t) * len(axes), length)
         turned = run.y[0][:, None]
-        return (centre + rod * (np.cos(turned) * below + np.sin(turned) * side) - xy).ravel()
+        return (centre + rod * (np.cos(turned) * below + np.sin(turned) * side) - xy)[:, axes].ravel()
 
     # around one, so that the differences that make the derivatives are 1e-3 of each size
     fit = least_squares(misfit, np.ones(len(start)), diff_step=1e-3, max_nfev=25)
     centre, rod = place(np.array(start) + size * (fit.x - 1))
-    spread = float(np.sqrt(2 * fit.cost / (2 * len(t) - len(start))))
-    radial = float(np.std(np.hypot(*away.T)))
-    if not (rod > 0 and spread < 1.5 * radial):
+    spread = float(np.sqrt(2 * fit.cost / (len(axes) * len(t) - len(start))))
+    bound = 1.5 * float(np.std(np.hypot(*away.T))) if len(axes) > 1 else SWING_LEFT * float(np.std(xy[:, axes]))
+    if not (rod > 0 and spread < bound):
         return None
     return np.array(centre), rod
+
+
+def _angles(away: np.ndarray, length: float, below: np.ndarray, side: np.ndarray, axes: Sequence[int]) -> np.ndarray:
+    """(k,) angles [rad] of places (k, 2) away from the anchor, 0 hanging; off one coordinate none is above pi/2."""
+    if len(axes) > 1:
+        return np.unwrap(np.arctan2(away @ side, away @ below))
+    (axis,) = axes
+    return np.arcsin(np.clip(away[:, axis] / length, -1, 1) * np.sign(side[axis])) - math.atan(below[axis] / side[axis])
 
 
 def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[float, float]) -> tuple[dict, str]:
@@ -218,9 +243,18 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         return dict(given), ""
     ask = f"say how long its rod is, as --law 'pin:{name},length=0.25'"
     if len(xy) < 10:
-        if "length" not in given:
-            raise InputError(f"only the angle of {name} is measured: {ask}", where="scene pendulum")
-        return {"anchor": [0.0, 0.0], **given}, ""
+        anchor = np.zeros(2)
+        if "length" in given:
+            return {"anchor": anchor.tolist(), **given}, ""
+        swing, g = swing_of(*tracks.turned(name)), math.hypot(*gravity)
+        length = math.nan if swing is None or not g else rod_of(swing, g, across=False)
+        if swing is None or not math.isfinite(length):
+            only = f"only the angle of {name} is measured, and no period can be told"
+            raise InputError(f"{only}: {ask}", where="scene pendulum")
+        return _hung(name, anchor, length, given, _by_period(swing, g, "the angle"))
+    flat = [axis for axis in (0, 1) if np.ptp(xy[:, axis]) == 0]
+    if len(flat) == 1:
+        return _pin_of_one(name, t, xy, 1 - flat[0], given, gravity)
     below = np.array(gravity) / (math.hypot(*gravity) or 1.0)
     free = tuple(key for key in ("anchor", "length") if key not in given)
     if "anchor" in given:
@@ -235,9 +269,93 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
     how = "its arc"
     if refined is not None and abs(refined[1] / length - 1) < max(5 * error, 0.01):
         (anchor, length), how = refined, "its arc and its period"
+    side = np.array([-below[1], below[0]])
+    swing = swing_of(t, _angles(xy - anchor, length, below, side, (0, 1))) if any(gravity) else None
+    told = _period_told(name, swing, math.hypot(*gravity), length, 5 * error, "length" in given)
+    return _hung(name, anchor, length, given, f"by {how}{told}")
+
+
+def _hung(name: str, anchor: np.ndarray, length: float, given: Mapping[str, Any], how: str) -> tuple[dict, str]:
+    """A pin with what is given and what was found, and the remark."""
     pin: dict[str, Any] = {"anchor": [_round(float(v)) for v in anchor], "length": _round(float(length))}
     place = f"({pin['anchor'][0]:.5g}, {pin['anchor'][1]:.5g}) m, {pin['length']:.5g} m long"
-    return {**pin, **given}, f"{name} hangs on a rod from {place}, by {how}"
+    return {**pin, **given}, f"{name} hangs on a rod from {place}, {how}"
+
+
+def _period_told(
+    name: str, swing: Swing | None, g: float, length: float, error: float, said: bool, *, across: bool = False
+) -> str:
+    """What is added where the period tells another length than the arc, or than what the user said; empty else.
+
+    Another by SWINGS_OFF is told of the recording, whatever template made it.
+    """
+    rod = math.nan if swing is None else rod_of(swing, g, across=across)
+    if swing is None or not math.isfinite(rod):
+        return ""
+    least = max(MARGIN if said else AGREE, error, 6 * swing.error / swing.period)
+    if abs(rod / length - 1) < least or not 1 / SWINGS_OFF < rod / length < SWINGS_OFF:
+        return ""
+    told = f"; but its period of {swing.period:.4g} s is that of a point on a rod of {rod:.4g} m"
+    if said:
+        low, high = sorted((rod, length))
+        return (
+            f"{told}, which is more off the length that was said than the {100 * MARGIN:.0f} % by which it is adjusted "
+            f"(--adjustable pin.length={low * (1 - MARGIN):.3g}:{high * (1 + MARGIN):.3g} lets it be either)"
+        )
+    return (
+        f"{told}: is the frame rate wrong (--fps, times {math.sqrt(rod / length):.3g}) or the unit (--unit, times "
+        f"{rod / length:.3g}), or is {name} no point on a rod without a mass?"
+    )
+
+
+def _pin_of_one(
+    name: str, t: np.ndarray, xy: np.ndarray, axis: int, given: Mapping[str, Any], gravity: tuple[float, float]
+) -> tuple[dict, str]:
+    """As ``_pin_of`` where one coordinate alone was measured: no arc, the length is that of the period.
+
+    Its pivot is above the middle of the swing, where the other coordinate, which stands as one number, is the lowest.
+    """
+    there, missing = "xy"[axis], "yx"[axis]
+    g = math.hypot(*gravity)
+    below = np.array(gravity) / (g or 1.0)
+    side = np.array([-below[1], below[0]])
+    if g and abs(below[axis]) > abs(side[axis]):
+        raise InputError(
+            f"of {name} {there} alone is measured, which goes along gravity: a pendulum is told by the coordinate "
+            f"across it (--columns {missing}=NAME)",
+            where="scene pendulum",
+        )
+    swing = swing_of(t, xy[:, axis])
+    length = float(given["length"]) if "length" in given else math.nan
+    if swing is not None and g and "length" not in given:
+        length = rod_of(swing, g, across=True)
+    if not math.isfinite(length):
+        why = "no period can be told" if swing is None or not g else "its swing is too wide"
+        raise InputError(
+            f"of {name} {there} alone is measured, which has no arc, and {why}: say how long its rod is, as "
+            f"--law 'pin:{name},length=0.25'",
+            where="scene pendulum",
+        )
+    lowest = xy[0].copy()
+    lowest[axis] = np.mean(xy[:, axis]) if swing is None else swing.middle
+    anchor = np.array(given.get("anchor", lowest - length * below), dtype=float)
+    free = tuple(key for key in ("anchor", "length") if key not in given)
+    refined = _swing_fit(t, xy, anchor, length, gravity, free, (axis,)) if swing is not None else None
+    if refined is not None:
+        anchor, length = refined
+        anchor[1 - axis] = (lowest - length * below)[1 - axis]
+    if "length" in given:
+        how = f"above the middle of its swing, as {there} alone is measured"
+        return _hung(name, anchor, length, given, how + _period_told(name, swing, g, length, 0.0, True, across=True))
+    assert swing is not None
+    return _hung(name, anchor, length, given, _by_period(swing, g, there))
+
+
+def _by_period(swing: Swing, g: float, seen: str) -> str:
+    return (
+        f"by its period of {swing.period:.4g} s, as that of a point on a rod under {g:.4g} m/s^2: {seen} alone is "
+        "measured, which has no arc"
+    )
 
 
 def _pendulum(
