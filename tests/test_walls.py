@@ -11,7 +11,8 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.engine.checkpoint import resume, save_checkpoint
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.candidates import named_terms
-from granswim_pymunk.inference.data import prepare, thinnest_layer
+from granswim_pymunk.inference.data import layers_seen, prepare
+from granswim_pymunk.laws import get_law
 from granswim_pymunk.recording import Recording, film, read_recording, write_recording
 from granswim_pymunk.run import run_scene
 from granswim_pymunk.scene import Adjustable, Body, Scene, Wall, read_scene, scene_from_dict, use, write_scene
@@ -401,10 +402,11 @@ def test_a_layer_along_a_wall_has_to_be_seen():
     for rate, v, thin in ((60, fast, (0.05, 0.15)), (60, slow, (0.0, 0.04)), (600, fast, (0.0, 0.02))):
         seen = thrown_at_a_board(rate, v)
         case = prepare(replace(seen, scene=replace(seen.scene, gravity=(0.0, 0.0))), held_out=False, split=False)
-        assert thin[0] <= thinnest_layer([case]) <= thin[1]
+        assert thin[0] <= layers_seen(get_law("wall_drag"), [case])[0] <= thin[1]
         term = next(t for t in named_terms([case]) if t.label == "wall_drag")
         reach = term.free[1]
-        assert reach.low == thinnest_layer([case]) <= reach.first
+        low, high = layers_seen(get_law("wall_drag"), [case])
+        assert reach.low == low <= reach.first <= high == reach.high < 2.0
 
 
 def test_a_board_that_takes_speed_is_no_layer_of_air(tmp_path):

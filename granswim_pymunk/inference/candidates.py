@@ -20,7 +20,7 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import Case, falls, thinnest_layer, with_gravity
+from .data import Case, falls, layers_seen, with_gravity
 from .driven_terms import driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
@@ -82,7 +82,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     # a mass that halves makes no more sense than one that doubles
     halved = {p.name: 1.0 / (1.0 + p.high) - 1.0 for p in fitted if p.within == "weight"}
-    thin = thinnest_layer(cases) if any(p.within == "sight" for p in fitted) else -math.inf
+    thin, wide = layers_seen(law, cases) if any(p.within == "sight" for p in fitted) else (0.0, math.inf)
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
     least = lightest() if weighed(cases) else -math.inf
     heavy = with_gravity(cases)
@@ -103,7 +103,9 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 scale = current().candidates.step * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
                 low = max(low, {"weight": least, "sight": thin}.get(p.within, -math.inf), halved.get(p.name, -math.inf))
-                typical = max(typical, low) if p.within == "sight" else typical
+                if p.within == "sight":
+                    high = min(high, wide)
+                    typical = min(max(typical, low), high)
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary

@@ -15,8 +15,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from .. import distributions as stats
 from ..errors import InputError
 from ..joints import hinged
+from ..laws import Law
 from ..recording import Recording
-from ..scene import Scene
+from ..scene import Scene, use
 from ..walls import gap_to_wall
 from .criteria import current
 from .filled import held_places, on_a_line
@@ -599,20 +600,28 @@ def _paths(recording: Recording, channels: Sequence[Channel], values: np.ndarray
     return {b: np.column_stack([place[b, "x"], place[b, "y"]]) for b in bodies}
 
 
-def thinnest_layer(cases: Sequence[Case]) -> float:
-    """How thin a layer along walls may be [m] of which more is seen in training parts than that bodies strike the wall.
+def layers_seen(law: Law, cases: Sequence[Case]) -> tuple[float, float]:
+    """Between which widths [m] a layer along walls, in which a law acts, shows in training parts.
 
-    Bodies pass a thinner one between two frames: it shows no more than a contact does. None where there are no walls.
+    Some sightings lie in it: bodies pass a thinner one between two frames, and it shows no more than a contact does.
+    Some lie outside: a wider one is everywhere. Without walls, or with too few sightings, none is asked.
     """
-    gaps = [np.zeros(0)]
+    gaps, count = [np.zeros(0)], current().candidates.layer
+    needed: dict[str, Any] = {p.name: p.typical for p in law.parameters if p.typical is not None}
     for case in cases:
         scene = case.recording.scene
-        for name, xy in _paths(case.recording, case.channels, case.values).items() if scene.walls else ():
-            seen = xy[case.training & np.isfinite(xy).all(axis=1)]
-            every = [gap_to_wall(seen, scene.body(name).radius, wall, scene.periodic_x) for wall in scene.walls]
+        if not scene.walls and all(b.mobile for b in scene.bodies):
+            continue
+        lines = scene.resolved(use(law, **needed))
+        for name, xy in _paths(case.recording, case.channels, case.values).items():
+            seen, radius = xy[case.training & np.isfinite(xy).all(axis=1)], scene.body(name).radius
+            every = [seen[:, 1] - lines["bottom"] - radius, lines["top"] - seen[:, 1] - radius]
+            every += [gap_to_wall(seen, radius, wall, scene.periodic_x) for wall in scene.walls]
             gaps.append(np.min(every, axis=0))
-    nearest, count = np.sort(np.concatenate(gaps)), current().candidates.layer
-    return max(float(nearest[count - 1]), 0.0) if len(nearest) >= count else 0.0
+    nearest = np.sort(np.concatenate(gaps))
+    if len(nearest) < 2 * count:
+        return 0.0, math.inf
+    return max(float(nearest[count - 1]), 0.0), max(float(nearest[-count]), 0.0)
 
 
 def _without_meetings(near: np.ndarray) -> np.ndarray:

@@ -22,7 +22,8 @@ class CandidateCriteria:
     top : times the fastest that bodies moved, over which a drag by the speed is drawn;  fastest : quantile of the steps
         that says how fast. Choice: a hundredth of them may be wrong
     loss : of what contacts lose, and ``kept`` at the least, by which a restitution first steps
-    layer : sightings within a layer along walls, the fewest, that show more of it than an impact does. Choice
+    layer : sightings within a layer along walls, the fewest, that show more of it than an impact does, and outside of
+        it, that show more than a drag everywhere does. Choice
     amplitude : of the drive's amplitude, by which a number within it first steps
     """
 
