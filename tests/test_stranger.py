@@ -450,7 +450,10 @@ def test_a_frame_rate_that_would_do_is_told():
     ("a", "held", "said"),
     [
         ((0.0, 19.62), False, "counted the other way"),
-        ((0.0, 9.81 * (1 - 1 / 64)), False, "lengths times 64, or a frame rate times 8 would"),
+        ((0.0, 9.81 * (1 - 1 / 64)), False, "takes gravity away"),
+        ((0.0, 9.81 * (1 - 1 / 4)), False, "lengths times 4, or a frame rate times 2 would"),
+        ((0.0, 9.81 * 0.75), False, "so would a medium that bears 75 % of the weight"),
+        ((0.0, -9.81), False, "a frame rate times 0.707 would make that right as well"),
         ((0.0, 9.81 * (1 - 1 / 16)), True, "a pendulum 6.4 m long in place of 0.4 m, or a frame rate times 4"),
         ((9.81, 9.0), False, ""),
     ],

@@ -105,7 +105,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 low = max(low, {"weight": least, "sight": thin}.get(p.within, -math.inf), halved.get(p.name, -math.inf))
                 if p.within == "sight":
                     high = min(high, wide)
-                    typical = min(max(typical, low), high)
+                    # begun at one of its bounds it would not be known to have ended there
+                    typical = typical if low < typical < high else min(2 * low, 0.5 * (low + high)) or 0.5 * high
                 for argument in p.arguments:
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ... import distributions as stats
-from ...laws import all_laws
+from ...laws import all_laws, has_role
 from ...recording import Recording
 from ...scene import Scene
 from ..candidates import asked_terms, in_contact_alone, names_of
@@ -859,7 +859,7 @@ class Tracks(ObservationModel):
         entries = self.mechanisms(course)
         notes += as_the_picture(entries, self.study.cases) + as_a_push(entries, self.study.cases)
         if course.judged.claim.nameless:
-            notes += as_a_spring(laws[0], course.judged.claim.fit, self.study.training)
+            notes += as_a_spring(laws[0], course.judged.claim.fit, self.study.training) or self._as_a_spring_after_all()
         if laws:
             notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:
@@ -874,6 +874,19 @@ class Tracks(ObservationModel):
                 text += f"{least:.2g} to {most:.2g} {self.unit}"
             notes.append(text)
         return notes
+
+    def _as_a_spring_after_all(self) -> list[str]:
+        """That a field in place leaves less than the form that is told, where frames are too few to predict some by it.
+
+        Compared by what each leaves, of a size that nobody knows: n ln chi2 + 2 numbers (AIC), noise at the least.
+        """
+        tried = [(t.fit, t) for t in self.tried.forms if t.fit is not None]
+        price = {t.label: fit.count * math.log(max(fit.chi2, fit.count)) + 2 * t.used for fit, t in tried}
+        fields = [(fit, t) for fit, t in tried if has_role(t.term.law, "place")]
+        fit, best = min(fields, key=lambda entry: price[entry[1].label], default=(None, None))
+        if fit is None or best is None or price[best.label] > min(price.values()):
+            return []
+        return as_a_spring(best, fit, self.study.training)
 
     def _kicks_untold(self, laws: Sequence[Trial]) -> list[str]:
         """Notes on velocities that change at once, but for those that a law between bodies is there for."""

@@ -64,14 +64,21 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
                 f"{law.name} turns gravity round: bodies fall against it, with {-seen * size:.3g} m/s^2; tracks whose "
                 "axis is counted the other way look so (rows of a picture are counted downwards)"
             )
+        elif abs(seen) < ordinary and falls:
+            notes.append(
+                f"{law.name} takes gravity away: bodies neither gain nor lose speed, as where they have come to the "
+                "speed at which a drag bears their weight, c = m g/v"
+            )
         elif seen > 0 and not timed:
             scaled = f"lengths times {1 / seen:.3g}, or " if falls else ""
+            share = 100 * (1 - seen)
+            borne = f"; so would a medium that bears {share:.0f} % of the weight" if falls and seen < 1 else ""
             rods = {float(scene.resolved(i)["length"]) for scene in scenes for i in scene.laws_as("pendulum")}
             if len(rods) == 1:
                 scaled = f"a pendulum {min(rods) / seen:.3g} m long in place of {min(rods):.3g} m, or "
             notes.append(
                 f"{law.name} lies along gravity: bodies fall with {seen * size:.3g} m/s^2 where {size:.3g} is "
-                f"believed; {scaled}a frame rate times {seen**-0.5:.3g} would make that right as well"
+                f"believed; {scaled}a frame rate times {seen**-0.5:.3g} would make that right as well{borne}"
             )
     return notes
 
