@@ -181,8 +181,8 @@ def test_a_broken_impulse_is_seen():
     assert np.abs(ends(Simulation(wrong, dt=1e-4), 200) - reference).max() > 20 * sound
 
 
-# what other numbers of a law are made of more than its tables of: joints, and commands that a series makes longer
-MADE_ANEW = {"pin", "actuator_lag"}
+# what other numbers of a law are made of more than its tables of: commands that a series makes longer
+MADE_ANEW = {"actuator_lag"}
 
 
 @pytest.mark.parametrize("scheme", ["half_step", "exact"])

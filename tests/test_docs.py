@@ -104,12 +104,10 @@ def test_the_tutorial_on_a_scene_of_your_own(tmp_path):
     assert (tmp_path / "out/box/video.gif").stat().st_size > 1000
 
 
-def test_the_film_of_the_tutorial(tmp_path):
+def test_the_film_of_the_tutorial(film_of_the_tutorial):
     """What is done with such a film is in test_track.py."""
     from granswim_pymunk.recording.track_film import open_film
 
-    (code,) = blocks(DOCS / "tutorial_video.md", "python")
-    run(code, tmp_path)
-    film = open_film(tmp_path / "pucks.mp4")
+    film = open_film(film_of_the_tutorial)
     assert (film.width, film.height, film.rate) == (640, 480, 60.0)
     assert sum(1 for _ in film.frames()) == 120

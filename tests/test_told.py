@@ -2,11 +2,12 @@
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_docs import DOCS, PLACEHOLDERS, ROOT, blocks, run
+from test_docs import PLACEHOLDERS, ROOT, blocks, run
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.recording import shipped_names
@@ -36,7 +37,7 @@ def swing(folder):
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_the_commands_of_a_page_run_one_after_the_other(name, tmp_path, monkeypatch, capsys):
+def test_the_commands_of_a_page_run_one_after_the_other(name, tmp_path, monkeypatch, capsys, request):
     page = ROOT / name
     said = list(commands(page))
     assert said
@@ -44,8 +45,7 @@ def test_the_commands_of_a_page_run_one_after_the_other(name, tmp_path, monkeypa
     swing(tmp_path)
     if any("pucks.mp4" in line for line in said):
         pytest.importorskip("trackpy")
-        (code,) = blocks(DOCS / "tutorial_video.md", "python")
-        run(code, tmp_path)
+        shutil.copy(request.getfixturevalue("film_of_the_tutorial"), tmp_path)
     if any("--to gsd" in line for line in said):
         pytest.importorskip("gsd")
     for line in said:

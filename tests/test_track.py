@@ -20,7 +20,7 @@ RADIUS, MASS, DRAG = 4e-3, 5e-3, 4e-3  # m, kg, kg/s
 
 
 def ways(frames=120):
-    """Two pucks that glide and are slowed by a linear drag, and do not meet; (T, 2, 2) in m."""
+    """Two pucks that glide and are slowed by a linear drag, and do not meet, as in the tutorial; (T, 2, 2) in m."""
     t = np.arange(frames) / RATE
     start = np.array([[0.015, 0.03], [0.145, 0.085]])
     v = np.array([[0.075, 0.006], [-0.062, -0.004]])
@@ -53,9 +53,9 @@ def film(path, xy, **look):
     return path
 
 
-def test_a_film_of_pucks_to_a_verdict(tmp_path, capsys):
+def test_a_film_of_pucks_to_a_verdict(film_of_the_tutorial, tmp_path, capsys):
     t, xy = ways()
-    movie = film(tmp_path / "pucks.mp4", xy)
+    movie = film_of_the_tutorial
     code = main(["track", str(movie), "--radius", "4mm", "--scale", "0.25mm/px", "--mass", "5g", "--scene", "puck",
                  "--out", str(tmp_path / "pucks")])  # fmt: skip
     said = capsys.readouterr().out

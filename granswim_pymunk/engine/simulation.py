@@ -175,7 +175,7 @@ class Simulation:
         """Give the laws of the scene other numbers, before a ``restart``: the same run as of a new Simulation.
 
         ``laws``: those of the scene, on the same bodies, in the same order. False where more hangs on them than their
-        tables (impulses, what holds bodies, a reach), or in another mode than verlet: a new Simulation is needed.
+        tables (impulses, hinges and rods, a reach), or in another mode than verlet: a new Simulation is needed.
         """
         return self.backend.retune(tuple(laws))
 

@@ -69,7 +69,6 @@ def joints_of(scene: Scene, order: Order, bodies: Bodies) -> Joints:
             bodies.group[rows] = -1
     close_links(scene, links, bodies)
     joints: list[tuple[int, int, int]] = []
-    places: list[tuple[float, float]] = []
     of_law: dict[int, list[int]] = {}
     for k, names in scene.joints_of.items():
         item = scene.laws[k]
@@ -77,15 +76,21 @@ def joints_of(scene: Scene, order: Order, bodies: Bodies) -> Joints:
         first = len(joints)
         if item.name == "pin":
             joints += [(0, -1, row) for row in rows]
-            places += [item.values["anchor"] for _ in rows]
         else:
             joints.append((1, -1, rows[0]) if len(rows) == 1 else (1, rows[0], rows[1]))
-            places.append((0.0, 0.0))
         of_law[k] = list(range(first, len(joints)))
     return Joints(
-        links, sorted(pairs), np.array(joints, dtype=np.int64).reshape(-1, 3),
-        np.array(places, dtype=float).reshape(-1, 2), of_law,
-    )  # fmt: skip
+        links, sorted(pairs), np.array(joints, dtype=np.int64).reshape(-1, 3), anchors_of(scene), of_law
+    )
+
+
+def anchors_of(scene: Scene) -> np.ndarray:
+    """(q, 2) where each joint of a scene hangs [m], known of pins alone."""
+    places: list[tuple[float, float]] = []
+    for k, names in scene.joints_of.items():
+        item = scene.laws[k]
+        places += [item.values["anchor"]] * len(names) if item.name == "pin" else [(0.0, 0.0)]
+    return np.array(places, dtype=float).reshape(-1, 2)
 
 
 def close_links(scene: Scene, links: Links, bodies: Bodies) -> None:

@@ -13,7 +13,7 @@ from .. import stepping
 from ..callbacks import KIND_ORDER, Kernel, spins
 from ..motion import Motion
 from ..native import Offsets, column
-from ..tables import close_links, commands_of, law_numbers, uses_of
+from ..tables import anchors_of, close_links, commands_of, law_numbers, uses_of
 from .base import Plan
 from .native import Native
 
@@ -113,7 +113,7 @@ class Verlet(Native):
                 return False
             # more than tables is made of these: how disks bounce and rub, Chipmunk's joints, links and what they move
             surface = self.impulse and old.name == "contact_friction"
-            joint = old.name == "pin" or (held and old.law.kind == "constraint")
+            joint = held and old.law.kind == "constraint"
             if (old.law.kind not in KIND_ORDER or surface or joint) and old.values != new.values:
                 return False
         scene = replace(self.scene, laws=laws)
@@ -127,6 +127,7 @@ class Verlet(Native):
                 return False
             known.input_t[...], known.input_v[...] = t, v
         self.scene, self.uses = scene, uses
+        known.joint_at[...] = anchors_of(scene)
         known.parameters[...] = law_numbers(scene, self.order, b, uses, self.acting, self.dt)[0]
         self.world.ease(b, self.offsets)
         return True
