@@ -127,9 +127,12 @@ class Verlet(Native):
                 return False
             known.input_t[...], known.input_v[...] = t, v
         self.scene, self.uses = scene, uses
-        known.joint_at[...] = anchors_of(scene)
+        if len(known.joint_at):
+            known.joint_at[...] = anchors_of(scene)
+        eased = b.ease.copy()
         known.parameters[...] = law_numbers(scene, self.order, b, uses, self.acting, self.dt)[0]
-        self.world.ease(b, self.offsets)
+        if not np.array_equal(b.ease, eased):
+            self.world.ease(b, self.offsets)
         return True
 
     def steer(self, v: np.ndarray) -> None:
