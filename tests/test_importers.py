@@ -16,6 +16,7 @@ from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.recording.importers import IMPORTERS, import_all, import_recording
+from granswim_pymunk.recording.importers.stamps import frame_rate
 from granswim_pymunk.recording.importers.units import LENGTHS, quantity
 from granswim_pymunk.recording.keys import KEYS, commented
 
@@ -1045,3 +1046,17 @@ class TestScenes:
         (r,) = import_recording(tmp_path / "swim.csv", bodies=["*:1.5mm:14mg"], scene="swimmer")
         assert [b.role for b in r.scene.bodies] == ["head", "tail", "tail"]
         assert r.scene.laws_named("bending")[0].values["frequency"] == pytest.approx(7.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rate", "digits", "frames"), [(29.97, 3, 60), (60.0, 2, 300), (240.0, 3, 25), (15.0324, 3, 40)]
+)
+def test_a_frame_rate_is_that_of_all_rounded_stamps_together(rate, digits, frames):
+    t = np.round(np.arange(frames) / rate, digits)
+    assert frame_rate(t) == pytest.approx(rate, rel=2 * 10.0**-digits * rate / frames)
+    gaps = np.delete(t, [5, 6, 11])
+    assert frame_rate(gaps) == pytest.approx(rate, rel=2 * 10.0**-digits * rate / frames)
+
+
+def test_a_frame_rate_of_uneven_stamps_is_one_over_the_usual_step():
+    assert frame_rate(np.array([0.0, 0.1, 0.2, 0.34, 0.44, 0.58, 0.72])) == pytest.approx(1 / 0.12)

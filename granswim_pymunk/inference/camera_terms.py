@@ -28,8 +28,11 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
         scale = Free("camera.scale", "1", 1 - off, 1 + off, 1.0, ends.scale, None, 1.0, usual=ends.usual_scale)
         terms.append(Term("camera_scale", "camera_scale", (scale,), set_camera("scale"),
                           expression="seen = s true", groups=(("s", (0,)),)))  # fmt: skip
-    terms.append(Term("camera_tilt", "camera_tilt", (tilt,), set_camera("tilt"),
-                      expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
+    swings = any(c.recording.scene.joints_of for c in cases)
+    if swings or len({c.kind for case in cases for c in case.channels} - {"angle"}) != 1:
+        # of one coordinate alone no direction was seen
+        terms.append(Term("camera_tilt", "camera_tilt", (tilt,), set_camera("tilt"),
+                          expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
     if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
         terms.append(
             Term("time_offset", "time_offset", (offset,),

@@ -17,7 +17,7 @@ from ..recording import Recording, rail_axes
 from .adjustables import adjusted
 from .base import Found, Options
 from .commands import commanded
-from .stamps import look_rounded, rounded
+from .stamps import frame_rate, look_rounded, rounded
 from .table import some_of
 from .templates import TEMPLATES, G, Tracks, parse_gravity, parse_law
 from .units import ANGLES, LENGTHS, MASSES, TIMES, factor, measure
@@ -409,10 +409,9 @@ def _assemble(
     if angle is not None:
         angles = np.full((len(times), len(used)), np.nan)
         angles[frame, column] = angle[kept]
-    steps = np.diff(times)
     known: dict[str, Any] = {key: numbers.get(key) for key in RECORDING_KEYS}
-    if known["sampling"] is None and len(steps):
-        known["sampling"] = float(f"{1 / np.median(steps):.6g}")
+    if known["sampling"] is None and len(times) > 1:
+        known["sampling"] = float(f"{frame_rate(times):.6g}")
     return Recording(
         name=source.stem,
         title=str(numbers.get("title") or source.stem),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+EVEN = 0.5  # of a step, by which stamps of one clock are off it at the most: beyond, they would be another frame
 TOGETHER = 3  # rows of one body that rounding gives one time: more are other bodies, or an end of the clock
 NEARER = 2.0  # times as far apart as every other row are neighbouring rows where bodies take turns
 
@@ -34,3 +35,17 @@ def rounded(t: np.ndarray, rows: str) -> str:
         f"its times are rounded: {rows} are of one body and have one time. Say the frame rate, --fps RATE{about}, and "
         "in a table name the columns of places alone (--columns x=X,y=Y): each row is then the next frame"
     )
+
+
+def frame_rate(t: np.ndarray) -> float:
+    """Frames a second of stamps (T,) [s], two or more: of all of them together, where they belong to one clock.
+
+    A stamp that was rounded to a millisecond tells a step of 33 ms to three per cent, a hundred of them to a part in
+    3000. Where frames follow one another unevenly it is one over the usual step.
+    """
+    steps = np.diff(t)
+    usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+    frames = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
+    rate = frames[-1] / float(t[-1] - t[0])
+    off = float(np.max(np.abs(t - t[0] - frames / rate)))
+    return rate if rate > 0 and off < EVEN * usual else 1.0 / float(np.median(steps))
