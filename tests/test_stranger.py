@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
 from granswim_pymunk import api
-from granswim_pymunk.inference.candidates import law_terms
+from granswim_pymunk.inference.candidates import law_terms, named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
 from granswim_pymunk.inference.result import Diagnosis
@@ -604,3 +604,13 @@ def test_a_bent_picture_is_no_explanation_where_a_plainer_force_does_as_well():
     s = entry["parameters"]["s"]
     assert s["low"] < turn * mass < s["high"]
     assert verdict["fit"]["heldout"]["revised"] < 1.5 * noise
+
+
+@pytest.mark.parametrize("kinds", ["y", "xy"])
+def test_of_one_coordinate_no_turned_picture_is_asked(kinds):
+    t, rng = np.arange(40) / 60, np.random.default_rng(1)
+    xy = np.stack([0.0 * t + (0.3 * t if "x" in kinds else 0.0), -4.9 * t**2], axis=1)[:, None]
+    xy[..., ["xy".index(k) for k in kinds]] += 1e-3 * rng.normal(size=(40, 1, len(kinds)))
+    scene = Scene((Body("ball", "free", 0.02, 0.1),), (use("gravity"),), gravity=GRAVITY)
+    case = prepare(Recording("fall", scene, t, ("ball",), xy, sampling=60.0), held_out=False, split=False)
+    assert any(term.mechanism == "camera_tilt" for term in named_terms([case])) == (kinds == "xy")
