@@ -353,7 +353,7 @@ def test_summary_admits_what_held_out_data_say_against_it(cases):
         held = {**fit["heldout"], "revised": factor * fit["heldout"]["naive"]}
         return replace(d, verdict={**d.verdict, "fit": {**fit, "heldout": held}})
 
-    assert "speak against it" in told(leaving(2.0))
+    assert "do not bear it out" in told(leaving(2.0))
     assert "do not confirm it" in told(leaving(0.98))
 
 

@@ -13,6 +13,7 @@ from .words import bodies, counted, escaped, length, listed, number, spoken, tim
 NOISE = 1.3  # an error below this many noise floors is called noise
 TWICE = 2.0  # noise floors that a held-out error may reach by the start that it runs on from
 FAR = 3.0  # standard errors from what was believed, from which an adjustable has moved
+NEARLY = 0.9  # of a mismatch, from which it needs a word why what explains it is not named
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
 BEYOND = 37.0  # z where doubles end
 
@@ -75,6 +76,7 @@ def headline(d: Diagnosis) -> str:
         near = next((r for r in v["rivals"] if r.get("share") is not None), None)
         if near is not None:
             text += f"; what comes closest, {spoken(near['name'])}, explains {percent(near['share'])} of it"
+            text += ", and a force without a name leaves far less" if v["mechanisms"] and near["share"] > NEARLY else ""
         return text + "."
     later = _off_later(d)
     if v["verdict"] == "recalibrate":
@@ -229,7 +231,7 @@ def _better(d: Diagnosis) -> str:
         else:
             text = (
                 f"{way} the {part} error grows from {length(naive, unit)} to {shown}: the training data ask for it, "
-                f"the {part} data speak against it."
+                f"the {part} data do not bear it out."
             )
         if v["verdict"] == "unmodelled" and not v["mechanisms"]:
             text = f"The {part} error of the scene is {shown}."
