@@ -690,10 +690,13 @@ def test_the_inner_test_is_the_density_of_what_follows():
 
 def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     """Changing the held-out recording changes the held-out error and nothing else."""
-    rng = np.random.default_rng(11)
-    truth = table(use("linear_drag", c=0.004))
-    training = filmed(truth, table(), SHORT, rng, name="training")
-    held = filmed(table(use("linear_drag", c=0.004), seed=2), table(seed=2), SHORT, rng, name="held")
+    rng, drag = np.random.default_rng(11), use("linear_drag", c=0.004)
+
+    def disk(seed: int, name: str) -> Recording:
+        (true, believed) = (Scene(table(seed=seed).bodies[:1], laws) for laws in ((drag,), ()))
+        return filmed(true, believed, SHORT, rng, name=name)
+
+    training, held = disk(1, "training"), disk(2, "held")
     spoiled = replace(held, xy=held.xy + 0.05 * held.t[:, None, None] ** 2)
     a, b = (diagnose_tracks([training], [other]).verdict for other in (held, spoiled))
     assert a["mechanisms"][0]["parameters"] == b["mechanisms"][0]["parameters"]
@@ -910,7 +913,7 @@ def test_numbers_that_hang_on_the_step_are_seen():
 
 def test_the_joint_that_drags_is_told():
     """Two arms hung from one another, filmed by their angles; only the first axle is not free."""
-    verdict = diagnose_tracks([two_arms(np.arange(0.0, 3.0, 0.01))]).verdict
+    verdict = diagnose_tracks([two_arms(np.arange(0.0, 1.5, 0.01))]).verdict
     first = verdict["mechanisms"][0]
     assert verdict["verdict"] == "missing_physics" and first["name"] == "joint_drag" and first["bodies"] == ["arm1"]
     assert first["parameters"]["c"]["low"] < 6e-4 < first["parameters"]["c"]["high"]
