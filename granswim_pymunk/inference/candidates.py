@@ -80,8 +80,6 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = [p for p in law.parameters if p.typical is not None]
     given = constants(law, cases)
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
-    # a mass that halves makes no more sense than one that doubles
-    halved = {p.name: 1.0 / (1.0 + p.high) - 1.0 for p in fitted if p.within == "weight"}
     thin, wide = layers_seen(law, cases) if any(p.within == "sight" for p in fitted) else (0.0, math.inf)
     # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
     least = lightest() if weighed(cases) else -math.inf
@@ -102,9 +100,11 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 typical = float(p.typical or 0.0) * grown * stretch if inner else 0.0
                 scale = current().candidates.step * abs(typical) if inner else 1.0
                 low, high = (-fastest, fastest) if p.within == "speed" else (p.low, p.high)
-                low = max(low, {"weight": least, "sight": thin}.get(p.within, -math.inf), halved.get(p.name, -math.inf))
-                if p.within == "sight":
-                    high = min(high, wide)
+                if p.within == "weight":
+                    # a mass that halves makes no more sense than one that doubles
+                    low = max(low, least, 1.0 / (1.0 + p.high) - 1.0)
+                elif p.within == "sight":
+                    low, high = max(low, thin), min(high, wide)
                     # begun at one of its bounds it would not be known to have ended there
                     typical = typical if low < typical < high else min(2 * low, 0.5 * (low + high)) or 0.5 * high
                 for argument in p.arguments:

@@ -295,10 +295,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         t = recording.t
         swapped += _without_caught(recording, t, values, channels, sigmas)
         near = _meetings(recording, channels, values)
-        smooth = _without_meetings(near)
-        if smooth.all() and not _lasts(recording):  # bodies that rest on a wall touch it, and are not struck by it
-            least = current().stamps.struck * max(sigmas)
-            smooth = ~_around(_meetings(recording, channels, values, least))
+        smooth = _without_meetings(recording, channels, values, sigmas, near)
         values, lost = _without_outliers(t, values, channels, sigmas, smooth, _pressed(recording, near))
         sigmas, tau, blurred = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
         sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
@@ -490,6 +487,7 @@ def _let_go(
 
 
 def _says_late(recording: Recording, tau: float, blurred: bool) -> list[str]:
+    """What is said of errors that grow with speed, ``tau`` [s] of the way."""
     if not blurred:
         return [f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)"]
     return [
@@ -636,13 +634,22 @@ def layers_seen(law: Law, cases: Sequence[Case]) -> tuple[float, float]:
     return max(float(nearest[count - 1]), 0.0), max(float(nearest[-count]), 0.0)
 
 
-def _without_meetings(near: np.ndarray) -> np.ndarray:
-    """(T,) frames without a meeting within the frames of a polynomial about them, of those in which bodies may touch.
+def _without_meetings(
+    recording: Recording, channels: Sequence[Channel], values: np.ndarray, sigmas: Sequence[float], near: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """(T,) frames without a meeting within the frames of a polynomial about them; near : (T,) where bodies may touch.
 
-    All of them where that leaves less than half: bodies that go on touching press, and do not kink.
+    Where that leaves less than half: bodies that go on touching press, and do not kink, so all of them; where contacts
+    are instantaneous, those about which nothing is struck, as what rests on a wall touches it and is not.
     """
     around = _around(near)
-    return np.ones_like(near) if around.sum() > len(near) / 2 else ~around
+    if around.sum() <= len(near) / 2:
+        return ~around
+    if _lasts(recording):
+        return np.ones_like(near)
+    of_places = [sigma for sigma, channel in zip(sigmas, channels, strict=True) if channel.kind != "angle"]
+    least = current().stamps.struck * max(of_places, default=0.0)
+    return ~_around(_meetings(recording, channels, values, least))
 
 
 def _around(near: np.ndarray) -> np.ndarray:

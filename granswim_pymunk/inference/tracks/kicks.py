@@ -65,10 +65,20 @@ def shown_later(case: Case) -> str:
     later = [kick for kick in all_kicks(case) if case.scored[kick.row]]
     if not later:
         return ""
-    first, near = later[0], current().kicks.half * float(np.median(np.diff(case.t)))
-    whose = sorted({kick.body for kick in later if abs(kick.t - first.t) < near})
+    whose = sorted(_with_first(case, later))
     size = max(float(np.hypot(*kick.change)) for kick in later)
-    return f"the velocity of {' and '.join(whose)} changes by up to {size:.2g} m/s at once at t = {first.t:.4g} s"
+    return f"the velocity of {' and '.join(whose)} changes by up to {size:.2g} m/s at once at t = {later[0].t:.4g} s"
+
+
+def _with_first(case: Case, kicks: Sequence[Kick]) -> dict[str, Kick]:
+    """By body the first of the kicks, and those of other bodies within a few frames of it."""
+    near = _few_frames(case)
+    return {k.body: k for k in reversed(kicks) if abs(k.t - kicks[0].t) < near}
+
+
+def _few_frames(case: Case) -> float:
+    """Time [s] within which kicks are one."""
+    return current().kicks.half * float(np.median(np.diff(case.t)))
 
 
 def not_of(kicks: Sequence[Kick], acting: Sequence[str], frames: int) -> list[Kick]:
@@ -188,8 +198,7 @@ def with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, floa
 
 def told(case: Case, kicks: list[Kick]) -> str:
     """One sentence of the first kicks: when, where, whose, and how far they are from each other."""
-    first, near = kicks[0], current().kicks.half * float(np.median(np.diff(case.t)))
-    now = {k.body: k for k in reversed(kicks) if abs(k.t - first.t) < near}
+    first, near, now = kicks[0], _few_frames(case), _with_first(case, kicks)
     later = len(kicks) - len(now)
     size = max(float(np.hypot(*k.change)) for k in now.values())
     text = (
