@@ -547,17 +547,13 @@ def test_errors_of_the_stamps_are_told_from_white_noise():
         return way + 1e-4 * rng.normal(size=way.shape)
 
     sigma = np.full(4, 1e-4)
-    tau, larger, blurred = timing(t, film(1e-3), sigma)
-    assert not blurred and tau == pytest.approx(1e-3, rel=0.3) and larger == pytest.approx(1.0, abs=0.2)
+    tau, larger = timing(t, film(1e-3), sigma)
+    assert tau == pytest.approx(1e-3, rel=0.3) and larger == pytest.approx(1.0, abs=0.2)
     assert timing(t, film(1e-3), sigma, stated=1e-3)[0] == 1e-3
     assert timing(t, film(0.0), sigma)[0] == 0.0
     kinked = film(0.0)
     kinked[60:] += 3.0 * np.maximum(t[60:] - t[60], 0.0)[:, None]  # a collision is no error of a stamp
     assert timing(t, kinked, sigma)[0] == 0.0
-    smeared = film(0.0)  # each body is off by itself, and the faster it is the more: no stamp makes that
-    smeared += 1e-3 * rng.normal(size=smeared.shape) * np.gradient(smeared, t, axis=0)
-    tau, larger, blurred = timing(t, smeared, sigma)
-    assert blurred and tau == pytest.approx(1e-3, rel=0.3) and larger == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize("axes", [slice(0, 1), slice(0, 2)])
@@ -570,7 +566,7 @@ def test_late_stamps_do_not_enlarge_the_white_part(axes):
         moments = t + 1.2e-3 * rng.normal(size=len(t))
         angle = 0.3 * np.cos(4 * moments)
         way = np.column_stack([np.sin(angle), -np.cos(angle)])[:, axes] + 4e-5 * rng.normal(size=(len(t), 2))[:, axes]
-        tau, larger, _ = timing(t, way, np.full(way.shape[1], 4e-5), stated=1.2e-3)
+        tau, larger = timing(t, way, np.full(way.shape[1], 4e-5), stated=1.2e-3)
         assert tau == 1.2e-3
         ratios.append(larger)
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.3)

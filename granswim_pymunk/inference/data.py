@@ -58,8 +58,7 @@ class Case:
     t : (T,) frame times [s];  values : (T, c) measured numbers, NaN where there is none;
     sigma : (c,) one standard deviation of the white noise;  sigma_known : given by the experimenter, and not refuted
     notes : what was found of the noise;  noise : its slow part, as it was estimated from what the best fit leaves
-    late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma;  blurred :
-        each by an error of its own
+    late : (T, c) what an error of the stamps of one standard deviation moves each number by, over sigma
     kicks : where bodies go on at velocities of their own, whatever struck them
     apart : one frame in so many of the film is used
     training, start, scored : (T,) masks of frames: used for fitting; used for fitting the start when the
@@ -79,7 +78,6 @@ class Case:
     notes: tuple[str, ...] = ()
     noise: Noise = field(default_factory=Noise)
     late: np.ndarray | None = None
-    blurred: bool = False
     kicks: tuple[Kick, ...] = ()
     apart: int = 1
 
@@ -98,13 +96,11 @@ class Case:
         """Innovations (T_frames, c) with what stamps that are off do to all numbers of a frame scaled down to one.
 
         (1 + u u')^-1/2 r, u what a stamp of one standard deviation moves: the root of the covariance of a frame.
-        Where each number is off by itself (``blurred``) it is diagonal.  ``back``: the other way.
+        ``back``: the other way.
         """
         if self.late is None:
             return innovations
         u = np.where(np.isfinite(innovations), self.late[frames], 0.0)
-        if self.blurred:
-            return np.asarray(innovations * (1.0 + u**2) ** (0.5 if back else -0.5))
         size = np.sum(u**2, axis=1)
         root = np.sqrt(1.0 + size)
         factor = np.where(size > 0, (root - 1.0 if back else 1.0 / root - 1.0) / np.maximum(size, 1e-300), 0.0)
@@ -124,7 +120,7 @@ class Case:
         """(T, c) noise like that of the recording [m or rad]."""
         drawn = self.noise.draw(self.values.shape, rng)
         if self.late is not None:
-            drawn = drawn + self.late * rng.normal(size=self.late.shape if self.blurred else (len(self.t), 1))
+            drawn = drawn + self.late * rng.normal(size=(len(self.t), 1))
         return np.asarray(drawn * self.sigma)
 
     @property
@@ -287,7 +283,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
     values = np.column_stack(columns)
-    notes, lost, tau, blurred, first, apart = list[str](), 0, 0.0, False, 0, 1
+    notes, lost, tau, first, apart = list[str](), 0, 0.0, 0, 1
     if clean:
         recording, values, told = _mended(recording, values, channels, sigmas)
         recording, values, sigmas, first, apart = _let_go(recording, values, channels, sigmas, known)
@@ -297,10 +293,11 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         near = _meetings(recording, channels, values)
         smooth = _without_meetings(recording, channels, values, sigmas, near)
         values, lost = _without_outliers(t, values, channels, sigmas, smooth, _pressed(recording, near))
-        sigmas, tau, blurred = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
+        sigmas, tau = _timed_noise(t, values, channels, sigmas, known, recording.time_noise, smooth)
         sigmas, refuted, notes = _weighed_noise(t, values, channels, sigmas, known, tau)
         known = known and not refuted
-        told += _says_late(recording, tau, blurred) if tau else []
+        if tau:
+            notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
         notes = swapped + told + notes + _driven_from_rest(recording, t, values, channels, sigmas)
     notes += _unused_angles(recording, pinned)
     if first:
@@ -312,7 +309,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
     training, start, scored = _divided(t, values, first, held_out, split)
     return Case(
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
-        late=tau * slopes(t, values) / sigma_array if tau else None, blurred=blurred, apart=apart,
+        late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
     )  # fmt: skip
 
 
@@ -486,16 +483,6 @@ def _let_go(
     return recording, values, sigmas, first, apart
 
 
-def _says_late(recording: Recording, tau: float, blurred: bool) -> list[str]:
-    """What is said of errors that grow with speed, ``tau`` [s] of the way."""
-    if not blurred:
-        return [f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)"]
-    return [
-        f"{recording.name}: sightings are off by more the faster a body is, by its way in {tau:.2g} s (one standard "
-        "deviation), as in a picture that blurs"
-    ]
-
-
 def _says_smoothed(recording: Recording, apart: int) -> str:
     """What is said of tracks of which one frame in so many is used."""
     return (
@@ -557,8 +544,8 @@ def _without_filled(
 def _timed_noise(
     t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float], known: bool,
     stated: float | None, smooth: np.ndarray,
-) -> tuple[list[float], float, bool]:  # fmt: skip
-    """Sizes of the white noise beside an error of the stamps [s], 0 where none shows, and whether it is each number's.
+) -> tuple[list[float], float]:  # fmt: skip
+    """Sizes of the white noise beside an error of the stamps [s], 0 where none shows.
 
     smooth : (T,) frames in which nothing meets.
     Where no size was given, one camera has one: that of the channel that shows least.
@@ -570,12 +557,12 @@ def _timed_noise(
             for k in mine:
                 base[k] = min(sigmas[m] for m in mine)
     if min(base) <= 0:
-        return list(sigmas), 0.0, False
-    tau, larger, blurred = timing(t, values, np.array(base), stated, known, smooth)
+        return list(sigmas), 0.0
+    tau, larger = timing(t, values, np.array(base), stated, known, smooth)
     if not tau:
-        return list(sigmas), 0.0, False
+        return list(sigmas), 0.0
     off = abs(np.log(larger)) > current().noise.stated_off
-    return [b * larger if off or not known else b for b in base], tau, blurred
+    return [b * larger if off or not known else b for b in base], tau
 
 
 def _meetings(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -132,83 +132,58 @@ def slopes(t: np.ndarray, values: np.ndarray) -> np.ndarray:
 def timing(
     t: np.ndarray, values: np.ndarray, sigma: np.ndarray, stated: float | None = None, known: bool = True,
     smooth: np.ndarray | None = None,
-) -> tuple[float, float, bool]:  # fmt: skip
-    """Error of the stamps [s], one standard deviation, by how much the white noise is larger than sigma (c,), and
-    whether each number is off by an error of its own, as in a picture that blurs.
+) -> tuple[float, float]:  # fmt: skip
+    """Error of the stamps [s], one standard deviation, and by how much the white noise is larger than sigma (c,).
 
     values : (T, c);  known : whether sigma was stated, and not told from these values;  smooth : (T,) mask of the
     frames about which nothing is hit: a kink of a path is no error of a stamp
 
     A stamp that is off by d moves all bodies of its frame along their ways by v d: the covariance of a frame is
     a^2 diag(sigma^2) + tau^2 v v'. Both by maximum likelihood with Student's t, from what polynomials of fifth degree
-    over some frames leave of their middle. Where a covariance a^2 sigma^2 + tau^2 v^2 of each number by itself is
-    likelier, it is no stamp that is off. 0 and 1 where no timing error shows.
+    over some frames leave of their middle. 0 and 1 where no timing error shows.
     """
     if len(t) < max(current().stamps.frames, current().stamps.window):
-        return (stated or 0.0), 1.0, False
+        return (stated or 0.0), 1.0
     left, spread = _left_of_middles(t, values, sigma)
     rows = np.flatnonzero(np.isfinite(left).any(axis=1) & (True if smooth is None else smooth))
     if len(rows) < current().stamps.frames // 2:
-        return (stated or 0.0), 1.0, False
+        return (stated or 0.0), 1.0
     rows = rows[:: -(-len(rows) // current().stamps.rows)]
-    off = math.log(current().stamps.stated_off if known else current().stamps.unstated_off)
     seen = np.isfinite(left[rows])
-    found = np.where(seen, left[rows], 0.0)
+    count = seen.sum(axis=1)
     along, axes = np.linalg.eigh(spread[rows] * (seen[:, :, None] & seen[:, None]))
-    late = _Late(np.maximum(along, 0.0), np.einsum("kcd,kc->kd", axes, found) ** 2, seen.sum(axis=1), off)
-    fastest = math.sqrt(float(np.quantile(late.moved.sum(axis=1) / late.count, 0.9)))
-    if fastest <= 0:
-        return 0.0, 1.0, False
+    along = np.maximum(along, 0.0)
+    squares = np.einsum("kcd,kc->kd", axes, np.where(seen, left[rows], 0.0)) ** 2
+    missing = seen.shape[1] - count
+    off = math.log(current().stamps.stated_off if known else current().stamps.unstated_off)
+
     wider = current().stamps.scale  # Student's t of unit scale is wider than the Gaussian that it stands for
-    sizes, taus = np.geomspace(0.02, 5.0, 70), np.geomspace(0.1, 100.0, 41) / fastest
-    alone = min(late.loss(float(a), 0.0) for a in sizes)
-    least, size, tau = late.likeliest(sizes, taus)
+
+    def loss(a: float, tau: float) -> float:
+        variances = a**2 + tau**2 * along
+        half = np.sum(np.log(variances), axis=1) - 2 * missing * math.log(a)
+        distance = np.sum(squares / variances, axis=1)
+        told = half + (current().stamps.tail + count) * np.log1p(distance / current().stamps.tail)
+        # where the stamps hide the white part, it is as large as was believed, within what that may be off
+        return float(np.sum(told)) + (math.log(a * wider) / off) ** 2
+
+    sizes = np.geomspace(0.02, 5.0, 70)
+    alone = min(loss(float(a), 0.0) for a in sizes)
+    fastest = math.sqrt(float(np.quantile(along.sum(axis=1) / count, 0.9)))
+    if fastest <= 0:
+        return 0.0, 1.0
+    taus = np.geomspace(0.1, 100.0, 41) / fastest
+    table = np.array([[loss(float(a), float(tau)) for tau in taus] for a in sizes])
+    i, j = np.unravel_index(int(np.argmin(table)), table.shape)
     if stated:
-        told = [late.loss(float(a), stated / wider) for a in sizes]
-        if min(told) < least + current().stamps.refuted:
-            return stated, float(sizes[int(np.argmin(told))]) * wider, False
-    blurred = False
-    if seen.shape[1] > 1:
-        # a late frame moves all numbers at once: what moves each by itself is a picture that blurs, or how bodies turn
-        each = replace(late, moved=np.einsum("kcc->kc", spread[rows]) * seen, squares=found**2)
-        other = each.likeliest(sizes, taus)
-        blurred = other[0] < least
-        least, size, tau = other if blurred else (least, size, tau)
+        told = [loss(float(a), stated / wider) for a in sizes]
+        if min(told) < table[i, j] + current().stamps.refuted:
+            return stated, float(sizes[int(np.argmin(told))]) * wider
     # frames come in their order: what looks later is a motion that polynomials over so few frames do not follow
     most = current().stamps.most * float(np.median(np.diff(t)))
-    if least > alone - current().stamps.sure or tau * wider > most:
-        return 0.0, 1.0, False
-    return tau * wider, size * wider, blurred
-
-
-@dataclass(frozen=True)
-class _Late:
-    """What frames leave of a polynomial, along independent directions: how much late stamps move each, and its square.
-
-    moved [1/s^2], squares : (k, c) in units of the white part;  count : (k,) of directions in which something is seen
-    off : logarithm, one standard deviation, of by how much the white part may be off what was believed
-    """
-
-    moved: np.ndarray
-    squares: np.ndarray
-    count: np.ndarray
-    off: float
-
-    def loss(self, a: float, tau: float) -> float:
-        """-2 ln L by Student's t of a white part ``a`` times as large, and stamps that are off by ``tau`` [s]."""
-        c, missing = current().stamps, self.moved.shape[1] - self.count
-        variances = a**2 + tau**2 * self.moved
-        half = np.sum(np.log(variances), axis=1) - 2 * missing * math.log(a)
-        distance = np.sum(self.squares / variances, axis=1)
-        told = half + (c.tail + self.count) * np.log1p(distance / c.tail)
-        # where the stamps hide the white part, it is as large as was believed, within what that may be off
-        return float(np.sum(told)) + (math.log(a * c.scale) / self.off) ** 2
-
-    def likeliest(self, sizes: np.ndarray, taus: np.ndarray) -> tuple[float, float, float]:
-        """The least loss of all sizes and errors of stamps, and which these are."""
-        table = np.array([[self.loss(float(a), float(tau)) for tau in taus] for a in sizes])
-        i, j = np.unravel_index(int(np.argmin(table)), table.shape)
-        return float(table[i, j]), float(sizes[i]), float(taus[j])
+    if table[i, j] > alone - current().stamps.sure or taus[j] * wider > most:
+        return 0.0, 1.0
+    return float(taus[j]) * wider, float(sizes[i]) * wider
 
 
 def _left_of_middles(t: np.ndarray, values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
