@@ -21,7 +21,7 @@ from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
 from .data import Case, falls, layers_seen, with_gravity
-from .driven_terms import driven_terms
+from .driven_terms import driven_forms, driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
 from .swimmer_terms import swimmer_terms
@@ -397,7 +397,7 @@ def _holds_all(scene: Scene, names: Sequence[str]) -> bool:
 
 def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """All candidates that have a name, apparatus first."""
-    terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases)
+    terms = camera_terms(cases) + _contact_terms(cases) + driven_terms(cases, each=each)
     scenes = [c.recording.scene for c in cases]
     terms += swimmer_terms(scenes) if any(s.chains for s in scenes) else []
     several = len(names_of(cases)) > 1
@@ -441,10 +441,13 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
 
 
 def flexible_terms(cases: Sequence[Case], *, each: bool = False) -> list[Term]:
-    """The forms that name nothing: smooth force fields in speed and in place. ``each``: with numbers for every body."""
-    terms: list[Term] = []
+    """The forms that name nothing: smooth force fields in speed and in place, answers of motors to their commands.
+
+    ``each``: with numbers for every body.
+    """
+    terms = [] if each else driven_forms(cases)
     for law in all_laws().values():
-        if law.candidate == "flexible" and not out_of_place(law, cases):
+        if law.candidate == "flexible" and law.series is None and not out_of_place(law, cases):
             terms += law_terms(law, cases, each=each)
     return terms
 

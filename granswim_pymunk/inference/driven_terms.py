@@ -1,8 +1,12 @@
-"""Faults of the motors that drive bodies: a lag, a delay, a limit or a dead band of the commanded velocity."""
+"""Faults of the motors that drive bodies: a lag, a delay, a limit or a dead band of the commanded velocity.
+
+And what has no name: another answer to a step of the command than at once and as large as it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,32 +18,18 @@ from .data import Case
 from .hypothesis import Free, Term
 
 
-def driven_terms(cases: Sequence[Case]) -> list[Term]:
+def driven_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """One term for each fault that a driven velocity can have, none where nothing is driven.
 
     Lag and delay are tried from about the time between frames, a limit from the largest command on, a dead band from
-    none.
+    none. ``each``: of several motors also one term with a number for each of them, as no two are alike.
     """
-    driven: dict[str, None] = {}
-    top, spacing = 0.0, np.inf
-    for case in cases:
-        scene = case.recording.scene
-        for item in scene.laws_as("command"):
-            for body in item.bodies or ():
-                if body in scene.inputs:
-                    driven[body] = None
-                    gain = float(scene.resolved(item)["gain"])
-                    top = max(top, abs(gain) * float(np.max(np.abs(scene.inputs[body][1]))))
-        if len(case.t) > 1:
-            spacing = min(spacing, float(np.median(np.diff(case.t))))
+    driven, top = _driven(cases)
+    spacing = min((float(np.median(np.diff(c.t))) for c in cases if len(c.t) > 1), default=np.inf)
     if not driven or top == 0.0 or not np.isfinite(spacing):
         return []
-    terms, step = [], current().candidates.step
-    for law in all_laws().values():
-        if law.series is None or law.candidate != "named" or not any(
-            get_law(name).role == "command" for name in law.refines
-        ):
-            continue
+    terms, step = list[Term](), current().candidates.step
+    for law in _of_commands("named"):
         strength = law.parameter(law.strength[0])
         name = f"{law.name}.{strength.name}"
         if strength.unit == "s":
@@ -48,21 +38,117 @@ def driven_terms(cases: Sequence[Case]) -> list[Term]:
         else:
             absent = min(strength.neutral, top)
             free = Free(name, "m/s", 0.0, top, absent, step * top, None, absent)
+        alike = ((strength.name, (0,)),)
+        terms.append(Term(law.mechanism, law.name, (free,), _Fault(law), driven, law.expression, {}, alike))
+        if each and len(driven) > 1:
+            own = tuple(
+                replace(free, name=f"{name}[{b}]", cases=frozenset(c.name for c in cases if b in c.recording.scene.ids))
+                for b in driven
+            )
+            groups = tuple((strength.name, (k,)) for k in range(len(own)))
+            apply, label = _Fault(law, owners=driven), f"{law.name} (each body)"
+            terms.append(Term(law.mechanism, label, own, apply, driven, law.expression, {}, groups))
+    return terms
+
+
+def driven_forms(cases: Sequence[Case]) -> list[Term]:
+    """One term for each free answer of a motor to its command, none where nothing is driven."""
+    driven, top = _driven(cases)
+    lengths = [float(np.ptp(c.t[c.training])) for c in cases if not c.held_out and c.training.sum() > 1]
+    if not driven or top == 0.0 or not lengths:
+        return []
+    sizes = {"span": current().candidates.settles * max(lengths), "top": top}
+    terms = []
+    for law in _of_commands("flexible"):
+        free = tuple(Free(f"{law.name}.{name}", "1", -np.inf, np.inf, 0.0, 1.0) for name in law.strength)
+        fixed = {p.name: sizes[p.name] for p in law.parameters if p.name in sizes}
         terms.append(
-            Term(law.mechanism, law.name, (free,), _Fault(law), tuple(driven), law.expression, {},
-                 ((strength.name, (0,)),))
+            Term(law.mechanism, law.name, free, _Fault(law, fixed), driven, law.expression, {},
+                 law=law.name, fixed={name: (value, law.parameter(name).unit) for name, value in fixed.items()},
+                 groups=tuple((name, (k,)) for k, name in enumerate(law.strength)))
         )  # fmt: skip
     return terms
 
 
-class _Fault:
-    """Adds the fault with the size found."""
+def step_answer(law: Law, values: Mapping[str, float], times: np.ndarray) -> np.ndarray:
+    """(k,) what a law makes of a command that steps from 0 to 1 at 0, at some times [s] after it."""
+    if law.series is None:
+        raise ValueError(f"{law.name} is no answer to a command")
+    at_once = -current().candidates.at_once * times[-1]
+    step = np.array([at_once, 0.0, times[-1]]), np.array([0.0, 1.0, 1.0])
+    return np.asarray(np.interp(times, *law.series(*step, **values)))
 
-    def __init__(self, law: Law) -> None:
-        self.law = law
+
+def held_answer(law: Law, values: Mapping[str, float], commands: np.ndarray) -> np.ndarray:
+    """(k,) what a law makes of commands [m/s] that are held, rising, where it has no memory."""
+    if law.series is None:
+        raise ValueError(f"{law.name} is no answer to a command")
+    rows = np.arange(float(len(commands)))
+    return np.asarray(np.interp(rows, *law.series(rows, commands, **values)))
+
+
+def as_an_answer(term: Term, values: np.ndarray) -> list[str]:
+    """What a free answer to steps is like: when a half of it is reached, how far it goes over, where it settles."""
+    law = all_laws().get(term.law)
+    if law is None or law.series is None or "span" not in term.fixed:
+        return []
+    span = float(term.fixed["span"][0])
+    numbers = {f.name.split(".")[-1]: float(v) for f, v in zip(term.free, values, strict=True)}
+    times = np.linspace(0.0, span, current().candidates.drawn)
+    answer = step_answer(law, {"span": span, **numbers}, times)
+    settled = answer[-1]
+    if settled <= 0:
+        return []
+    over, near = answer / settled, current().candidates.settled
+    half = times[np.argmax(2 * over >= 1)]
+    outside = np.flatnonzero(np.abs(over - 1) > near)
+    text = f"its answer to a step settles at {settled:.3g} of what is commanded"
+    text += f"; a half of that is there after {half:.2g} s"
+    if over.max() - 1 > near:
+        text += f", it goes {100 * (over.max() - 1):.0f} % over it at {times[np.argmax(over)]:.2g} s"
+    if len(outside):
+        text += f", and within {100 * near:.0f} % it stays from {times[outside[-1]]:.2g} s on"
+    return [text]
+
+
+def _driven(cases: Sequence[Case]) -> tuple[tuple[str, ...], float]:
+    """Bodies that follow a command, and the largest one [m/s]."""
+    driven: dict[str, None] = {}
+    top = 0.0
+    for case in cases:
+        scene = case.recording.scene
+        for item in scene.laws_as("command"):
+            for body in item.bodies or ():
+                if body in scene.inputs:
+                    driven[body] = None
+                    gain = float(scene.resolved(item)["gain"])
+                    top = max(top, abs(gain) * float(np.max(np.abs(scene.inputs[body][1]))))
+    return tuple(driven), top
+
+
+def _of_commands(candidate: str) -> list[Law]:
+    """Laws that make something else of the commanded velocity of a body."""
+    return [
+        law for law in all_laws().values()
+        if law.series is not None and law.candidate == candidate
+        and any(get_law(name).role == "command" for name in law.refines)
+    ]  # fmt: skip
+
+
+class _Fault:
+    """Adds the fault with the sizes found, and ``fixed`` ones: one for all motors, or one for each of ``owners``."""
+
+    def __init__(self, law: Law, fixed: Mapping[str, Any] | None = None, owners: Sequence[str] = ()) -> None:
+        self.law, self.fixed, self.owners = law, dict(fixed or {}), tuple(owners)
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         if not scene.laws_as("command"):
             return scene, camera
-        given: dict[str, Any] = {self.law.strength[0]: float(values[0])}
-        return scene.with_laws(use(self.law, **given)), camera
+        width = len(self.law.strength)
+        for k, owner in enumerate(self.owners or (None,)):
+            mine = values[k * width : (k + 1) * width]
+            given: dict[str, Any] = {name: float(v) for name, v in zip(self.law.strength, mine, strict=True)}
+            if owner is None or owner in scene.inputs:
+                bodies = None if owner is None else [owner]
+                scene = scene.with_laws(use(self.law, bodies=bodies, **self.fixed, **given))
+        return scene, camera

@@ -1,14 +1,15 @@
-"""Figures of forces without a name: over place, speed and time."""
+"""Figures of forces without a name, over place, speed and time, and of answers to a command."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..inference.data import Case
+from ..inference.driven_terms import held_answer, step_answer
 from ..inference.tracks.fitted import Fit
 from ..inference.tracks.model import TrackFinding
 from ..joints import arm_of
@@ -29,7 +30,8 @@ def flexible(diagnosis: TrackFinding) -> Figure:
     """The force that no named law gives, over the speeds, times or places that the recordings visit.
 
     A curve with its central 95 % where the form sees velocities only (force over speed) or times only (acceleration);
-    arrows along the tracks where it sees places. Raises ValueError where no form without a name was fitted.
+    arrows along the tracks where it sees places; of a motor its answer to a step, or to commands of any size. Raises
+    ValueError where no form without a name was fitted.
     """
     trial = diagnosis.flexible
     if trial is None or trial.fit is None:
@@ -37,14 +39,16 @@ def flexible(diagnosis: TrackFinding) -> Figure:
     case = next(c for c in diagnosis.cases if c.name in trial.fit.innovations)
     scene, _ = trial.fit.hypothesis.scene(case, trial.fit.values.tolist())
     item = scene.laws[-1]
-    draw = {"speed": _speed_curve, "time": _time_curve}.get(drawn_over(item.law))
+    draw = {"speed": _speed_curve, "time": _time_curve, "command": _answer_curve}.get(drawn_over(item.law))
     if draw is not None:
         return draw(diagnosis, trial.fit, case, len(trial.term.free))
     return _force_field(diagnosis, item.law, dict(item.values))
 
 
 def drawn_over(law: Law) -> str:
-    """What a force without a name is drawn over: "place", "speed" or "time"."""
+    """What a form without a name is drawn over: "place", "speed" or "time", or the "command"."""
+    if law.series is not None:
+        return "command"
     reads = set(law.arguments)
     if {"x", "y"} & reads:
         return "place"
@@ -96,7 +100,15 @@ def _forces(
         item = scene.laws[-1]
         return np.array([_call(item.law, item.values, mass=mass, **state) for state in states])
 
-    best = forces(fit.values)
+    best, half = _with_spread(forces, fit, count, diagnosis.spread)
+    return best, half, mass
+
+
+def _with_spread(
+    drawn: Callable[[np.ndarray], np.ndarray], fit: Fit, count: int, spread: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """What is drawn of a fit's numbers, the last ``count`` of which shape it, and half of its central 95 %."""
+    best = drawn(fit.values)
     # to first order its covariance follows from that of its numbers
     base = len(fit.values) - count
     _, highest = fit.hypothesis.bounds
@@ -107,10 +119,52 @@ def _forces(
             step = -step  # a number at its bound can only go back
         moved = fit.values.copy()
         moved[k] += step
-        slopes.append((forces(moved) - best) / step)
+        slopes.append((drawn(moved) - best) / step)
     design = np.array(slopes)
-    variance = np.einsum("kva,kl,lva->va", design, fit.covariance[base:, base:], design) * diagnosis.spread
-    return best, 1.96 * np.sqrt(np.maximum(variance, 0.0)), mass
+    variance = np.einsum("k...,kl,l...->...", design, fit.covariance[base:, base:], design) * spread
+    return best, 1.96 * np.sqrt(np.maximum(variance, 0.0))
+
+
+def _answer_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> Figure:
+    """What a motor makes of a step of its command, or of commands that are held, where it has no memory."""
+    def found(numbers: np.ndarray) -> tuple[Law, dict[str, float]]:
+        item = fit.hypothesis.scene(case, numbers.tolist())[0].laws[-1]
+        return item.law, {p.name: item.values[p.name] for p in item.law.parameters}
+
+    span = found(fit.values)[1].get("span")
+    over = np.linspace(0.0, 1.1 * span, 221) if span else np.linspace(*_commanded(diagnosis.cases), 221)
+
+    def answer(numbers: np.ndarray) -> np.ndarray:
+        law, values = found(numbers)
+        return step_answer(law, values, over) if span else held_answer(law, values, over)
+
+    best, half = _with_spread(answer, fit, count, diagnosis.spread)
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    axis = figure.add_subplot()
+    factor, unit = prefixed("s" if span else "m/s", float(np.abs(over).max()))
+    size, over = 1.0 if span else factor, over * factor
+    believed = np.ones(len(over)) if span else over
+    axis.fill_between(over, (best - half) * size, (best + half) * size, color=REVISED, alpha=0.18, linewidth=0)
+    axis.plot(over, best * size, color=REVISED, linewidth=2, label="found")
+    axis.plot(over, believed, color=SEEN, linewidth=1, label="believed")
+    axis.set_xlim(over[0], over[-1])
+    lowest, highest = (float(f(np.append(best * size, believed))) for f in (np.min, np.max))
+    lowest = min(lowest, 0.0) if span else lowest
+    axis.set_ylim(lowest - 0.1 * (highest - lowest), highest + 0.2 * (highest - lowest))
+    axis.set_xlabel(f"time after a step of the command [{unit}]" if span else f"command [{unit}]")
+    axis.set_ylabel("velocity over that step" if span else f"velocity [{unit}]")
+    legend_above(figure, axis.get_legend_handles_labels()[0])
+    return figure
+
+
+def _commanded(cases: Sequence[Case]) -> tuple[float, float]:
+    """Lowest and highest velocity that was commanded [m/s]."""
+    every = [
+        float(scene.resolved(item)["gain"]) * np.asarray(scene.inputs[body][1])
+        for scene in (case.recording.scene for case in cases) for item in scene.laws_as("command")
+        for body in item.bodies or () if body in scene.inputs
+    ]  # fmt: skip
+    return float(min(map(np.min, every))), float(max(map(np.max, every)))
 
 
 def _time_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> Figure:

@@ -19,6 +19,9 @@ class CandidateCriteria:
         the camera in each. Choice: it is looked for as many times
     step : of its typical size, by which a number first steps;  adjustable : of its range, one that is declared
     ranges : times the typical range of a law, from which it is looked for, ``shapes`` of another shape. Choice
+    settles : of the longest training part, the time after a step of its command when a motor is at rest again;
+        ``settled`` : of where it ends, within which it is, told off its answer at ``drawn`` times to a step within
+        ``at_once`` of them. Choices; 0.05 is usual for settling (Franklin, Powell & Emami-Naeini, ch. 3)
     top : times the fastest that bodies moved, over which a drag by the speed is drawn;  fastest : quantile of the steps
         that says how fast. Choice: a hundredth of them may be wrong
     loss : of what contacts lose, and ``kept`` at the least, by which a restitution first steps
@@ -38,6 +41,10 @@ class CandidateCriteria:
     adjustable: float = 1e-3
     ranges: tuple[float, ...] = (1.0, 0.1, 3.0)
     shapes: tuple[float, ...] = (1.0, 0.3, 3.0)
+    settles: float = 0.25
+    settled: float = 0.05
+    drawn: int = 400
+    at_once: float = 1e-9
     top: float = 1.2
     fastest: float = 0.98
     loss: float = 0.01

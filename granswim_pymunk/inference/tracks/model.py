@@ -19,6 +19,7 @@ from ...scene import Scene
 from ..candidates import asked_terms, in_contact_alone, names_of
 from ..criteria import current
 from ..data import Case
+from ..driven_terms import as_an_answer
 from ..explained import Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
@@ -859,7 +860,9 @@ class Tracks(ObservationModel):
         entries = self.mechanisms(course)
         notes += as_the_picture(entries, self.study.cases) + as_a_push(entries, self.study.cases)
         if course.judged.claim.nameless:
-            notes += as_a_spring(laws[0], course.judged.claim.fit, self.study.training) or self._as_a_spring_after_all()
+            claimed = course.judged.claim.fit
+            notes += as_a_spring(laws[0], claimed, self.study.training) or self._as_a_spring_after_all()
+            notes += as_an_answer(laws[0].term, claimed.values[claimed.hypothesis.rows(laws[0].label)])
         if laws:
             notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:

@@ -37,8 +37,9 @@ def adjusted(scene: Scene, texts: Sequence[str]) -> Scene:
                 item.with_values(**{found.parameter: end})  # raises where the law allows no such value
         same = [known for known in scene.adjustable if known.name == found.name]
         others = tuple(known for known in scene.adjustable if known.name != found.name)
-        # of several bodies each may have its own, as the template says
-        found = replace(found, per=same[0].per) if same else found
+        # of several bodies each may have its own, as the template says; and no two motors are alike
+        motors = sum(item.law.role == "command" for item in uses) > 1
+        found = replace(found, per=same[0].per if same else "body" if motors else found.per)
         scene = replace(scene, adjustable=(*others, found))
     return scene
 
