@@ -12,6 +12,7 @@ from granswim_pymunk import Body, Scene, diagnose, make_recording, use
 from granswim_pymunk.inference.data import prepare_all
 from granswim_pymunk.inference.driven_terms import driven_forms, driven_terms
 from granswim_pymunk.inference.hypothesis import adjustable_terms
+from granswim_pymunk.inference.tracks.experiment import _commanded, _free_start
 from granswim_pymunk.laws.actuator_deadband import beyond
 from granswim_pymunk.laws.actuator_lag import lagging
 from granswim_pymunk.laws.flexible_gain import LAST as MIDDLE
@@ -132,3 +133,17 @@ def test_two_motors_have_a_lag_and_a_gain_each():
 def test_forms_of_motors_are_asked_where_something_is_driven_alone():
     recording = filmed(["cart"], [late(0.1, 1.0)])
     assert {t.law for t in driven_forms(prepare_all([recording]))} == {"flexible_response", "flexible_gain"}
+
+
+def test_the_next_experiment_with_a_motor_is_another_command():
+    """Where everything is commanded, nobody chooses how fast it starts."""
+    case = prepare_all([filmed(["cart"], [late(0.1, 1.0)])])[0]
+    assert not _free_start(case)
+    larger, faster = _commanded(case, 2.0, 1.0), _commanded(case, 1.0, 2.0)
+    before, begin = case.recording.scene.inputs["cart"], case.t[0]
+    np.testing.assert_allclose(larger.recording.scene.inputs["cart"][1], 2 * np.array(before[1]))
+    twice = faster.recording.scene.inputs["cart"]
+    assert np.all(np.diff(twice[0]) > 0) and twice[0][-1] == pytest.approx(before[0][-1], abs=0.03)
+    for passed in (0.4, 1.7, 3.9):
+        wanted = np.interp(begin + 2 * passed, *before)
+        assert np.interp(begin + passed, *twice) == pytest.approx(wanted, abs=1e-9)

@@ -358,9 +358,15 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
 
 
 def _flies(scene: Scene) -> bool:
-    """Whether bodies fall in the picture's plane, with nothing in it that could bear their weight."""
+    """Whether bodies fall in the picture's plane, or hang from rods, with nothing in it that could bear their weight.
+
+    What a command moves is not asked: a load that hangs from a trolley has no substrate, whatever the trolley has.
+    """
     steep = math.hypot(*scene.gravity) > current().apparatus.steep * STANDARD_GRAVITY
-    return steep and falls(scene) and not scene.walls
+    borne = ("pendulum", "pivot", "guide", "tether")
+    held = {b for item in scene.laws_as(*borne) for b in item.bodies or scene.ids}
+    driven = _driven(scene)
+    return steep and not scene.walls and not any(b.mobile and b.id in held and b.id not in driven for b in scene.bodies)
 
 
 def may_hold(law: Law, cases: Sequence[Case]) -> bool:

@@ -36,6 +36,28 @@ def _stretched(case: Case, factor: float) -> Case:
     )
 
 
+def _commanded(case: Case, larger: float, faster: float) -> Case:
+    """With commands so much larger, and running so much faster, again and again, from the first frame on."""
+    scene, begin = case.recording.scene, float(case.t[0])
+
+    def changed(t: Sequence[float], value: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        rows, size = begin + (np.asarray(t) - begin) / faster, larger * np.asarray(value)
+        # what was commanded before the film is the beginning; it is told once
+        later, passed = rows >= begin, rows[-1] - begin
+        again = np.flatnonzero(later)[1:] if faster > 1 else np.zeros(0, dtype=int)
+        return tuple(np.append(rows, rows[again] + passed)), tuple(np.append(size, size[again]))
+
+    inputs = {name: changed(*rows) for name, rows in scene.inputs.items()}
+    return replace(case, recording=replace(case.recording, scene=replace(scene, inputs=inputs)))
+
+
+def _free_start(case: Case) -> bool:
+    """Whether a body moves that nothing commands: how fast it starts is the experimenter's to choose."""
+    scene = case.recording.scene
+    driven = {b for item in scene.laws_as("command") for b in item.bodies or ()}
+    return any(b.mobile and b.id not in driven for b in scene.bodies)
+
+
 def propose(
     winner: Fit,
     loser: Fit,
@@ -51,18 +73,20 @@ def propose(
     """
     training = [_shortened(c, current().left.proposal) for c in cases if c.name in winner.starts][:3]
     best: Proposal | None = None
-    changes = [
-        ("film twice as long", 2.0, 1.0, 1.0),
-        ("start at half the speed", 1.0, 0.5, 1.0),
-        ("start at twice the speed", 1.0, 2.0, 1.0),
-    ]
+    changes = [("film twice as long", 2.0, 1.0, 1.0)]
+    if any(map(_free_start, training)):
+        changes += [("start at half the speed", 1.0, 0.5, 1.0), ("start at twice the speed", 1.0, 2.0, 1.0)]
     if any(s.coordinates.swings for case in training for s in winner.start_of(case.name)[0]):
         changes.append(("release at a quarter of the angle", 1.0, 0.25, 0.25))
+    orders = dict.fromkeys((text for text, *_ in changes), (1.0, 1.0))
+    if any(case.recording.scene.laws_as("command") for case in training):
+        orders |= {"command twice as much": (2.0, 1.0), "command the same twice as fast": (1.0, 2.0)}
+        changes += [(text, 1.0, 1.0, 1.0) for text in orders if text not in dict(c[:2] for c in changes)]
     for text, longer, faster, wider in changes:
         total = 0.0
         try:
             for case in training:
-                synthetic = _stretched(case, longer)
+                synthetic = _commanded(_stretched(case, longer), *orders[text])
                 described, numbers = winner.start_of(case.name)
                 start = _changed(described, numbers, faster, wider)
                 # what is kept of a start is part of its description

@@ -376,7 +376,7 @@ class Tracks(ObservationModel):
         Without those of several laws that masses and radii imitate, as far off as was said.
         """
         if judged.claim.nameless:
-            # numbers of a form are known as well as what it leaves says, not what the names that it took the place of do
+            # numbers of a form are known as well as what it leaves says, not as the names that it stands for
             self.spread = spread_of(judged.claim.fit, self.study.training)
         if judged.verdict not in ("missing_physics", "measurement"):
             return judged
