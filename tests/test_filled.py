@@ -58,7 +58,7 @@ def test_a_place_that_is_kept_while_the_body_goes_on_is_left_out(made, seed):
     lost = np.isnan(case.values[:, :2]).all(axis=1)
     assert all(lost[row + 1 : row + 6].all() for row in rows) and lost.sum() <= 5 * len(rows) + 2
     # of one body alone the whole picture is the same
-    said = "shows the picture before again" if made is swinging else "a stays at its last place"
+    said = "the picture before again" if made is swinging else "a stays at its last place"
     assert said in " ".join(case.notes)
 
 

@@ -307,3 +307,16 @@ def test_an_impact_is_no_wrong_point_of_the_tracker(tmp_path):
         (done,) = import_all(tmp_path / f"{name}.csv", tmp_path / name, bodies=["*:1cm:179.3g"], picture=False)
         assert done.look.jumps == found
         assert "mass = 0.1793 " in (tmp_path / name / "recording.toml").read_text()
+
+
+def test_where_each_picture_stands_twice_an_import_tells_of_the_others(tmp_path, capsys):
+    """What stands still in every second row and jumps in the next was told as noise of 2 cm, and no speed."""
+    rng, t = np.random.default_rng(4), np.arange(60) / 60
+    xy = np.round(np.stack([2.0 * t, 0.4 - 1.3 * t], axis=1) + 2e-4 * rng.normal(size=(60, 2)), 6)
+    rows = zip(np.repeat(t, 2) + np.tile([0.0, 0.0087], 60), np.repeat(xy, 2, axis=0), strict=True)
+    (tmp_path / "puck.csv").write_text("t,x,y\n" + "".join(f"{at:.5f},{x},{y}\n" for at, (x, y) in rows))
+    assert main(["import", str(tmp_path / "puck.csv"), "--body", "puck:31mm:24g", "--out", str(tmp_path / "puck")]) == 0
+    said = capsys.readouterr().out
+    assert "60 frames show the picture before again: what is said here is of the others" in said
+    (noise,) = re.findall(r"noise, off fast differences: (\d+) um", said)
+    assert 100 < int(noise) < 400 and "speeds: median 2.39 m/s" in said

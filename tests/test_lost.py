@@ -107,3 +107,47 @@ def test_a_recording_is_mended_and_says_so():
     case = prepare(replace(whole, xy=again), held_out=False, split=True)
     assert np.isnan(case.values[50]).all() and any("shows the picture before again" in n for n in case.notes)
     assert not prepare(whole, held_out=False, split=True).notes
+
+
+def between_cushions(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps at 60 Hz and places (66, 1, 2) of a fast puck, to the micrometre, that a cushion throws back twice."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(66) / 60
+    high = np.abs(0.5 - 3.0 * t)
+    high = np.where(t > 0.5, 1.0 - 1.7 * (t - 0.5), high)
+    xy = np.stack([0.4 + 1.9 * t, high], axis=1) + 2e-4 * rng.normal(size=(66, 2))
+    return t, np.round(xy, 6)[:, None]
+
+
+def test_where_every_picture_is_there_twice_noise_is_that_of_the_pictures():
+    """What stands still in every second frame and jumps in the next looks like noise of half a jump: 3 cm here."""
+    t, xy = between_cushions(0)
+    twice = np.repeat(xy, 2, axis=0)
+    stamps = np.repeat(t, 2) + np.tile([0.0, 0.0087], len(t))
+    once = replace(recorded(t, xy), position_noise=None)
+    film = replace(recorded(stamps, twice), position_noise=None, sampling=120.0)
+    case, plain = (prepare(r, held_out=False, split=True) for r in (film, once))
+    assert np.array_equal(case.t, t) and np.array_equal(case.values, plain.values, equal_nan=True)
+    assert np.allclose(case.sigma, plain.sigma) and case.sigma.max() < 5e-4
+    assert case.recording.sampling == 60.0
+    assert case.notes[0] == "pucks: 66 frames, the first at t = 0.0087 s, show the picture before again: left out"
+    assert not plain.notes
+
+
+def test_a_wrong_sighting_beside_two_that_are_the_same_makes_no_picture_shown_again():
+    """On pixels a slow cart is told at one place twice; the one after it is no position, and bends every cubic."""
+    rng, pixel, t = np.random.default_rng(2), 3e-4, np.arange(300) / 60
+    x = 0.1 + 0.03 * np.sin(2 * np.pi * 0.8 * t) + 6e-4 * rng.normal(size=300)
+    x = np.round(x / pixel) * pixel
+    turns = int(np.argmax(x))  # there it moves less than a pixel from frame to frame
+    x[turns] = x[turns - 1]
+    x[turns + 1] += 0.018
+    assert not repeated(x[:, None], [6e-4], [pixel], [pixel]).any()
+
+
+def test_rounding_to_coarse_pixels_makes_no_picture_shown_again():
+    """Bodies that creep stay on one number, and are off any curve by a part of it: far more than a noise that is told
+    too small."""
+    pixel, t = 1e-3, np.arange(400) / 60
+    slow = np.stack([0.02 * np.sin(0.3 * t + k) + 0.03 * t * (-1) ** k for k in range(4)], axis=1)
+    assert not repeated(np.round(slow / pixel) * pixel, [1e-4] * 4, [pixel] * 4, [pixel] * 4).any()

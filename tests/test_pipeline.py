@@ -96,6 +96,14 @@ def test_of_forms_that_leave_as_little_the_one_worth_most_is_told():
     assert best_form([form(0.4, low=-0.1)]) is None
 
 
+def test_a_form_that_explains_0_percent_is_not_told():
+    """It was printed with ten numbers of which none differs from zero, as the unknown that acts on a puck."""
+    nothing = form(0.0005, low=0.0004)
+    assert best_form([nothing]) is None
+    assert verdict_of(share(0.2), nothing).claim.laws == verdict_of(nothing.explained, laws=(FORM,)).claim.laws == ()
+    assert best_form([form(0.06, low=0.01)]) is not None
+
+
 def test_one_price_and_one_rank():
     assert price(40) == pytest.approx(21.2, abs=0.1) and price(40, 3) == pytest.approx(price(40) + 4)
     gains = np.arange(99.0)

@@ -23,7 +23,7 @@ from .criteria import current
 from .filled import held_places, on_a_line
 from .latecomers import without_latecomers
 from .linking import linked
-from .lost import missing, repeated
+from .lost import missing, repeated, same_as_before
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
 from .release import at_rest_though_commanded, caught, first_free
 from .smoothed import frames_apart
@@ -244,48 +244,21 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
 
     Raises InputError where there is nothing to look at.
     """
+    recording, told = _each_once(recording) if clean else (recording, [])
     recording, swapped = _relabelled(recording) if clean else (recording, [])
     if held_out or split:
         recording, late = without_latecomers(recording, current().split.start if held_out else current().split.training)
         swapped = [*swapped, *late]
-    channels: list[Channel] = []
-    columns: list[np.ndarray] = []
-    known = True
-    sigmas: list[float] = []
-    pinned = {name for item in recording.scene.laws_as("pendulum") for name in item.bodies or ()}
-    pinned |= set(hinged(recording.scene))
-    t = recording.t
-    xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
-    for k, body in enumerate(recording.ids):
-        angle = None if recording.angle is None else recording.angle[:, k]
-        for axis, kind in enumerate("xy"):
-            column = xy[:, k, axis]
-            seen = np.isfinite(column)
-            if seen.sum() < current().noise.sightings:
-                continue
-            if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
-                continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
-            known = known and bool(recording.position_noise)
-            sigma = recording.position_noise or estimate_noise(t, column)
-            channels.append(Channel(body, kind))
-            columns.append(column)
-            sigmas.append(sigma)
-        # the angle of a free disk says nothing about forces without spin
-        if angle is not None and body in pinned and np.isfinite(angle).sum() >= current().noise.sightings:
-            seen = np.isfinite(angle)
-            column = angle.copy()
-            column[seen] = np.unwrap(angle[seen])
-            known = known and bool(recording.angle_noise)
-            sigma = recording.angle_noise or estimate_noise(t, column)
-            channels.append(Channel(body, "angle"))
-            columns.append(column)
-            sigmas.append(sigma)
+    channels, values = _channels(recording)
     if not channels:
         raise InputError("no body was seen moving in four frames or more", file=recording.folder, where=recording.name)
-    values = np.column_stack(columns)
+    known = all(_stated(recording, channel) for channel in channels)
+    t = recording.t
+    sigmas = _noises(recording, channels, t, values)
     notes, lost, tau, first, apart = list[str](), 0, 0.0, 0, 1
     if clean:
-        recording, values, told = _mended(recording, values, channels, sigmas)
+        recording, values, mended = _mended(recording, values, channels, sigmas)
+        told += mended
         recording, values, sigmas, first, apart = _let_go(recording, values, channels, sigmas, known)
         told += [_says_smoothed(recording, apart)] if apart > 1 else []
         t = recording.t
@@ -299,7 +272,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         if tau:
             notes.append(f"{recording.name}: the time stamps are off by {tau:.2g} s (one standard deviation)")
         notes = swapped + told + notes + _driven_from_rest(recording, t, values, channels, sigmas)
-    notes += _unused_angles(recording, pinned)
+    notes += _unused_angles(recording, {c.body for c in channels if c.kind == "angle"})
     if first:
         notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
     if lost:
@@ -311,6 +284,77 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
     )  # fmt: skip
+
+
+def _channels(recording: Recording) -> tuple[list[Channel], np.ndarray]:
+    """What was measured of a recording: numbers that move, each seen in enough frames, and their values (T, c)."""
+    channels, columns = list[Channel](), list[np.ndarray]()
+    pinned = {name for item in recording.scene.laws_as("pendulum") for name in item.bodies or ()}
+    pinned |= set(hinged(recording.scene))
+    xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
+    for k, body in enumerate(recording.ids):
+        angle = None if recording.angle is None else recording.angle[:, k]
+        for axis, kind in enumerate("xy"):
+            column = xy[:, k, axis]
+            seen = np.isfinite(column)
+            if seen.sum() < current().noise.sightings:
+                continue
+            if np.ptp(column[seen]) <= np.finfo(float).eps * recording.scene.body(body).radius:
+                continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
+            channels.append(Channel(body, kind))
+            columns.append(column)
+        # the angle of a free disk says nothing about forces without spin
+        if angle is not None and body in pinned and np.isfinite(angle).sum() >= current().noise.sightings:
+            seen = np.isfinite(angle)
+            column = angle.copy()
+            column[seen] = np.unwrap(angle[seen])
+            channels.append(Channel(body, "angle"))
+            columns.append(column)
+    return channels, np.column_stack(columns) if columns else np.zeros((len(recording.t), 0))
+
+
+def _stated(recording: Recording, channel: Channel) -> float | None:
+    """The noise that the experimenter stated of a number, if any."""
+    return (recording.angle_noise if channel.kind == "angle" else recording.position_noise) or None
+
+
+def _noises(recording: Recording, channels: Sequence[Channel], t: np.ndarray, values: np.ndarray) -> list[float]:
+    """One standard deviation of the noise of numbers (T, c): what was stated, else what neighbouring frames show."""
+    return [_stated(recording, c) or estimate_noise(t, v) for c, v in zip(channels, values.T, strict=True)]
+
+
+def _each_once(recording: Recording) -> tuple[Recording, list[str]]:
+    """The recording without pictures that are shown again, and what is said of them.
+
+    What moves jumps from picture to picture where each is there twice, and all of it looks like noise: how large that
+    is only frames say that differ from the one before. Where most frames are such pictures, the film has no more
+    frames than there are others; else they are frames in which nothing is seen.
+    """
+    channels, values = _channels(recording)
+    if not channels:
+        return recording, []
+    t, differs = recording.t, np.append(True, ~same_as_before(values))
+    sigmas = np.minimum(
+        _noises(recording, channels, t, values), _noises(recording, channels, t[differs], values[differs])
+    ).tolist()
+    told = [v[np.isfinite(v)] for v in values.T]
+    again = repeated(values, sigmas, [least_step(v) for v in told], [grid_of(v) for v in told])
+    if not again.any():
+        return recording, []
+    apart = round(float(np.median(np.diff(t[~again])) / np.median(np.diff(t))))
+    if apart > 1:
+        ends = [1, -2, -1]  # there no curve tells where a body is
+        again[ends] |= ~differs[ends]
+    times = f"{again.sum()} frames, the first" if again.sum() > 1 else "a frame"
+    shows = "show" if again.sum() > 1 else "shows"
+    note = f"{recording.name}: {times} at t = {t[again][0]:.4g} s, {shows} the picture before again: left out"
+    if apart > 1:
+        return _with_frames(recording, ~again, apart), [note]
+    xy, angle = recording.xy.copy(), None if recording.angle is None else recording.angle.copy()
+    for numbers in (xy, angle):
+        if numbers is not None:
+            numbers[again] = np.nan
+    return replace(recording, xy=xy, angle=angle), [note]
 
 
 def _driven_from_rest(
@@ -437,15 +481,10 @@ def _mended(
 ) -> tuple[Recording, np.ndarray, list[str]]:  # fmt: skip
     """Recording and numbers (T, c) without what a camera or a tracker made of them, and what is said of it.
 
-    Frames that are there twice and sightings that a tracker made up become NaN; stamps after frames that are missing
-    though the stamps go on become later.
+    Sightings that a tracker made up become NaN; stamps after frames that are missing though the stamps go on become
+    later.
     """
-    again = repeated(values, sigmas, [least_step(v[np.isfinite(v)]) for v in values.T])
-    values[again] = np.nan
     t, notes = np.array(recording.t), list[str]()
-    if again.any():
-        times = f"{again.sum()} frames, the first" if again.sum() > 1 else "a frame"
-        notes.append(f"{recording.name}: {times} at t = {t[again][0]:.4g} s, shows the picture before again: left out")
     notes += _without_filled(recording, values, channels, sigmas)
     gaps = missing(recording.t, values, sigmas)
     for row, count in gaps:
@@ -477,7 +516,7 @@ def _let_go(
         if not known:
             sigmas = [estimate_noise(kept[0], column) for column in kept[1].T]
         first = first or first_free(recording, t, values, [math.sqrt(apart) * sigma for sigma in sigmas])
-        recording, values = _thinned(recording, apart), kept[1]
+        recording, values = _with_frames(recording, slice(None, None, apart), apart), kept[1]
         first = -(-first // apart) or first_free(recording, *kept, sigmas)
     values[:first] = np.nan
     return recording, values, sigmas, first, apart
@@ -508,11 +547,11 @@ def _apart(
     return apart if np.mean(around > 0) < 1 - current().smoothed.quiet else 1
 
 
-def _thinned(recording: Recording, apart: int) -> Recording:
-    """One frame in so many of a recording."""
-    angle = None if recording.angle is None else recording.angle[::apart]
+def _with_frames(recording: Recording, frames: np.ndarray | slice, apart: int) -> Recording:
+    """Those frames of a recording alone, one in so many."""
+    angle = None if recording.angle is None else recording.angle[frames]
     rate = None if recording.sampling is None else recording.sampling / apart
-    return replace(recording, t=recording.t[::apart], xy=recording.xy[::apart], angle=angle, sampling=rate)
+    return replace(recording, t=recording.t[frames], xy=recording.xy[frames], angle=angle, sampling=rate)
 
 
 def _without_filled(

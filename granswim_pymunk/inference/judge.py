@@ -232,7 +232,7 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
         return Judgement(without_laws(mismatch), plain, None, free_form)
     named = weighed.named
     if claim.nameless:
-        if named is not None and named.sure and named.low <= 0:
+        if named is not None and named.sure and not _helps(named):
             notes.append(f"{claim.label} predicts data that it was not fitted to no better than the scene without it")
             return Judgement("unmodelled", plain, None, free_form)
         return Judgement("unmodelled", claim, named, free_form)
@@ -264,10 +264,15 @@ def not_named(claim: Claim, weighed: Weighed, plain: Claim) -> Judgement:
     return Judgement("unmodelled", told, explained, weighed.free_form, closest)
 
 
+def _helps(explained: Explained) -> bool:
+    """Whether a form without a name predicts unseen blocks better than the scene, by more than nothing."""
+    return explained.share >= current().verdict.told and explained.low > 0
+
+
 def best_form(forms: Sequence[Form]) -> Form | None:
     """The form that leaves least of those that help; of those that leave as little, within what replicates do, the
     one that is worth most."""
-    helps = [f for f in forms if f.explained.share > 0 and f.explained.low > 0]
+    helps = [f for f in forms if _helps(f.explained)]
     least = min((f.explained.left for f in helps), default=0.0)
     near = [f for f in helps if f.explained.left - least <= current().verdict.beyond * f.explained.spread]
     return max(near, key=lambda f: f.worth, default=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -102,25 +103,52 @@ class _Ways:
         return self._bases[key]
 
 
-def repeated(values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float]) -> np.ndarray:
+def same_as_before(values: np.ndarray) -> np.ndarray:
+    """(T - 1,) whether all numbers (T, c) of a frame are those of the one before, to the last digit; unseen ones, too.
+
+    Not where nothing is seen in either.
+    """
+    seen = np.isfinite(values)
+    equal = ((values[1:] == values[:-1]) | ~(seen[1:] | seen[:-1])).all(axis=1)
+    return np.asarray(equal & seen[1:].any(axis=1))
+
+
+def repeated(
+    values: np.ndarray, sigmas: Sequence[float], steps: Sequence[float], grids: Sequence[float] | None = None
+) -> np.ndarray:  # fmt: skip
     """(T,) frames that show what the one before shows, to the last digit, while bodies move: the same picture again.
 
     values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
-    steps : (c,) how finely they are told
-    Two numbers of one size are told as the same with probability g/(2 sigma sqrt(pi)), g the step. The cubic through
-    two frames on either side says where a body is, (4 (x_-1 + x_1) - x_-2 - x_2)/6, give or take sigma sqrt(17/18).
+    steps : (c,) how finely they are told, at the least;  grids : (c,) of whole pixels, 0 where they lie on none
+    Two numbers of one size are told as the same with probability g/(2 sigma sqrt(pi)), g the step. Where a body is
+    the cubic through two frames on either side says, give or take noise, and so do parabolas through three of the four:
+    one that is no position bends all curves through it. Rounding moves a number by half a step at the most, so that a
+    body is only elsewhere than in the frame before where it has moved by more than rounding brings.
     """
     sigma, step = np.asarray(sigmas, dtype=float), np.asarray(steps, dtype=float)
+    grid = np.zeros(len(sigma)) if grids is None else np.asarray(grids, dtype=float)
     c, same = current().lost, np.zeros(len(values), dtype=bool)
-    if not (sigma > 0).all():
+    if not (sigma > 0).all() or not len(values[2:-2]):
         return same
-    seen = np.isfinite(values)
-    equal = ((values[1:] == values[:-1]) | ~(seen[1:] | seen[:-1])).all(axis=1)
-    there = (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
-    off = np.abs(values[2:-2] - there) / (sigma * np.sqrt(1 + 17 / 18))
-    by_chance = np.minimum(step / (2 * sigma * np.sqrt(np.pi)), 1.0) * 2 * stats.norm.sf(off)
+    equal = same_as_before(values)
+    around, off = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]]), []
+    for weights in _through():
+        away = np.abs(values[2:-2] - np.tensordot(weights, np.where(weights[:, None, None], around, 0.0), axes=1))
+        rounding = grid / 2 * (1 + np.abs(weights).sum())
+        off.append(np.maximum(away - rounding, 0.0) / (sigma * np.sqrt(1 + weights @ weights)))
+    by_chance = np.minimum(step / (2 * sigma * np.sqrt(np.pi)), 1.0) * 2 * stats.norm.sf(np.min(off, axis=0))
     chance = np.nanprod(by_chance, axis=1)
     same[2:-2] = equal[1:-2] & (chance < c.chance)
     if same.sum() >= c.often:  # where it happens again and again, a frame that is the same is likelier one more
         same[2:-2] |= equal[1:-2] & (chance < c.odds * same.mean())
     return same
+
+
+def _through() -> list[np.ndarray]:
+    """(4,) weights at 0 of the polynomials through frames -2, -1, 1, 2, and through three of them (Lagrange)."""
+    frames = [k for k in range(-2, 3) if k]
+    found = []
+    for chosen in (frames, *combinations(frames, 3)):
+        weights = {k: np.prod([j / (j - k) for j in chosen if j != k]) for k in chosen}
+        found.append(np.array([weights.get(k, 0.0) for k in frames]))
+    return found

@@ -398,6 +398,7 @@ class VerdictCriteria:
     by_chance : probability with which one more law of a set is named although there is none. Source: PASTIS (Gerardos &
         Ronceray 2025, PRL 135, 167401)
     share : of the mismatch that named laws explain at least;  share_alone : where no free form was possible
+    told : of the mismatch, that a form without a name explains at least to be told. Choice: less is 0 % on the page
     free_form : a free form that leaves less than this part of what the names leave is the better explanation;
         ``free_form_high`` where the names explain ``high`` or more
     beyond : spreads of the difference between replicates from which a share can be said
@@ -437,6 +438,7 @@ class VerdictCriteria:
     by_chance: float = 1e-3
     share: float = 0.5
     share_alone: float = 0.7
+    told: float = 0.005
     high: float = 0.9
     free_form: float = 0.5
     free_form_high: float = 0.1

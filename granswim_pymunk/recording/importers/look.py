@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ LEFT_OUT = 1.5  # times the usual step of the stamps, from which a frame is left
 # stamps count frames where nine of ten steps that are not long are as close to the usual one, as a share of it, and
 # the middle one of the long steps to a whole number of them, which of steps longer than 1/EVEN is not asked
 EVEN = 0.1
+# pictures stand twice where noise falls to less than this part of it without frames that are as the one before: what
+# stands still and jumps in turn has noise as large as the jumps. Of what rests, or creeps over pixels, it does not
+TWICE = 0.5
 FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 
 
@@ -55,6 +58,7 @@ class Look:
     uneven: int = 0
     step: float = math.nan
     longest_step: float = math.nan
+    again: int = 0
     warnings: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
@@ -74,9 +78,28 @@ def noise_of(values: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20))
 
 
+def _shown_again(recording: Recording) -> np.ndarray:
+    """(T,) frames in which all is where it was in the frame before, to the last digit, where pictures stand twice."""
+    numbers = recording.unwrapped().xy.reshape(len(recording.t), -1)
+    if recording.angle is not None:
+        numbers = np.hstack([numbers, recording.angle])
+    unseen = np.isnan(numbers)
+    same = ((numbers[1:] == numbers[:-1]) | (unseen[1:] & unseen[:-1])).all(axis=1) & ~unseen[1:].all(axis=1)
+    again, none = np.append(False, same), np.zeros(len(recording.t), dtype=bool)
+    if not same.any():
+        return none
+    pairs = [(noise_of(v), noise_of(v[~again])) for v in numbers.T]
+    told = [less < TWICE * noise for noise, less in pairs if noise > 0 and math.isfinite(less)]
+    return again if told and all(told) else none
+
+
 def look(recording: Recording) -> Look:
     """Look at the tracks as they will be diagnosed."""
     recording = recording.on_rails()
+    frames_in_all, again = len(recording.t), _shown_again(recording)
+    if again.any():
+        angle = None if recording.angle is None else recording.angle[~again]
+        recording = replace(recording, t=recording.t[~again], xy=recording.xy[~again], angle=angle)
     unwrapped = recording.unwrapped()
     t, xy = unwrapped.t, unwrapped.xy
     seen, counted = recording.seen, _counted(t)
@@ -121,13 +144,15 @@ def look(recording: Recording) -> Look:
     stamps = np.diff(t)
     usual, long_ = _usual(stamps)
     found = Look(
-        bodies=len(recording.ids), frames=len(t), duration=float(t[-1] - t[0]), gaps=float(gaps / max(possible, 1)),
-        longest_gap=longest, jumps=jumps, jump_at=jump_at, speed=float(np.median(speed)), fastest=float(np.max(speed)),
+        bodies=len(recording.ids), frames=frames_in_all, duration=float(t[-1] - t[0]),
+        gaps=float(gaps / max(possible, 1)), longest_gap=longest, jumps=jumps, jump_at=jump_at,
+        speed=float(np.median(speed)), fastest=float(np.max(speed)),
         noise=float(np.nanmedian(noises)) if np.isfinite(noises).any() else math.nan,
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
         unseen=unseen / max(rows, 1), left_out=int(counted[-1]) + 1 - len(t),
         uneven=0 if _even(stamps) else int(long_.sum()), step=usual, longest_step=float(stamps.max(initial=0.0)),
+        again=int(again.sum()),
     )  # fmt: skip
     found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise), *bounced(recording)])
     return found
@@ -221,6 +246,8 @@ def told(recording: Recording, found: Look) -> list[str]:
     bodies = "1 body" if found.bodies == 1 else f"{found.bodies} bodies"
     lines = [f"{bodies} ({names}), {found.frames} frames in {found.duration:.4g} s{rate}"]
     lines.append(f"{_gaps(found)}, {'no jumps' if not found.jumps else f'{found.jumps} jumps'}")
+    if found.again:
+        lines.append(f"{found.again} frames show the picture before again: what is said here is of the others")
     if math.isfinite(found.speed):
         lines.append(f"speeds: median {found.speed:.3g} m/s, largest {found.fastest:.3g} m/s")
         near = f", nearest centres {_length(found.nearest)}" if math.isfinite(found.nearest) else ""
@@ -245,10 +272,11 @@ def _gaps(found: Look) -> str:
         said.append(f"{whose} in {found.unseen:.1%} of the frames between its first and its last")
     if found.left_out:
         frames = "1 frame has" if found.left_out == 1 else f"{found.left_out} frames have"
-        said.append(f"{frames} no row, {found.left_out / (found.frames + found.left_out):.1%} of the film")
+        film = found.frames - found.again
+        said.append(f"{frames} no row, {found.left_out / (film + found.left_out):.1%} of the film")
     longest = f" (longest gap {found.longest_gap:.3g} s)" if found.longest_gap else ""
     if found.uneven:
-        steps = "1 step is" if found.uneven == 1 else f"{found.uneven} of {found.frames - 1} steps are"
+        steps = "1 step is" if found.uneven == 1 else f"{found.uneven} of {found.frames - found.again - 1} steps are"
         said.append(
             f"time stamps are uneven: {steps} longer than {LEFT_OUT:g} times the usual {found.step:.3g} s, up to "
             f"{found.longest_step:.3g} s"
