@@ -19,7 +19,7 @@ from ...scene import Scene
 from ..candidates import asked_terms, in_contact_alone, names_of
 from ..criteria import current
 from ..data import Case
-from ..explained import Scores, explained, spoken_against, spread_with_mismatch
+from ..explained import Explained, Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
     NOTHING,
@@ -296,7 +296,7 @@ class Tracks(ObservationModel):
         def scores(fit: Fit) -> Scores:
             return score(fit, self.blocks, study.predictor, noise, rng)
 
-        before = scores(tried.recalibrated)
+        before = self.before = scores(tried.recalibrated)
         varies = spread_with_mismatch(before) if before.sums else 0.0
         self.scores: dict[str, Scores] = {}
         named = None
@@ -781,6 +781,20 @@ class Tracks(ObservationModel):
         if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
             looks = f"an oscillation at {line.frequency:.3g} Hz"
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+
+    def refitted(self) -> list[Trial]:
+        """Laws that gain more than their numbers do by chance, best first; of those that ended at no bound, if any."""
+        tried = sorted(self.tried.alive, key=lambda t: -worth(t, self.spread))
+        found = [t for t in tried if t.fit is not None and worth(t, self.spread) > 0]
+        return [t for t in found if not absurd(t)] or found
+
+    def share(self, law: Trial) -> Explained | None:
+        if law.fit is None:
+            return None
+        rng = self.study.rng.spawn(1)[0]
+        noise = LikelyNoise.of(seen_by(self.tried.best, self.study.training))
+        after = score(law.fit, self.blocks, self.study.predictor, noise, rng)
+        return explained(after, self.before, rng, varies=spread_with_mismatch(self.before) if self.before.sums else 0.0)
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive
