@@ -51,9 +51,21 @@ def weighed(cases: Sequence[Case]) -> bool:
     return any(falls(case.recording.scene) for case in cases)
 
 
-def lightest() -> float:
-    """The lowest added mass, in units of the mass, of a body whose mass is known: as far as believed masses are off."""
-    return -current().candidates.believed * current().candidates.unstated
+def lightest(error: float | None = None) -> float:
+    """The lowest added mass, in units of the mass, of a body whose mass is known: as far as believed masses are off.
+
+    error : standard deviation of a believed mass, relative, where it was stated
+    """
+    return -current().candidates.believed * (current().candidates.unstated if error is None else error)
+
+
+def _lightest_of(cases: Sequence[Case]) -> float:
+    """The same where masses are known: by what was stated of them, or as gravity acts on mass and inertia alike.
+
+    -inf where nothing was stated and something else moves the bodies, to which mass is all that inertia is.
+    """
+    stated = [c.recording.mass_error for c in cases if c.recording.mass_error is not None]
+    return lightest(max(stated)) if stated else lightest() if weighed(cases) else -math.inf
 
 
 def _radius_power(choice: Mapping[str, Any]) -> float:
@@ -77,8 +89,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     about = places_about(cases) if any(p.within == "tracks" for p in fitted) else None
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     thin, wide = layers_seen(law, cases) if any(p.within == "sight" for p in fitted) else (0.0, math.inf)
-    # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
-    least = lightest() if weighed(cases) else -math.inf
+    least = _lightest_of(cases)
     heavy = with_gravity(cases)
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())

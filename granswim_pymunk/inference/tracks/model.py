@@ -80,11 +80,13 @@ from .settle import (
     has_idle_entry,
     is_its_special_case,
     known_together,
+    reaches_its_end,
     that_earn_their_place,
     that_may_be_absent,
     with_numbers_that_were_found,
     within_belief,
     without_idle_numbers,
+    without_one,
 )
 from .signatures import make_bank
 from .study import (
@@ -435,7 +437,25 @@ class Tracks(ObservationModel):
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
         fit = with_none_beyond(fit, sure, self.spread)
         # a law that is no longer named may have been the only one that is no fault of the apparatus
-        return replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+        return self._without_ended(
+            replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+        )
+
+    def _without_ended(self, judged: Judgement) -> Judgement:
+        """Without laws of which an interval reaches where its search ends: the others have to explain without them."""
+        laws, fit, plain = judged.claim.laws, judged.claim.fit, self.tried.recalibrated
+        why = {t.label: text for t in laws if (text := reaches_its_end(t, fit, self.spread))}
+        if not why:
+            return judged
+        if len(why) == len(laws):
+            self.notes.append(f"{judged.claim.label} {judged.claim.are} not named: {next(iter(why.values()))}")
+            return not_named(judged.claim, self.weighed, self.plain)
+        gone, without = without_one(self._fitter_of(fit), plain, fit, [t for t in laws if t.label in why])
+        self.notes.append(f"{gone.label}: left out, {why[gone.label]}")
+        gain = plain.chi2 - without.chi2
+        less = Claim(tuple(replace(t, fit=without, gain=gain) for t in laws if t is not gone), without)
+        again = judged_by_training(self, less)
+        return again if again.verdict == "unmodelled" else self.settle(again)
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
         """The laws but for those that stay in the revised scene and are not named, which a note says."""

@@ -260,6 +260,32 @@ def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:
     return ""
 
 
+def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
+    """Which strength of a law has an interval that touches a bound of its search (contract 2); empty where none does.
+
+    As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature.
+    spread : inflation of variances by what the fit leaves
+    """
+    for k, free in enumerate(trial.term.free, fit.hypothesis.rows(trial.label).start):
+        ends = zip(fit.interval(k, spread)[1:], (free.low, free.high), strict=True)
+        strength = not (free.inner or free.natural)
+        if strength and any(end == bound != free.neutral and math.isfinite(bound) for end, bound in ends):
+            return f"the interval of {free.name} reaches where its search ends"
+    return ""
+
+
+def without_one(fitter: Fitter, base: Fit, revised: Fit, those: Sequence[Trial]) -> tuple[Trial, Fit]:
+    """Of several laws in a fit that one without which chi2 is least, and the fit without it."""
+    found: list[tuple[float, Trial, Fit]] = []
+    for trial in those:
+        terms = [t for t in revised.hypothesis.terms[len(base.hypothesis.terms) :] if t.label != trial.label]
+        hypothesis, rows = base.hypothesis.with_term(*terms), revised.hypothesis.rows(trial.label)
+        fit = _refitted_without(fitter, base, hypothesis, revised, rows)
+        found.append((fit.chi2, trial, fit))
+    _, gone, fit = min(found, key=lambda entry: entry[0])
+    return gone, fit
+
+
 def without_idle_numbers(
     search: SetSearch, found: Sequence[Trial], revised: Fit, idle: Collection[str] | None = None
 ) -> tuple[list[Trial], Fit]:
