@@ -130,3 +130,26 @@ def test_a_body_is_no_lighter_than_its_mass_was_stated():
         case = prepare(replace(recording, mass_error=error), held_out=False, split=True)
         (term,) = [t for t in named_terms([case]) if t.mechanism == "added_mass"]
         assert term.free[0].low == pytest.approx(low)
+
+
+def test_the_share_of_a_name_is_its_own():
+    """A push stood as the name of what a friction did that was in the revised scene without one."""
+    model = Tracks([block(4.0)])
+    model.recalibrate()
+    base, fitter = model.recalibrated_fit, model.study.fitter
+    terms = {t.label: t for t in named_terms(model.study.training)}
+    names = ("coulomb_substrate", "uniform_force")
+    friction, push = trials(fitter, base, terms, *names)
+    values = [MU, *[0.0] * push.numbers]
+    both = fitter.fit(base.hypothesis.with_term(friction.term, push.term), values, base.starts)
+    friction, push = (replace(t, fit=both, gain=base.chi2 - both.chi2) for t in (friction, push))
+    model.tried = SimpleNamespace(recalibrated=base, naive=base, best=both, forms=[], alive=[], spread=1.0)
+    model.fitter, model.spread = fitter, 1.0
+    whole = model.weigh(Claim((friction, push), both)).named
+    judged = Judgement("missing_physics", Claim((friction,), both), whole)
+    alone = model._by_names_alone(judged)
+    assert alone.verdict == "missing_physics" and alone.claim.fit is both
+    assert 0.9 < alone.explained.share <= 1 and alone.explained is not whole
+    none = model._by_names_alone(replace(judged, claim=Claim((push,), both)))
+    assert none.verdict == "unmodelled" and none.closest[0][1] < 0.5 < whole.share
+    assert model.notes[-1].startswith("uniform_force is not named: it explains")

@@ -34,6 +34,7 @@ from ..judge import (
     bends,
     best_form,
     completeness,
+    judge,
     named_verdict,
     not_named,
     remains_of,
@@ -86,6 +87,7 @@ from .settle import (
     with_numbers_that_were_found,
     within_belief,
     without_idle_numbers,
+    without_labels,
     without_one,
 )
 from .signatures import make_bank
@@ -176,6 +178,7 @@ class Tracks(ObservationModel):
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
+        self.beside_names: list[str] = []  # notes on laws of the revised scene that are not named
         self._draws: np.random.Generator | None = None
         self._looked_at: set[str] = set()
         self.best_form: Trial | None = None
@@ -437,9 +440,37 @@ class Tracks(ObservationModel):
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
         fit = with_none_beyond(fit, sure, self.spread)
         # a law that is no longer named may have been the only one that is no fault of the apparatus
-        return self._without_ended(
-            replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+        return self._with_its_notes(
+            self._by_names_alone(
+                self._without_ended(
+                    replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+                )
+            )
         )
+
+    def _with_its_notes(self, judged: Judgement) -> Judgement:
+        """A judgement, without notes on what stays in the revised scene where that is not told."""
+        if judged.verdict == "unmodelled":
+            self.notes[:] = [note for note in self.notes if note not in self.beside_names]
+        return judged
+
+    def _by_names_alone(self, judged: Judgement) -> Judgement:
+        """With the share of the laws that are named, alone with the adjustables, by which they are judged.
+
+        What stays in the revised scene without a name may have explained most: a name that needs it explains nothing.
+        """
+        laws, fit, plain = judged.claim.laws, judged.claim.fit, self.tried.recalibrated
+        named = {t.label for t in laws}
+        gone = [t.label for t in fit.hypothesis.terms[len(plain.hypothesis.terms) :] if t.label not in named]
+        if judged.verdict == "unmodelled" or judged.explained is None or not gone:
+            return judged
+        alone = without_labels(self._fitter_of(fit), plain, fit, gone)
+        gain = plain.chi2 - alone.chi2
+        claim = Claim(tuple(replace(t, fit=alone, gain=gain) for t in laws), alone)
+        lost = (alone.chi2 - fit.chi2) / self.spread - 2 * (len(fit.values) - len(alone.values))
+        weighed = replace(self.weighed, named=spoken_against(self._share_of(alone)), ahead=self.weighed.ahead - lost)
+        again = judge(claim, weighed, self.mismatch(claim), self.plain, self.notes)
+        return again if again.verdict == "unmodelled" else replace(judged, explained=again.explained)
 
     def _without_ended(self, judged: Judgement) -> Judgement:
         """Without laws of which an interval reaches where its search ends: the others have to explain without them."""
@@ -460,7 +491,8 @@ class Tracks(ObservationModel):
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
         """The laws but for those that stay in the revised scene and are not named, which a note says."""
         gone = Claim(tuple(those), fit)
-        self.notes.append(f"{gone.label}, in the revised scene, {gone.are} not named: {why}")
+        self.beside_names.append(f"{gone.label}, in the revised scene, {gone.are} not named: {why}")
+        self.notes.append(self.beside_names[-1])
         return tuple(t for t in laws if not any(t is u for u in those))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
@@ -809,11 +841,13 @@ class Tracks(ObservationModel):
         return [t for t in found if not absurd(t)] or found
 
     def share(self, law: Trial) -> Explained | None:
-        if law.fit is None:
-            return None
+        return None if law.fit is None else self._share_of(law.fit)
+
+    def _share_of(self, fit: Fit) -> Explained:
+        """What the scene of a fit explains on unseen blocks, by random numbers of its own."""
         rng = self.study.rng.spawn(1)[0]
         noise = LikelyNoise.of(seen_by(self.tried.best, self.study.training))
-        after = score(law.fit, self.blocks, self.study.predictor, noise, rng)
+        after = score(fit, self.blocks, self.study.predictor, noise, rng)
         return explained(after, self.before, rng, varies=spread_with_mismatch(self.before) if self.before.sums else 0.0)
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:

@@ -240,7 +240,7 @@ def with_numbers_that_were_found(
     return found, revised, dropped
 
 
-def _refitted_without(fitter: Fitter, base: Fit, hypothesis: Hypothesis, revised: Fit, rows: slice) -> Fit:
+def _refitted_without(fitter: Fitter, base: Fit, hypothesis: Hypothesis, revised: Fit, rows: slice | list[int]) -> Fit:
     """The fit without a law, from where it was with it and from where the scene was without laws: the lower one.
 
     A number at its bound may have carried starts and masses away to where no fit without it comes back from.
@@ -276,14 +276,15 @@ def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
 
 def without_one(fitter: Fitter, base: Fit, revised: Fit, those: Sequence[Trial]) -> tuple[Trial, Fit]:
     """Of several laws in a fit that one without which chi2 is least, and the fit without it."""
-    found: list[tuple[float, Trial, Fit]] = []
-    for trial in those:
-        terms = [t for t in revised.hypothesis.terms[len(base.hypothesis.terms) :] if t.label != trial.label]
-        hypothesis, rows = base.hypothesis.with_term(*terms), revised.hypothesis.rows(trial.label)
-        fit = _refitted_without(fitter, base, hypothesis, revised, rows)
-        found.append((fit.chi2, trial, fit))
-    _, gone, fit = min(found, key=lambda entry: entry[0])
-    return gone, fit
+    found = [(trial, without_labels(fitter, base, revised, [trial.label])) for trial in those]
+    return min(found, key=lambda entry: entry[1].chi2)
+
+
+def without_labels(fitter: Fitter, base: Fit, revised: Fit, gone: Collection[str]) -> Fit:
+    """The fit of the laws of a fit without some of them."""
+    terms = [t for t in revised.hypothesis.terms[len(base.hypothesis.terms) :] if t.label not in gone]
+    rows = [k for label in gone for k in range(*revised.hypothesis.rows(label).indices(len(revised.values)))]
+    return _refitted_without(fitter, base, base.hypothesis.with_term(*terms), revised, rows)
 
 
 def without_idle_numbers(
