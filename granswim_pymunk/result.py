@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from .inference.result import Diagnosis
 
+CLAIMED = ("missing_physics", "measurement")  # verdicts that name something
 MOST_BODIES = 8  # named one by one
 MOST_NUMBERS = 6  # told one by one in a line
 MORE = 1.5  # noise floors from which a held-out error is said to be more than noise
@@ -228,7 +229,9 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
         much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
         if ratio is not None and ratio < 1:
             much = f"what is left is as small as the noise ({_times(ratio)} times), yet not all noise, most"
-        lines.append(f"the best approximation so far: {much} on {bodies}; it looks like {left['looks_like']}")
+        # where nothing is named there is no approximation to call the best
+        so_far = "the best approximation so far: " if verdict["verdict"] in CLAIMED else ""
+        lines.append(f"{so_far}{much} on {bodies}; it looks like {left['looks_like']}")
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")
     if verdict.get("heldout"):

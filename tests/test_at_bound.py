@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from granswim_pymunk import diagnose
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.judge import Claim, Judgement, Weighed
 from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.tracks.name import Trial
-from granswim_pymunk.inference.tracks.settle import with_numbers_that_were_found
+from granswim_pymunk.inference.tracks.settle import reaches_its_end, with_numbers_that_were_found, without_one
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
@@ -93,3 +97,59 @@ def test_none_stays_where_all_ended_at_their_bounds(fits):
     only = trials(fitter, base, terms, "camera_scale")
     found, fit, dropped = with_numbers_that_were_found(fitter, base, only, alone, 1.0)
     assert found == [] and fit is base and list(dropped) == ["camera_scale"]
+
+
+def test_a_law_whose_interval_reaches_a_bound_is_not_named(fits):
+    """Contract 2: of an added mass of -0.47 (-0.5 to -0.39), with -0.5 the end of its search, the value lay within."""
+    fitter, base, terms = fits
+    names = ("coulomb_substrate", "camera_scale")
+    both = fitter.fit(base.hypothesis.with_term(*(terms[n] for n in names)), [MU, 1.0], base.starts)
+    friction, scale = trials(fitter, base, terms, *names)
+    assert not reaches_its_end(scale, both, 1.0)
+    wide = replace(both, limits={1: (0.7, 1.1)})
+    assert not reaches_its_end(friction, wide, 1.0) and "camera.scale" in reaches_its_end(scale, wide, 1.0)
+    gone, without = without_one(fitter, base, wide, [scale])
+    assert gone is scale and without.values == pytest.approx([MU], rel=0.02)
+
+    plain, notes = Claim((), base), list[str]()
+    model = SimpleNamespace(tried=SimpleNamespace(recalibrated=base), spread=1.0, notes=notes, weighed=Weighed())
+    model.plain = plain
+    judged = Judgement("measurement", Claim((scale,), wide))
+    told = Tracks._without_ended(model, judged)
+    assert told.verdict == "unmodelled" and told.claim is plain and told.closest == ((scale, 0.0),)
+    assert notes == ["camera_scale is not named: the interval of camera.scale reaches where its search ends"]
+    assert Tracks._without_ended(model, replace(judged, claim=Claim((scale,), both))).verdict == "measurement"
+
+
+def test_a_body_is_no_lighter_than_its_mass_was_stated():
+    """Six standard errors of what was stated; where nothing was, and nothing weighs it, a half."""
+    t, body = np.arange(60) / 60, Body("p", "free", 0.02, MASS)
+    xy = np.column_stack([0.1 * t, 0.2 * t])[:, None]
+    recording = Recording("p", Scene((body,)), t, ("p",), xy, sampling=60.0, position_noise=NOISE)
+    for error, low in ((None, -0.5), (0.01, -0.06), (0.02, -0.12)):
+        case = prepare(replace(recording, mass_error=error), held_out=False, split=True)
+        (term,) = [t for t in named_terms([case]) if t.mechanism == "added_mass"]
+        assert term.free[0].low == pytest.approx(low)
+
+
+def test_the_share_of_a_name_is_its_own():
+    """A push stood as the name of what a friction did that was in the revised scene without one."""
+    model = Tracks([block(4.0)])
+    model.recalibrate()
+    base, fitter = model.recalibrated_fit, model.study.fitter
+    terms = {t.label: t for t in named_terms(model.study.training)}
+    names = ("coulomb_substrate", "uniform_force")
+    friction, push = trials(fitter, base, terms, *names)
+    values = [MU, *[0.0] * push.numbers]
+    both = fitter.fit(base.hypothesis.with_term(friction.term, push.term), values, base.starts)
+    friction, push = (replace(t, fit=both, gain=base.chi2 - both.chi2) for t in (friction, push))
+    model.tried = SimpleNamespace(recalibrated=base, naive=base, best=both, forms=[], alive=[], spread=1.0)
+    model.fitter, model.spread = fitter, 1.0
+    whole = model.weigh(Claim((friction, push), both)).named
+    judged = Judgement("missing_physics", Claim((friction,), both), whole)
+    alone = model._by_names_alone(judged)
+    assert alone.verdict == "missing_physics" and alone.claim.fit is both
+    assert 0.9 < alone.explained.share <= 1 and alone.explained is not whole
+    none = model._by_names_alone(replace(judged, claim=Claim((push,), both)))
+    assert none.verdict == "unmodelled" and none.closest[0][1] < 0.5 < whole.share
+    assert model.notes[-1].startswith("uniform_force is not named: it explains")

@@ -20,11 +20,14 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import Case, falls, layers_seen, with_gravity
+from .data import HOLDING, Case, falls, layers_seen, with_gravity
 from .driven_terms import driven_forms, driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
 from .swimmer_terms import swimmer_terms
+
+# roles of laws that pull towards a vector, -c (v - u) or -k (r - a): linear in c and c u
+ABOUT = ("medium", "tether")
 
 
 def distinct_bodies(cases: Sequence[Case]) -> list[tuple[str, float, float]]:
@@ -48,9 +51,21 @@ def weighed(cases: Sequence[Case]) -> bool:
     return any(falls(case.recording.scene) for case in cases)
 
 
-def lightest() -> float:
-    """The lowest added mass, in units of the mass, of a body whose mass is known: as far as believed masses are off."""
-    return -current().candidates.believed * current().candidates.unstated
+def lightest(error: float | None = None) -> float:
+    """The lowest added mass, in units of the mass, of a body whose mass is known: as far as believed masses are off.
+
+    error : standard deviation of a believed mass, relative, where it was stated
+    """
+    return -current().candidates.believed * (current().candidates.unstated if error is None else error)
+
+
+def _lightest_of(cases: Sequence[Case]) -> float:
+    """The same where masses are known: by what was stated of them, or as gravity acts on mass and inertia alike.
+
+    -inf where nothing was stated and something else moves the bodies, to which mass is all that inertia is.
+    """
+    stated = [c.recording.mass_error for c in cases if c.recording.mass_error is not None]
+    return lightest(max(stated)) if stated else lightest() if weighed(cases) else -math.inf
 
 
 def _radius_power(choice: Mapping[str, Any]) -> float:
@@ -66,23 +81,15 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     if not bodies:
         return []  # every motion is commanded: no force shows
     radii = np.array([radius for name, radius, _ in distinct_bodies(cases) if name in bodies])
-    choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
-    combinations = [
-        dict(zip([n for n, _ in choices], values, strict=True))
-        for values in itertools.product(*[c for _, c in choices])
-    ]
-    if np.ptp(radii) == 0 or each:
-        # the power of the radius changes nothing
-        combinations = [
-            c for c in combinations if all(v == p.choices[0] for v, p in ((v, law.parameter(k)) for k, v in c.items()))
-        ]
+    combinations = _combinations(law, alike=bool(np.ptp(radii) == 0) or each)
     terms = []
-    fitted = [p for p in law.parameters if p.typical is not None]
+    # strengths first: what shapes a law follows them
+    fitted = sorted((p for p in law.parameters if p.typical is not None), key=lambda p: p.name not in law.strength)
     given = constants(law, cases)
+    about = places_about(cases) if any(p.within == "tracks" for p in fitted) else None
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     thin, wide = layers_seen(law, cases) if any(p.within == "sight" for p in fitted) else (0.0, math.inf)
-    # gravity acts on mass and inertia alike: a body that nothing but it holds is no lighter than masses are known
-    least = lightest() if weighed(cases) else -math.inf
+    least = _lightest_of(cases)
     heavy = with_gravity(cases)
     for choice, stretch in itertools.product(combinations, _stretches(law)):
         r0 = float(radii.mean())
@@ -107,7 +114,10 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                     low, high = max(low, thin), min(high, wide)
                     # begun at one of its bounds it would not be known to have ended there
                     typical = typical if low < typical < high else min(2 * low, 0.5 * (low + high)) or 0.5 * high
-                for argument in p.arguments:
+                for axis, argument in enumerate(p.arguments):
+                    if p.within == "tracks" and about is not None:
+                        typical, far = about[0][axis], current().candidates.farthest * about[1]
+                        scale, low, high = current().candidates.step * about[1], typical - far, typical + far
                     name = f"{law.name}.{argument}" + (f"[{owner}]" if owner else "")
                     ordinary = 0.0 if inner else p.ordinary
                     # gravity acts on mass and inertia alike: how heavy a body is does not show there
@@ -137,10 +147,22 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     return terms
 
 
+def _combinations(law: Law, *, alike: bool) -> list[dict[str, Any]]:
+    """All values that the numeric choices of a law may have together; ``alike``: the power of the radius is none."""
+    choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
+    combinations = [
+        dict(zip([n for n, _ in choices], values, strict=True))
+        for values in itertools.product(*[c for _, c in choices])
+    ]
+    if not alike:
+        return combinations
+    return [c for c in combinations if all(v == law.parameter(k).choices[0] for k, v in c.items())]
+
+
 def _stretches(law: Law) -> tuple[float, ...]:
     """From how many times its typical size a range or an exponent is looked for."""
-    if law.role == "medium" or law.candidate == "flexible":
-        return (1.0,)  # its signature finds the flow itself; a form bends wherever it begins
+    if law.role in ABOUT or law.candidate == "flexible":
+        return (1.0,)  # its signature finds the flow, or the point, itself; a form bends wherever it begins
     shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
     if not shapes:
         return (1.0,)
@@ -209,6 +231,18 @@ def fastest_of(cases: Sequence[Case]) -> float:
             step = step[np.isfinite(step)]
             fastest = max(fastest, float(np.quantile(step, current().candidates.fastest)) if len(step) else 0.0)
     return fastest
+
+
+def places_about(cases: Sequence[Case]) -> tuple[tuple[float, float], float] | None:
+    """The middle (x, y) of all tracks in the training parts, and how far they went from it [m]; None where none did."""
+    places = [c.recording.on_rails().xy[c.training].reshape(-1, 2) for c in cases if not c.held_out]
+    every = np.concatenate(places) if places else np.zeros((0, 2))
+    every = every[np.isfinite(every).all(axis=1)]
+    if len(every) < current().candidates.places:
+        return None
+    middle = every.mean(axis=0)
+    extent = float(np.hypot(*(every - middle).T).max())
+    return ((float(middle[0]), float(middle[1])), extent) if extent > 0 else None
 
 
 class _LawAdder:
@@ -443,7 +477,20 @@ def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
 def applies(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a law has anything to act on: a swimmer, a second body, the pin or springs whose numbers it needs."""
     scenes = [case.recording.scene for case in cases]
+    if any(p.within == "tracks" for p in law.parameters) and not _may_be_tied(cases):
+        return False
     return any(scene.admits(law) for scene in scenes if law.kind != "chain" or scene.chains)
+
+
+def _may_be_tied(cases: Sequence[Case]) -> bool:
+    """Whether bodies may be drawn to a place that the scene does not know: none is held, and none flies or swims.
+
+    What hangs, slides along a rail or has a spring already moves about a place that is believed; a bed pushes back.
+    """
+    scenes = [c.recording.scene for c in cases]
+    held = any(s.laws_as(role) for s in scenes for role in HOLDING)
+    other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
+    return not held and not other and places_about(cases) is not None
 
 
 def flexible_terms(cases: Sequence[Case], *, each: bool = False) -> list[Term]:

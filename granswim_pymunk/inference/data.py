@@ -142,10 +142,12 @@ def with_gravity(cases: Sequence[Case]) -> bool:
     return any(any(case.recording.scene.gravity) for case in cases)
 
 
+HOLDING = ("pendulum", "pivot", "guide", "bar", "tether", "command")  # roles of laws that hold a body, or move it
+
+
 def falls(scene: Scene) -> bool:
     """Whether gravity moves a body that no joint, rail, spring or command holds."""
-    held = ("pendulum", "pivot", "guide", "bar", "tether", "command")
-    return any(scene.gravity) and not any(scene.laws_as(role) for role in held)
+    return any(scene.gravity) and not any(scene.laws_as(role) for role in HOLDING)
 
 
 def left_out(count: int, why: str) -> str:

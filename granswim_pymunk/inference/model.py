@@ -198,7 +198,7 @@ class ObservationModel(ABC):
         """Laws that do nearly as well as what was claimed or withdrawn; whether these data cannot tell them from it."""
 
     def refitted(self) -> Sequence[Any]:
-        """Laws that were tried by simulation, of which the one worth most is told where none stands."""
+        """Laws that were tried by simulation and gain more than chance, best first: that is told where none stands."""
         return ()
 
     def share(self, law: Any) -> Explained | None:

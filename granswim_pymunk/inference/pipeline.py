@@ -242,8 +242,7 @@ def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], 
     """Laws that do nearly as well as what was claimed, and names that were not accepted, with their share."""
     beside, closest = model.beside(judged), judged.closest
     if judged.verdict == "unmodelled" and not closest and not judged.withdrawn:
-        tried = [t for t in model.refitted() if t.worth > 0 and not nameless(t.mechanism)]
-        best = max(tried, key=lambda t: t.worth, default=None)
+        best = next((t for t in model.refitted() if not nameless(t.mechanism)), None)
         share = None if best is None else model.share(best)
         closest = () if share is None else ((best, share.share),)
     gains = model.gains(judged, [t for t, _ in closest], [t for t, _ in beside])

@@ -10,10 +10,13 @@ from .base import Parameter, law
     expression="F = -k (|r - a| - l) (r - a)/|r - a|; for l = 0, F = -k (r - a)",
     reference="Hooke 1678, De Potentia Restitutiva",
     parameters=[
-        Parameter("anchor", "m", "where the spring is fixed", size=2),
-        Parameter("stiffness", "N/m", "stiffness k", low=0.0),
+        Parameter("anchor", "m", "where the spring is fixed", size=2, typical=1.0, within="tracks"),
+        Parameter("stiffness", "N/m", "stiffness k", low=0.0, typical=1.0),
         Parameter("length", "m", "length at rest l", low=0.0, default=0.0),
     ],
+    strength=("stiffness",),
+    candidate="named",
+    phrase="a spring to a point",
     role="tether",
 )
 def spring(x, y, anchor_x, anchor_y, stiffness, length):

@@ -11,7 +11,8 @@ class CandidateCriteria:
 
     radius [m] : of the bodies that typical ranges of laws are declared for
     places : sightings from which the middle of a picture is told. Choice
-    farthest : of the extent of all tracks, how far from their mean the middle of a lens is looked for. Choice
+    farthest : of the extent of all tracks, how far from their mean the middle of a lens, or the point that a spring
+        draws to, is looked for. Choice
     believed : standard deviations of a believed mass or radius, to which it is looked for;  unstated : such a standard
         deviation, relative, where nothing is said. Choice: a per cent, as a ruler on a film or the maker of a batch
         tells, and what laboratories are off by is one to three

@@ -231,7 +231,7 @@ class Packings(ObservationModel):
         return [(t, same) for t, same in self.near if all(t is not law for law in judged.claim.laws)]
 
     def refitted(self) -> list[Trial]:
-        return [t for t in self.state.trials if t.fit is not None]
+        return sorted((t for t in self.state.trials if t.fit is not None and t.worth > 0), key=lambda t: -t.worth)
 
     def share(self, law: Trial) -> Explained | None:
         return None if law.fit is None else explained(self.state, law.fit)[0]

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...laws import has_role
 from ...machine import cores
+from ..candidates import ABOUT
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Free, Hypothesis, Predictor
@@ -142,7 +143,7 @@ class Straight:
         """
         shaped = [
             not (f.inner or f.neutral or plainly) and any(g.inner for g in term.free)
-            and (streams or not has_role(term.mechanism, "medium"))
+            and (streams or not has_role(term.mechanism, *ABOUT))
             for term in hypothesis.terms for f in term.free
         ]  # fmt: skip
         sign = np.where(np.array(shaped, dtype=bool), np.sign(x), 0.0)[at]

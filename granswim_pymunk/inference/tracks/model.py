@@ -20,7 +20,7 @@ from ..candidates import asked_terms, in_contact_alone, names_of
 from ..criteria import current
 from ..data import Case
 from ..driven_terms import as_an_answer
-from ..explained import Scores, explained, spoken_against, spread_with_mismatch
+from ..explained import Explained, Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
     NOTHING,
@@ -35,6 +35,7 @@ from ..judge import (
     bends,
     best_form,
     completeness,
+    judge,
     named_verdict,
     not_named,
     remains_of,
@@ -81,11 +82,14 @@ from .settle import (
     has_idle_entry,
     is_its_special_case,
     known_together,
+    reaches_its_end,
     that_earn_their_place,
     that_may_be_absent,
     with_numbers_that_were_found,
     within_belief,
     without_idle_numbers,
+    without_labels,
+    without_one,
 )
 from .signatures import make_bank
 from .study import (
@@ -175,6 +179,7 @@ class Tracks(ObservationModel):
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
+        self.beside_names: list[str] = []  # notes on laws of the revised scene that are not named
         self._draws: np.random.Generator | None = None
         self._looked_at: set[str] = set()
         self.best_form: Trial | None = None
@@ -297,7 +302,7 @@ class Tracks(ObservationModel):
         def scores(fit: Fit) -> Scores:
             return score(fit, self.blocks, study.predictor, noise, rng)
 
-        before = scores(tried.recalibrated)
+        before = self.before = scores(tried.recalibrated)
         varies = spread_with_mismatch(before) if before.sums else 0.0
         self.scores: dict[str, Scores] = {}
         named = None
@@ -439,12 +444,59 @@ class Tracks(ObservationModel):
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
         fit = with_none_beyond(fit, sure, self.spread)
         # a law that is no longer named may have been the only one that is no fault of the apparatus
-        return replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+        return self._with_its_notes(
+            self._by_names_alone(
+                self._without_ended(
+                    replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws, fit=fit))
+                )
+            )
+        )
+
+    def _with_its_notes(self, judged: Judgement) -> Judgement:
+        """A judgement, without notes on what stays in the revised scene where that is not told."""
+        if judged.verdict == "unmodelled":
+            self.notes[:] = [note for note in self.notes if note not in self.beside_names]
+        return judged
+
+    def _by_names_alone(self, judged: Judgement) -> Judgement:
+        """With the share of the laws that are named, alone with the adjustables, by which they are judged.
+
+        What stays in the revised scene without a name may have explained most: a name that needs it explains nothing.
+        """
+        laws, fit, plain = judged.claim.laws, judged.claim.fit, self.tried.recalibrated
+        named = {t.label for t in laws}
+        gone = [t.label for t in fit.hypothesis.terms[len(plain.hypothesis.terms) :] if t.label not in named]
+        if judged.verdict == "unmodelled" or judged.explained is None or not gone:
+            return judged
+        alone = without_labels(self._fitter_of(fit), plain, fit, gone)
+        gain = plain.chi2 - alone.chi2
+        claim = Claim(tuple(replace(t, fit=alone, gain=gain) for t in laws), alone)
+        lost = (alone.chi2 - fit.chi2) / self.spread - 2 * (len(fit.values) - len(alone.values))
+        weighed = replace(self.weighed, named=spoken_against(self._share_of(alone)), ahead=self.weighed.ahead - lost)
+        again = judge(claim, weighed, self.mismatch(claim), self.plain, self.notes)
+        return again if again.verdict == "unmodelled" else replace(judged, explained=again.explained)
+
+    def _without_ended(self, judged: Judgement) -> Judgement:
+        """Without laws of which an interval reaches where its search ends: the others have to explain without them."""
+        laws, fit, plain = judged.claim.laws, judged.claim.fit, self.tried.recalibrated
+        why = {t.label: text for t in laws if (text := reaches_its_end(t, fit, self.spread))}
+        if not why:
+            return judged
+        if len(why) == len(laws):
+            self.notes.append(f"{judged.claim.label} {judged.claim.are} not named: {next(iter(why.values()))}")
+            return not_named(judged.claim, self.weighed, self.plain)
+        gone, without = without_one(self._fitter_of(fit), plain, fit, [t for t in laws if t.label in why])
+        self.notes.append(f"{gone.label}: left out, {why[gone.label]}")
+        gain = plain.chi2 - without.chi2
+        less = Claim(tuple(replace(t, fit=without, gain=gain) for t in laws if t is not gone), without)
+        again = judged_by_training(self, less)
+        return again if again.verdict == "unmodelled" else self.settle(again)
 
     def _unnamed(self, laws: Sequence[Trial], those: Sequence[Trial], fit: Fit, why: str) -> tuple[Trial, ...]:
         """The laws but for those that stay in the revised scene and are not named, which a note says."""
         gone = Claim(tuple(those), fit)
-        self.notes.append(f"{gone.label}, in the revised scene, {gone.are} not named: {why}")
+        self.beside_names.append(f"{gone.label}, in the revised scene, {gone.are} not named: {why}")
+        self.notes.append(self.beside_names[-1])
         return tuple(t for t in laws if not any(t is u for u in those))
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
@@ -785,6 +837,22 @@ class Tracks(ObservationModel):
         if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
             looks = f"an oscillation at {line.frequency:.3g} Hz"
         return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+
+    def refitted(self) -> list[Trial]:
+        """Laws that gain more than their numbers do by chance, best first; of those that ended at no bound, if any."""
+        tried = sorted(self.tried.alive, key=lambda t: -worth(t, self.spread))
+        found = [t for t in tried if t.fit is not None and worth(t, self.spread) > 0]
+        return [t for t in found if not absurd(t)] or found
+
+    def share(self, law: Trial) -> Explained | None:
+        return None if law.fit is None else self._share_of(law.fit)
+
+    def _share_of(self, fit: Fit) -> Explained:
+        """What the scene of a fit explains on unseen blocks, by random numbers of its own."""
+        rng = self.study.rng.spawn(1)[0]
+        noise = LikelyNoise.of(seen_by(self.tried.best, self.study.training))
+        after = score(fit, self.blocks, self.study.predictor, noise, rng)
+        return explained(after, self.before, rng, varies=spread_with_mismatch(self.before) if self.before.sums else 0.0)
 
     def beside(self, judged: Judgement) -> list[tuple[Trial, bool]]:
         found, alive = list(judged.claim.laws or judged.withdrawn), self.tried.alive

@@ -240,7 +240,7 @@ def with_numbers_that_were_found(
     return found, revised, dropped
 
 
-def _refitted_without(fitter: Fitter, base: Fit, hypothesis: Hypothesis, revised: Fit, rows: slice) -> Fit:
+def _refitted_without(fitter: Fitter, base: Fit, hypothesis: Hypothesis, revised: Fit, rows: slice | list[int]) -> Fit:
     """The fit without a law, from where it was with it and from where the scene was without laws: the lower one.
 
     A number at its bound may have carried starts and masses away to where no fit without it comes back from.
@@ -258,6 +258,33 @@ def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:
         if not free.inner and _endless(free, fit.interval(k, spread)[1:]):
             return f"the interval of {free.name} reaches where its search ends"
     return ""
+
+
+def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
+    """Which strength of a law has an interval that touches a bound of its search (contract 2); empty where none does.
+
+    As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature.
+    spread : inflation of variances by what the fit leaves
+    """
+    for k, free in enumerate(trial.term.free, fit.hypothesis.rows(trial.label).start):
+        ends = zip(fit.interval(k, spread)[1:], (free.low, free.high), strict=True)
+        strength = not (free.inner or free.natural)
+        if strength and any(end == bound != free.neutral and math.isfinite(bound) for end, bound in ends):
+            return f"the interval of {free.name} reaches where its search ends"
+    return ""
+
+
+def without_one(fitter: Fitter, base: Fit, revised: Fit, those: Sequence[Trial]) -> tuple[Trial, Fit]:
+    """Of several laws in a fit that one without which chi2 is least, and the fit without it."""
+    found = [(trial, without_labels(fitter, base, revised, [trial.label])) for trial in those]
+    return min(found, key=lambda entry: entry[1].chi2)
+
+
+def without_labels(fitter: Fitter, base: Fit, revised: Fit, gone: Collection[str]) -> Fit:
+    """The fit of the laws of a fit without some of them."""
+    terms = [t for t in revised.hypothesis.terms[len(base.hypothesis.terms) :] if t.label not in gone]
+    rows = [k for label in gone for k in range(*revised.hypothesis.rows(label).indices(len(revised.values)))]
+    return _refitted_without(fitter, base, base.hypothesis.with_term(*terms), revised, rows)
 
 
 def without_idle_numbers(

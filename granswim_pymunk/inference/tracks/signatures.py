@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...laws import all_laws, has_role
-from ..candidates import along_only, rescaled, with_numbers
+from ..candidates import ABOUT, along_only, rescaled, with_numbers
 from ..criteria import current
 from ..hypothesis import Term
 from ..linear import basis, project
@@ -240,17 +240,22 @@ def _told_along(term: Term, columns: np.ndarray) -> tuple[Term, np.ndarray]:
 def _flow_signature(
     fitter: Fitter, fit: Fit, term: Term, starts: np.ndarray, nuisance: np.ndarray, left: np.ndarray
 ) -> Signature:
-    """The signature of -c (v - u), which is linear in c and c u and in nothing else: all three at once."""
+    """The signature of -c (v - u), which is linear in c and c u and in nothing else: all three at once.
+
+    So of -k (r - a) in k and k a, a counted from where its search begins.
+    """
+    speeds = has_role(term.mechanism, "medium")
     spans = [
         np.nanmax(np.abs(np.diff(case.values[:, k]))) / float(np.median(np.diff(case.t)))
         for case in fitter.cases
         for k, channel in enumerate(case.channels)
         if channel.kind != "angle"
     ]
-    top = float(max(spans, default=0.0)) or 1e-2
+    top = (float(max(spans, default=0.0)) or 1e-2) if speeds else term.free[1].high - term.free[1].first
+    origin = np.array([f.first for f in term.free[1:]])
     probes = []
-    for along, across in ((0.0, 0.0), (top, 0.0), (0.0, top)):
-        probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, along, across])
+    for away in ((0.0, 0.0), (top, 0.0), (0.0, top)):
+        probe = rescaled(term, [f.scale for f in term.free], [term.free[0].first, *(origin + away)])
         probes.append(columns_of(fitter, fit, probe)[0][:, 0])
     streams = [probe - probes[0] for probe in probes[1:]]
     rounding = current().signatures.rounding * max(float(np.linalg.norm(probe)) for probe in probes)
@@ -259,13 +264,15 @@ def _flow_signature(
     columns = np.column_stack([probes[0], *(change / top for change in streams)])
     if not columns.any():
         return Signature(term, np.zeros((len(left), 0)), 0.0, 0.0)
-    term, columns = _told_along(term, columns)
+    if speeds:
+        term, columns = _told_along(term, columns)
     scales = _to_a_sigma(columns)
     # of a motion that is straight and steady without the law, drag and stream look alike: that is no reason
     answered = np.concatenate([[columns[:, 0].any()], _independent(columns[:, 1:])])
     if answered[0] and not answered.all():
         term = with_numbers(term, [int(k) for k in np.flatnonzero(answered)])
         columns, scales = columns[:, answered], scales[answered]
+    origin = np.array([f.first for f in term.free[1:]])
     directions, surviving, gain, (c, *push) = _held_against(columns, scales, starts, nuisance, left)
     force = float(np.linalg.norm(push))
     # where nothing tells the drag (another one is adjustable), a flow as fast as the bodies
@@ -274,7 +281,7 @@ def _flow_signature(
     u = np.array(push) / c if c > 0 else np.zeros(len(push))
     least = current().signatures.slow * top
     sizes = [float(scales[0]), *(max(float(x) / c if c > 0 else 0.0, least) for x in scales[1:])]
-    return Signature(rescaled(term, sizes, [c, *u]), directions, surviving, gain)
+    return Signature(rescaled(term, sizes, [c, *(origin + u)]), directions, surviving, gain)
 
 
 def _as_fast(term: Term, stream: Term) -> Term:
@@ -299,8 +306,8 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
         if fitter.stop():
             signatures.append(Signature(term, np.zeros((len(r), 0)), 0.0, 0.0))
             continue
-        if has_role(term.mechanism, "medium") and len(term.free) == 3:
-            if all_laws()[term.law].linear:
+        if has_role(term.mechanism, *ABOUT) and len(term.free) == 3:
+            if all_laws()[term.law].linear or has_role(term.mechanism, "tether"):
                 signatures.append(_flow_signature(fitter, fit, term, starts, nuisance, left))
                 continue
             # as fast as the stream that the linear drag asks for

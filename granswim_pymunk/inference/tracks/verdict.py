@@ -110,7 +110,8 @@ def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> li
 def as_a_spring(trial: Trial, fit: Fit, cases: Sequence[Case]) -> list[str]:
     """That a smooth field is nearly a spring where one body was seen: F = -k (x - c), by least squares over its places.
 
-    No law with a name ties a body to a point, as a scene says where its springs are. Along a line, one component.
+    Of what a rail or another law of the scene holds, for which no law with a name is asked that draws it to a point.
+    Along a line, one component.
     """
     law = all_laws().get(trial.term.law)
     bodies = owners(trial.term) or tuple({b.id for c in cases for b in c.recording.scene.bodies if b.mobile})

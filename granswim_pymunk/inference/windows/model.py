@@ -227,7 +227,8 @@ class Windows(ObservationModel):
 
     def refitted(self) -> list[BedTrial]:
         late = self.state.clock.late(current().windows.budget.rivals)
-        return [] if late else [t for t in self.trials if t.gain is not None]
+        tried = [] if late else [t for t in self.trials if t.gain is not None and t.worth > 0]
+        return sorted(tried, key=lambda t: -t.worth)
 
     def share(self, law: BedTrial) -> Explained | None:
         return explained_by_trial(self.state, law, self.before, self.judging)
