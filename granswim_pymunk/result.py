@@ -227,7 +227,7 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     elif left:
         ratio, bodies = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES])
         much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
-        if ratio is not None and ratio < 1:
+        if ratio is not None and ratio < DEFAULT.left.as_small:
             much = f"what is left is as small as the noise ({_times(ratio)} times), yet not all noise, most"
         # where nothing is named there is no approximation to call the best
         so_far = "the best approximation so far: " if verdict["verdict"] in CLAIMED else ""
@@ -297,7 +297,9 @@ def _left_there(errors: Mapping[str, float | None]) -> str:
     revised, floor = errors.get("revised"), errors.get("noise_floor")
     if not revised or not floor or revised < MORE * floor:
         return ""
-    return f", {_times(revised / floor)} times the noise is left there"
+    before = errors.get("recalibrated")
+    part = f", {_percent(revised / before)} of what the scene without it leaves" if before else ""
+    return f", {_times(revised / floor)} times the noise is left there{part}"
 
 
 def _times(ratio: float) -> str:

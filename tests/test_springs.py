@@ -88,3 +88,12 @@ def test_nothing_named_is_no_approximation():
     named, none = (standing(verdict | {"verdict": v}) for v in ("missing_physics", "unmodelled"))
     assert "the best approximation so far" in named[0]
     assert none == ["43 times the noise is left, most on p; it looks like a drag"]
+
+
+def test_what_is_left_is_told_beside_the_noise_and_beside_the_scene_without_the_law():
+    left = {"times_floor": 1.02, "bodies": ["p"], "looks_like": "a drag"}
+    errors = {"naive": 0.05, "recalibrated": 0.04, "revised": 0.01, "noise_floor": 0.001}
+    verdict = {"verdict": "missing_physics", "rivals": [], "explained": None, "remains": left, "heldout": "holds"}
+    what, held = standing(verdict | {"complete": False, "fit": {"heldout": errors}})
+    assert "what is left is as small as the noise (1 times), yet not all noise" in what
+    assert held == "held-out data: holds, 10 times the noise is left there, 25 % of what the scene without it leaves"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..inference.criteria import DEFAULT
 from ..inference.judge import NOTHING
 from ..inference.mechanisms import APPARATUS, forms_in_words
 from ..inference.result import TOLD, Diagnosis
@@ -187,7 +188,7 @@ def _left(d: Diagnosis) -> str:
     t = left["when"]["t"]
     when = "" if not t else f" at {number(t[0])} s" if t[0] == t[1] else f" from {number(t[0])} to {number(t[1])} s"
     like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
-    small = floors is not None and floors < 1
+    small = floors is not None and floors < DEFAULT.left.as_small
     much = "No larger than noise on the whole, yet not all of it noise" if small else "More than noise"
     return f"{much}{size}{ratio}{whom}{when}{like}."
 

@@ -497,7 +497,8 @@ class LeftCriteria:
     starts : draws of numbers and starts, whose spread is followed through held-out data. Choice
     within : of its expected square, what one number may show. Theory: by chance in one of twenty
     asked : times the noise floor, from which a held-out error is asked where it comes from
-    told : times the noise floor, from which a held-out error is said to remain. Choice
+    told : times the noise floor, from which a held-out error is said to remain. Choice;  as_small : up to which what is
+        left is said to be as small as the noise. Theory: one, in two digits
     chance : probability, where the law is right, of a held-out error as large, below which others of its class are
         asked. Choice: as the alarm of the noise;  repeats : of the right law, from which that is told, and beyond all
         of which what is named is not all. Choice
@@ -519,6 +520,7 @@ class LeftCriteria:
     starts: int = 6
     within: float = 3.84
     asked: float = 1.2
+    as_small: float = 1.05
     told: float = 1.5
     chance: float = 0.005
     repeats: int = 6
