@@ -232,6 +232,10 @@ ROLES = {
 }
 
 
+# what a law with the role "push" is in an apparatus: of another size than the scene's, of a table, or anything else
+PUSHES = ("gravity", "tilt", "push")
+
+
 @dataclass(frozen=True, eq=False)
 class Law:
     """A declared law. Call it as the plain Python function it was made from."""

@@ -8,6 +8,7 @@ from typing import Any
 from ..inference.criteria import DEFAULT
 from ..inference.judge import NOTHING
 from ..inference.mechanisms import APPARATUS, forms_in_words
+from ..inference.pushes import degrees_of_tilt
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
@@ -36,6 +37,12 @@ def is_apparatus(name: str) -> bool:
 def law_in_words(entry: Mapping[str, Any]) -> str:
     """One entry of ``mechanisms``: a law of one joint says which."""
     name = spoken(entry["name"])
+    form = entry["parameters"].get("form")
+    if form is not None and form["value"] == "tilt":
+        a = next(p["value"] for p in entry["parameters"].values() if isinstance(p["value"], list))
+        return f"the tilt of a table by {number(degrees_of_tilt(a), 2)}°"
+    if form is not None and form["value"] == "gravity":
+        return f"{name} along gravity"
     joint = entry["parameters"].get("joint")
     if joint is None or not isinstance(joint["value"], int | float):
         return name

@@ -18,6 +18,7 @@ from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge, n
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
 from ..places import Place
+from ..pushes import with_form
 from ..result import Diagnosis, Progress, Table, Used, mechanism_entry
 from ..significance import Null
 from ..swimmer_terms import equation
@@ -267,6 +268,8 @@ class Packings(ObservationModel):
                 parameters = parameters_of(finding, t)
                 bodies = ids if t.apparatus else list(t.candidate.extent)
                 text = equation(t.term, parameters)
+                # of a bed that is not seen it is the swimmer that shows it
+                parameters = with_form(t.mechanism, parameters, False, [])
                 entries.append(mechanism_entry(t.mechanism, text, bodies, parameters, t.surviving, gain))
             return entries
         # of one film no part is unseen by the fit: its curve is told where it predicts what follows

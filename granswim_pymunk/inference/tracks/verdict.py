@@ -16,6 +16,7 @@ from ..candidates import distinct_bodies, joints_by_body, names_of, owners, weig
 from ..criteria import current
 from ..data import Case, with_gravity
 from ..hypothesis import Free, Term, clock, equation_with
+from ..pushes import told_as, with_form
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
@@ -199,6 +200,9 @@ class Told:
             for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
                 parameters[name] = (value, None, None, unit)
             expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
+            on_all = owner is None and set(acting) == set(names_of(self.cases))
+            parameters = with_form(term.law, parameters, on_all, [case.recording.scene for case in self.cases])
+            expression += told_as(parameters)
             shown = [r for r, f in enumerate(term.free) if f.name in term.along]
             mine = [r for r in shown if owner is None or term.free[r].name.endswith(f"[{owner}]")]
             expression += "".join(self._seen_along(offset, term, r) for r in mine)

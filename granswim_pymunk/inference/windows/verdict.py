@@ -17,6 +17,7 @@ from ..flow import told_flow
 from ..hypothesis import Failed, Hypothesis, Term
 from ..mechanisms import RESTITUTION
 from ..places import Place
+from ..pushes import told_as, with_form
 from ..result import handed_over, mechanism_entry
 from ..swimmer_terms import equation, reported_parameters
 from .candidates import LawAdder
@@ -43,9 +44,12 @@ def _acting(term: Term, scene: Scene) -> list[str]:
 
 def entry_of(trial: BedTrial, scene: Scene, gain: float | None) -> dict[str, Any]:
     """The entry of ``mechanisms``; gain: half the fall of chi2 on held-out windows."""
-    parameters = parameters_of(trial)
+    parameters, acting = parameters_of(trial), _acting(trial.term, scene)
+    text = equation(trial.term, parameters)
+    everybody = {b.id for b in scene.bodies if b.mobile and not b.id.startswith(NAME)}
+    parameters = with_form(trial.mechanism, parameters, set(acting) == everybody, [scene])
     return mechanism_entry(
-        trial.mechanism, equation(trial.term, parameters), _acting(trial.term, scene), parameters,
+        trial.mechanism, text + told_as(parameters), acting, parameters,
         trial.signature.surviving, gain,
     )  # fmt: skip
 
