@@ -344,3 +344,12 @@ def test_angles_without_a_unit_that_may_be_degrees_are_told(tmp_path, scale, uni
     source = write(tmp_path, "t,x,y,orientation", T, LEFT, RIGHT, scale * T / T[-1])
     (done,) = import_all(source, tmp_path / "out", bodies=["log:3cm:100g"], angle_unit=unit, picture=False)
     assert any("are taken for radians (degrees: --angle-unit deg)" in note for note in done.notes) == told
+
+
+@pytest.mark.parametrize("units", ["#[s]\t[cm]", "# (s)\t(cm)"])
+def test_a_row_of_units_below_the_names_in_the_comments_above_a_table(tmp_path, units):
+    """What numpy.loadtxt reads: "#Time Pos" and, below it, the units."""
+    rows = [f"{t}\t{100 * x}" for t, x in zip(T.tolist(), LEFT.tolist(), strict=True)]
+    (tmp_path / "lab.txt").write_text("\n".join(["#Creator: a bench", "#Time\tPos", units, *rows]))
+    (r,) = import_recording(tmp_path / "lab.txt", bodies=["bob:2cm:100g"], scene="cart")
+    assert r.xy[:, 0, 0] == pytest.approx(LEFT, abs=1e-6) and r.t == pytest.approx(T)

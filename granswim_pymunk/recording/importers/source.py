@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
 from .arrays import MATLAB, MATLAB_73, NUMPY, held, is_json, is_npz, table_of
 from .base import Options, extra_needed
-from .table import Table, find_delimiter, plain_numbers, split, table_from_frame, table_from_rows, unquoted
+from .table import Table, find_delimiter, headed, plain_numbers, split, table_from_frame, table_from_rows, unquoted
 
 HEAD = 65536  # bytes that decide what a file is
 LISTED = 12  # columns of a table that a message names
@@ -151,15 +151,15 @@ class Source:
             )
         if self.is_arrays or (not self.is_workbook and self.text is None):
             return None
-        header = self.comments[-1] if self.comments else None
-        cells = header.split(None if self.delimiter == " " else self.delimiter) if header else None
+        heads = [line.split(None if self.delimiter == " " else self.delimiter) for line in self.comments[-2:]]
+        cells = headed(heads) if heads else None
         return table_from_rows(
             self.rows,
             self.path,
             decimal=self.options.decimal,
             delimiter=self.delimiter if not self.is_workbook else "",
             missing=self.options.missing,
-            comment_header=[cell.strip() for cell in cells] if cells else None,
+            comment_header=cells or None,
         )
 
     @cached_property

@@ -359,6 +359,15 @@ def _is_unit_row(row: Sequence[str], decimal: str) -> bool:
     return any(map(is_unit, cells)) and not any(numeric(cell, decimal) for cell in cells if cell)
 
 
+def headed(comments: Sequence[Sequence[str]]) -> list[str]:
+    """The header that stands in the last comments above a table: "#Time Pos" with its units, "#[s] [cm]", below it."""
+    *above, last = [[cell.strip() for cell in row] for row in comments]
+    bracketed = all(cell[:1] + cell[-1:] in ("[]", "()") for cell in last if cell)
+    if above and bracketed and len(above[-1]) == len(last) and _is_unit_row(last, "."):
+        return [f"{name} [{unit.strip('[]() ')}]" if unit else name for name, unit in zip(above[-1], last, strict=True)]
+    return last
+
+
 def _names(header: Sequence[str], path: Path) -> list[str]:
     """Names without blanks around them; a nameless column (an index) is called ``index``."""
     names = [cell.strip() or ("index" if k == 0 else f"column {k + 1}") for k, cell in enumerate(header)]
