@@ -112,7 +112,7 @@ from .study import (
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
 from .verdict import Told, as_a_push, as_a_spring, as_the_picture, at_its_bound, revised_scene, used
 
-BENDS_AS_WELL = "more than noise is left, and a picture that is bent looks like a little of anything"
+BENDS_AS_WELL = "more than noise is left, and a picture or a clock that is off looks like a little of anything"
 MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
 TOGETHER = "only what they do together is known, any strength of one will do with one of the other: neither is named"
 FREED = "which nobody declared adjustable, is fitted: as it is believed more than noise is left, whatever is named"
