@@ -379,8 +379,8 @@ def _driven_from_rest(
         if rests:
             notes.append(
                 f"{recording.name}: {body} is at rest in its first {rests} frames, though its first command is "
-                f"{first:g}, as if that had stood there for long: it does not move the motor, or the motor began then; a "
-                "row with 0 before it in the commands says the latter, else its gain and how late it is are found wrong"
+                f"{first:g}, as if that had stood there for long: it does not move the motor, or the motor began then; "
+                "of that a row with 0 before it in the commands tells, else its gain and how late it is are found wrong"
             )
     return notes
 
