@@ -17,6 +17,7 @@ from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.intervals import with_believed_errors
 from granswim_pymunk.inference.tracks.segments import make_segments
 from granswim_pymunk.inference.tracks.signatures import make_bank
+from granswim_pymunk.inference.tracks.study import calibrated, study_of
 from granswim_pymunk.recording import film
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
@@ -100,6 +101,48 @@ def test_masses_off_as_stated_are_no_physics():
     assert verdicts[None]["verdict"] in ("missing_physics", "measurement")
     assert verdicts[0.02]["verdict"] == "no_mismatch" and not verdicts[0.02]["mechanisms"]
     assert any("as far off as was stated" in note for note in verdicts[0.02]["notes"])
+
+
+GLIDERS = Scene(
+    (Body("a", "free", 0.02, 0.2, initial=(0.25, 0.0, 0.0, 0.0)),
+     Body("b", "free", 0.02, 0.25, initial=(0.52, 0.0, 0.1, 0.0))),
+    (use("rail", direction=(1.0, 0.0)),
+     use("spring", anchor=(0.0, 0.0), stiffness=6.0, length=0.2, bodies=["a"]),
+     use("spring", anchor=(0.7, 0.0), stiffness=6.0, length=0.2, bodies=["b"]),
+     use("pair_spring", k=4.0, f_0=1.2)),
+)  # fmt: skip
+HUNG = Body("p", "free", 0.02, 0.15, initial=(0.1, 0.1, 0.0, 0.0))
+PIN = use("pin", anchor=(0.0, 0.3), length=float(np.hypot(0.1, 0.2)), bodies=["p"])
+CAR = Scene(
+    (Body("c", "free", 0.02, 0.3, initial=(0.08, 0.0, 0.0, 0.0)),),
+    (use("rail", direction=(1.0, 0.0)), use("spring", anchor=(0.0, 0.0), stiffness=8.0, bodies=["c"])),
+)
+SOFTER = replace(CAR, adjustable=(Adjustable("spring", "stiffness", 4.0, 16.0),))
+
+
+@pytest.mark.parametrize(
+    ("scene", "shown"),
+    [(GLIDERS, ["a", "b"]), (CAR, ["c"]), (SOFTER, []), (SLIDING, []), (replace(SLIDING, gravity=(0.0, -9.81)), []),
+     (Scene((HUNG,), (PIN,), (0.0, -9.81)), [])],
+    ids=["chain", "spring", "adjustable spring", "table", "fall", "pendulum"],
+)  # fmt: skip
+def test_masses_that_show_in_motion_are_numbers_of_every_fit(scene, shown):
+    """Where their error was stated, and where neither starts nor what may be adjusted do the same."""
+    for error in (0.01, None):
+        film = seen(scene, seconds=1.0, mass_error=error, radius_error=error)
+        study = study_of([film], [], np.random.default_rng(0), lambda *a: None, lambda share: False)
+        calibrated(study)
+        assert [t.label for t in study.believed] == [f"mass_error[{name}]" for name in shown if error]
+
+
+def test_two_gliders_with_masses_off_as_stated_lack_nothing():
+    """A law, as a cubic spring, has to explain what such masses cannot; the first screen tells of the masses alone."""
+    heavier = tuple(replace(b, mass=b.mass * r) for b, r in zip(GLIDERS.bodies, (1.008, 0.991), strict=True))
+    recording = seen(replace(GLIDERS, bodies=heavier), seconds=1.5, mass_error=0.01)
+    bodies = tuple(replace(b, initial=None) for b in GLIDERS.bodies)
+    verdict = diagnose_tracks([replace(recording, scene=replace(GLIDERS, bodies=bodies))]).verdict
+    assert verdict["verdict"] == "no_mismatch" and verdict["complete"] and not verdict["mechanisms"]
+    assert any("as far off as was stated" in note for note in verdict["notes"])
 
 
 def test_a_stream_beside_an_adjustable_drag_is_not_what_masses_do():

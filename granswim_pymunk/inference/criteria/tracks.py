@@ -16,6 +16,8 @@ class CandidateCriteria:
     believed : standard deviations of a believed mass or radius, to which it is looked for;  unstated : such a standard
         deviation, relative, where nothing is said. Choice: a per cent, as a ruler on a film or the maker of a batch
         tells, and what laboratories are off by is one to three
+    shows : change of chi2 by one stated standard deviation of a mass or radius, above which it is a number of every
+        fit. One is what a number gains by chance: the mean of chi2 with one degree of freedom
     single : bodies, up to which a push on each single one is a candidate, and recordings, up to which a fault of
         the camera in each. Choice: it is looked for as many times
     step : of its typical size, by which a number first steps;  adjustable : of its range, one that is declared
@@ -36,6 +38,7 @@ class CandidateCriteria:
     farthest: float = 3.0
     believed: float = 6.0
     unstated: float = 0.01
+    shows: float = 1.0
     single: int = 6
     step: float = 0.1
     layer: int = 4

@@ -4,6 +4,10 @@ Through an impact an error b of the sum R of two radii turns the line of centres
 that is seen. A fit with exact radii takes it for whatever else bends paths a little: a scale of the picture, a drag
 near the walls. So radii and masses of bodies that met are numbers of every fit, held to what is believed by a Gaussian
 prior. Source: Tarantola 2005, Inverse Problem Theory, ch. 3.
+
+Between impacts a mass shows where springs or pins join bodies, or a force does not grow with it: a mass on a spring
+that is off by b changes the period by b/2. Where the experimenter stated by how much masses and radii may be off, those
+that show in the motion are numbers of every fit as well, whatever of the scene it is that makes them matter.
 """
 
 from __future__ import annotations
@@ -19,9 +23,11 @@ from ...scene import Body, Scene
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Free, Term
+from ..linear import basis
 from .fit import Fitter
 from .fitted import Fit
 from .segments import find_impacts
+from .signatures import columns_of, stacked
 
 
 def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
@@ -51,14 +57,43 @@ def believed_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
 
 def stated_terms(cases: Sequence[Case], fitted: Collection[str]) -> tuple[Term, ...]:
     """A term for every mass and radius that is said to be off by so much, but for those that are ``fitted``."""
-    terms: dict[str, Term] = {}
+    terms: dict[tuple[str, float, float], Term] = {}
     for case in cases:
         for what, error in (("mass", case.recording.mass_error), ("radius", case.recording.radius_error)):
             for body in case.recording.scene.bodies if error else ():
                 name = error_name(what, body.id)
                 if error and name not in fitted and (body.mobile or what == "radius"):
-                    terms.setdefault(name, _error_term(cases, what, body, error))
+                    terms.setdefault((name, body.radius, body.mass), _error_term(cases, what, body, error))
     return tuple(terms.values())
+
+
+def shown_terms(
+    cases: Sequence[Case], fitter: Fitter, naive: Fit, adjustables: Sequence[Term], met: Sequence[Term]
+) -> tuple[Term, ...]:
+    """Of masses and radii that are stated to be off by so much, those that show in motion, beside those that ``met``.
+
+    About the scene as it is believed: where one standard deviation of the error moves the bodies as starts and
+    adjustable numbers cannot, and all this changes chi2 by more than one number gains by chance. A free fall does not
+    show a mass, nor does a spring whose stiffness is adjustable show that of its only body. Two masses that imitate
+    each other both count, as their priors tell them apart.
+    """
+    terms = stated_terms(cases, {f.name for term in met for f in term.free})
+    if not terms:
+        return ()
+    whole = stacked(fitter, naive)
+    free = [whole.beside(columns_of(fitter, naive, term)[0]) for term in adjustables]
+    taken = basis(np.hstack(free)) if free else np.zeros((len(whole.left), 0))
+    shown = []
+    for term in terms:
+        (number,) = term.free
+        # the prior is no part of what the bodies do
+        moves = columns_of(fitter, naive, replace(term, free=(replace(number, prior=0.0),)))[0][:, 0] * number.prior
+        own = whole.beside(moves)
+        own = own - taken @ (taken.T @ own)
+        left = float(np.linalg.norm(own))
+        if left > current().signatures.surviving * np.linalg.norm(moves) and left**2 > current().candidates.shows:
+            shown.append(term)
+    return tuple(shown)
 
 
 def _error_term(cases: Sequence[Case], what: str, body: Body, error: float) -> Term:
@@ -70,8 +105,11 @@ def _error_term(cases: Sequence[Case], what: str, body: Body, error: float) -> T
     return Term(f"{what}_error", free.name, (free,), _Off(what, body.id), (body.id,), free.name)
 
 
-def off_belief(fitter: Fitter, fit: Fit) -> dict[str, float]:
+def off_belief(fitter: Fitter, fit: Fit) -> tuple[dict[str, float], bool]:
     """By which shares masses and radii are off where the data refute what is believed of them, empty where they do not.
+
+    Also whether they are off no further than was stated: all were, and together they are as far from what is believed
+    as such errors are by chance.
 
     With all of them held to what is believed chi2 rises by more than as many numbers gain by chance (a likelihood
     ratio; what the priors take of it makes it the more careful). Those are told whose 95 %
@@ -79,18 +117,22 @@ def off_belief(fitter: Fitter, fit: Fit) -> dict[str, float]:
     """
     rows = fit.hypothesis.believed
     if not len(rows) or not np.any(fit.values[list(rows)]):
-        return {}
+        return {}, False
     values = fit.values.copy()
     values[list(rows)] = [fit.hypothesis.free[k].neutral for k in rows]
     held = fitter.fit(fit.hypothesis, values, fit.starts, held=tuple(rows), evaluations=current().intervals.refit)
     level = max(fit.chi2 / max(fit.count - fit.numbers, 1), 1.0)
     if (held.chi2 - fit.chi2) / level < stats.chi2.isf(current().noise.alarm, len(rows)):
-        return {}
+        return {}, False
     names, errors = [fit.hypothesis.free[k].name for k in rows], np.sqrt(np.diag(fit.covariance)[list(rows)])
     shares = fit.values[list(rows)]
     away = np.abs(shares) / np.maximum(errors, np.finfo(float).tiny)
     told = away >= min(stats.norm.isf(current().verdict.absent / 2), away.max())
-    return {name: float(share) for name, share, tell in zip(names, shares, told, strict=True) if tell}
+    priors = np.array([fit.hypothesis.free[k].prior for k in rows])
+    stated = {free.name for term in stated_terms(fitter.cases, ()) for free in term.free}
+    usual = np.sum((shares / priors) ** 2) < stats.chi2.isf(current().noise.alarm, len(rows))
+    off = {name: float(share) for name, share, tell in zip(names, shares, told, strict=True) if tell}
+    return off, bool(stated.issuperset(names) and usual)
 
 
 def error_name(what: str, body: str) -> str:

@@ -740,11 +740,12 @@ class Tracks(ObservationModel):
             return Left(False, remains_of_kicks(kicked)), False
         complete = quiet and not kicked
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
-        off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
+        off, as_stated = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
         if off:
             told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
-            self.notes.append(f"the scene as believed leaves more than noise: masses and radii are off, {told}")
-        complete = complete and not off and not self._more_to_see(judged.claim.fit)
+            how = "as far off as was stated explain it" if as_stated else "are off"
+            self.notes.append(f"the scene as believed leaves more than noise: masses and radii {how}, {told}")
+        complete = complete and (not off or as_stated) and not self._more_to_see(judged.claim.fit)
         if not named and self._more_held_out() and self._beyond_the_right_law():
             # held-out data make no claim: they only say that more is there
             self.notes.append(SHOWS_LATER)

@@ -16,7 +16,7 @@ from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from ..noise import Noise, left_alone, single_ones
 from ..result import Progress
 from ..significance import Null, at_alarm, price
-from .believed import believed_terms
+from .believed import believed_terms, shown_terms
 from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
 from .deleted import followed_sighting
@@ -125,6 +125,7 @@ def calibrated(study: Study) -> tuple[Fit, Fit]:
         again = fitter.fit(naive.hypothesis, naive.values, flights)
         naive = again if again.chi2 < naive.chi2 else naive
     study.progress("recalibrating", 0.06)
+    study.believed += shown_terms(study.cases, fitter, naive, study.adjustables, study.believed)
     terms = study.adjustables + study.believed
     if not terms:
         return naive, naive
