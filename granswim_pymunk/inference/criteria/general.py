@@ -51,7 +51,8 @@ class NoiseCriteria:
         it changes by less than one number's worth between two of them
     believed : frequencies of a spectrum, that a stated white part counts for where none is told. Choice
     beside : frames on either side, through which a curve is drawn that a sighting is held against, a polynomial of
-        degree ``curve``. Theory: its six numbers leave four
+        degree ``curve``. Theory: its six numbers leave four;  whens : of the three frames about two sightings that are
+        held against a kick, at which it is looked for. Choice: an eighth of a frame is between them
     """
 
     slow_most: float = 1.0
@@ -90,6 +91,7 @@ class NoiseCriteria:
     believed: int = 1000
     beside: int = 5
     curve: int = 5
+    whens: int = 25
 
 
 @dataclass(frozen=True)
