@@ -189,7 +189,9 @@ class StampCriteria:
 class ReleaseCriteria:
     """When the first frames, or the last, show bodies that are held.
 
-    still : frames at rest, the least. Choice;  after : of the motion, the least. Theory: a parabola has three numbers
+    still : frames at rest, the least. Choice;  same : that show one number to the last digit, the least of what gravity
+        pulls. Theory: a parabola has each number twice
+    after : of the motion, the least. Theory: a parabola has three numbers
     away : standard deviations from the place of rest, in three frames running;  clear : times as far, up to which
         a parabola is tried in turn: the farther, the more it shows, and the less it follows. Choice
     tried : frames, the most that are tried as that of the release. Choice
@@ -201,6 +203,7 @@ class ReleaseCriteria:
     """
 
     still: int = 5
+    same: int = 3
     after: int = 6
     away: float = 4.0
     clear: tuple[float, ...] = (10.0, 30.0, 100.0)
