@@ -527,6 +527,8 @@ def _let_go(
         first = -(-first // apart) or first_free(recording, *kept, sigmas)
     if not first:
         first = first_pulled(recording.t, values, sigmas, _pulls(recording.scene, channels))
+        if first and not known:  # one number again and again is no noise of what moves
+            sigmas = [estimate_noise(recording.t[first:], column[first:]) for column in values.T]
     values[:first] = np.nan
     return recording, values, sigmas, first, apart
 
