@@ -190,6 +190,19 @@ def test_two_outliers_that_are_near_one_another_are_told_on_a_curved_path():
         found += np.flatnonzero(outliers(t, seen, 1e-4, smooth)).tolist() == at.tolist()
     assert found > 35, found
 
+def test_two_bad_sightings_in_a_row_are_left_out_and_a_kick_is_not():
+    """The same curve goes on behind them; where the velocity has changed meanwhile nothing is a bad sighting."""
+    t = np.arange(120) / 60
+    path, smooth, found, struck = 0.1 * np.sin(5 * t), np.ones(120, dtype=bool), 0, 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        seen = path + 5e-4 * rng.normal(size=120)
+        kick = seen + rng.uniform(0.1, 1.0) * np.maximum(t - rng.uniform(0.9, 1.1), 0.0)
+        struck += int(outliers(t, kick, 5e-4, smooth).any())
+        seen[59:61] += np.array([-0.008, -0.005]) if seed % 2 else 0.007
+        found += np.flatnonzero(outliers(t, seen, 5e-4, smooth)).tolist() == [59, 60]
+    assert found > 16 and struck == 0, (found, struck)
+
 
 def test_a_sighting_stands_out_from_what_a_fit_leaves_where_neither_kink_nor_drift_does():
     rng = np.random.default_rng(4)

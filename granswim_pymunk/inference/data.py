@@ -25,7 +25,7 @@ from .latecomers import without_latecomers
 from .linking import linked
 from .lost import missing, repeated, same_as_before
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
-from .release import at_rest_though_commanded, caught, first_free
+from .release import at_rest_though_commanded, caught, first_free, first_pulled
 from .smoothed import frames_apart
 
 
@@ -276,7 +276,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         notes = swapped + told + notes + _driven_from_rest(recording, t, values, channels, sigmas)
     notes += _unused_angles(recording, {c.body for c in channels if c.kind == "angle"})
     if first:
-        notes.append(f"{recording.name}: all is at rest until t = {t[first]:.4g} s, as if held: left out until then")
+        notes.append(_says_held(recording, _channels(recording)[1], sigmas, first))
     if lost:
         notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
@@ -416,6 +416,15 @@ def _divided(
     return free, free, nothing
 
 
+def _may_hold(scene: Scene) -> bool:
+    """Whether walls, bodies that never move, or a law on single bodies that is no drag may hold what gravity pulls."""
+    laws = any(
+        item.law.kind == "body" and item.law.parameters and item.law.role not in ("drag", "medium", "guide")
+        for item in scene.laws
+    )
+    return bool(scene.walls) or laws or any(not b.mobile for b in scene.bodies)
+
+
 def _without_caught(
     recording: Recording, t: np.ndarray, values: np.ndarray, channels: Sequence[Channel], sigmas: Sequence[float]
 ) -> list[str]:  # fmt: skip
@@ -425,11 +434,7 @@ def _without_caught(
     no drag, such as friction on a slope.
     """
     scene, notes = recording.scene, list[str]()
-    holding = any(
-        item.law.kind == "body" and item.law.parameters and item.law.role not in ("drag", "medium")
-        for item in scene.laws
-    )
-    if not falls(scene) or scene.walls or holding or any(not b.mobile for b in scene.bodies):
+    if not falls(scene) or _may_hold(scene):
         return notes
     gravity = float(np.hypot(*scene.gravity))
     for body in dict.fromkeys(channel.body for channel in channels):
@@ -520,8 +525,35 @@ def _let_go(
         first = first or first_free(recording, t, values, [math.sqrt(apart) * sigma for sigma in sigmas])
         recording, values = _with_frames(recording, slice(None, None, apart), apart), kept[1]
         first = -(-first // apart) or first_free(recording, *kept, sigmas)
+    if not first:
+        first = first_pulled(recording.t, values, sigmas, _pulls(recording.scene, channels))
+        if first and not known:  # one number again and again is no noise of what moves
+            sigmas = [estimate_noise(recording.t[first:], column[first:]) for column in values.T]
     values[:first] = np.nan
     return recording, values, sigmas, first, apart
+
+
+def _pulls(scene: Scene, channels: Sequence[Channel]) -> list[float]:
+    """(c,) [m/s^2] by how much gravity changes each number, along its rail; 0 where the scene has what may hold it."""
+    gravity = np.array(scene.gravity, dtype=float)
+    held = {b for item in scene.laws_as(*HOLDING) if item.law.role != "guide" for b in item.bodies or ()}
+    if not gravity.any() or _may_hold(scene):
+        return [0.0] * len(channels)
+    pulled = {b.id: gravity for b in scene.bodies if b.id not in held}
+    for item in scene.laws_as("guide"):
+        along = np.array(scene.resolved(item)["direction"], dtype=float)
+        for body in item.bodies or tuple(pulled):
+            pulled[body] = gravity @ along * along / (along @ along)
+    return [abs(float(pulled[c.body]["xy".index(c.kind)])) if c.kind in "xy" and c.body in pulled else 0.0
+            for c in channels]  # fmt: skip
+
+
+def _says_held(recording: Recording, values: np.ndarray, sigmas: Sequence[float], first: int) -> str:
+    """What is said of frames before the row ``first``, of numbers (T, c), in which bodies are held."""
+    lead = values[:first]
+    still = np.nan_to_num(np.abs(lead - np.nanmedian(lead, axis=0))) <= current().release.away * np.asarray(sigmas)
+    what = "all is at rest" if still.all() else "what gravity pulls is at rest"
+    return f"{recording.name}: {what} until t = {recording.t[first]:.4g} s, as if held: left out until then"
 
 
 def _says_smoothed(recording: Recording, apart: int) -> str:

@@ -504,12 +504,75 @@ def outliers(
         if len(new):
             strength = dict(zip(seen.tolist(), np.nan_to_num(off).tolist(), strict=True))
             new = np.array([r for r in new if strength[int(r)] >= max(strength.get(int(r) + d, 0.0) for d in (-1, 1))])
+        if not len(new) and smooth is not None:
+            new = seen[_runs_off(t[seen], values[seen], sigma, smooth[seen], criteria)]
         if not len(new):
             break
         found[new] = True
     if found.sum() > criteria.share_most * np.isfinite(values).sum():
         return np.zeros(len(t), dtype=bool)
     return found
+
+
+def _runs_off(
+    t: np.ndarray, values: np.ndarray, sigma: float, smooth: np.ndarray, criteria: NoiseCriteria
+) -> np.ndarray:  # fmt: skip
+    """(T,) True in a few sightings in a row, no more than ``row``, that are all off one curve that goes on behind them.
+
+    Each of them hides the others from what is held against one at a time, and bends a curve as a kick does. The curve
+    follows the frames on both sides as closely as noise lets it, and one whose velocity jumps there does not follow
+    all: no force leaves a body and brings it back to where it would be without it. None of the sightings passes for
+    noise, and all together are as improbable as ``outlier`` standard deviations in one.
+    """
+    found, half, window = np.zeros(len(t), dtype=bool), criteria.beside, np.lib.stride_tricks.sliding_window_view
+    follows = float(stats.chi2.isf(criteria.alarm, 2 * half - criteria.curve - 1))
+    alone, simple = float(stats.norm.isf(criteria.beside_single / 2)), current().kicks.smooth
+    for length in range(2, criteria.row + 1):
+        count = 2 * half + length
+        if len(t) < count:
+            break
+        run = list(range(half, half + length))
+        off, least, left = _off_together(window(t, count), window(values, count) / sigma, run, criteria.curve)
+        off[(least < alone) | (left > follows) | ~window(smooth, count).all(axis=1)] = 0.0
+        # of runs that share sightings the worst is the one that is off
+        near = window(np.pad(off, length - 1), 2 * length - 1).max(axis=1)
+        most = float(stats.chi2.isf(2 * stats.norm.sf(criteria.outlier), length))
+        struck = float(stats.chi2.isf(criteria.alarm, count - simple - 3))  # a jump has a size and a time
+        for w in np.flatnonzero((off > most) & (off == near)).tolist():
+            if _left_of_kick(t[w : w + count], values[w : w + count] / sigma, run, simple) > struck:
+                found[w + half : w + half + length] = True
+    return found
+
+
+def _off_together(
+    t: np.ndarray, z: np.ndarray, run: Sequence[int], degree: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """(n,) chi2 of z[:, run] about the polynomial through the others, the least of their own distances, and that left.
+
+    z : (n, k) over the noise at t (n, k).  Distances are over their standard deviations, which noise has that is no
+    less than what is left of the others, and the curve itself, which is the same for all of the run.
+    """
+    others = [k for k in range(t.shape[1]) if k not in run]
+    s = (t - t.mean(axis=1, keepdims=True)) / np.ptp(t, axis=1)[:, None]
+    design = np.power(s[..., None], np.arange(degree + 1))
+    inverse = np.linalg.pinv(design[:, others])
+    away = z - np.einsum("nkd,ndl,nl->nk", design, inverse, z[:, others])
+    left = np.sum(away[:, others] ** 2, axis=1)
+    weights = design[:, run] @ inverse
+    spread = np.eye(len(run)) + weights @ np.swapaxes(weights, 1, 2)
+    off = away[:, run] / np.sqrt(np.maximum(left / (len(others) - degree - 1), 1.0))[:, None]
+    together = np.einsum("nk,nkl,nl->n", off, np.linalg.inv(spread), off)
+    return together, np.min(np.abs(off) / np.sqrt(np.diagonal(spread, axis1=1, axis2=2)), axis=1), left
+
+
+def _left_of_kick(t: np.ndarray, z: np.ndarray, run: Sequence[int], degree: int) -> float:
+    """The least of chi2 that a polynomial leaves of z (n,) whose velocity jumps once beside or within the run."""
+    s = (t - t.mean()) / np.ptp(t)
+    smooth, left = np.power(s[:, None], np.arange(degree + 1)), []
+    for when in np.linspace(s[run[0] - 1], s[run[-1] + 1], current().noise.whens):
+        design = np.column_stack([smooth, np.maximum(s - when, 0.0)])
+        left.append(float(np.sum((z - design @ np.linalg.lstsq(design, z, rcond=None)[0]) ** 2)))
+    return min(left)
 
 
 def left_alone(residuals: np.ndarray, bodies: Sequence[str], criteria: NoiseCriteria | None = None) -> np.ndarray:

@@ -47,10 +47,51 @@ def first_free(
         beyond = np.flatnonzero(off[gone:] > clear * c.away)
         most = max(gone, 2 * c.after)
         end = min(len(t), gone + max(c.after, min(most, int(beyond[0]) if len(beyond) else most)))
-        first = _held_until(t[:end], values[:end] / sigma, gone, weights[:end], scaled=bool(on_grid.all()))
+        z, scaled = values[:end] / sigma, bool(on_grid.all())
+        first = _held_until(t[:end], z, gone, weights[:end], scaled=scaled, still=c.still)
         if first:
             return first
     return 0
+
+
+def first_pulled(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], pulls: Sequence[float]) -> int:
+    """The first frame after those in which a number that gravity changes at once is one number to the last digit.
+
+    values : (T, c) measured numbers;  sigmas : (c,) one standard deviation of each
+    pulls : (c,) [m/s^2] acceleration of each by gravity, 0 where there is none or something of the scene may hold it
+    No parabola has one number three times. A hand or a table that bears a body holds what gravity pulls alone: other
+    numbers may go on, as of a ball that rolls to the edge. Rest and then a parabola is held against one cubic, as in
+    ``first_free``; noise is as large as the better one leaves it, for few frames tell little of it. At rest a picture
+    gives one number again and again; of a motion two are the same with probability g/(2 sigma sqrt(pi)), g the least
+    by which any two differ, and so are those of other coordinates that begin to change in the same frame.
+    """
+    c, found = current().release, 0
+    same = [_one_number(column) for column in values.T]
+    told = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
+    step = min((float(steps.min()) for steps in told if len(steps)), default=0.0)
+    for number, sigma, pull, count in zip(values.T, sigmas, pulls, same, strict=True):
+        # its way about where it turns is more than what may be told as one number
+        if count < c.same or not sigma > 0 or pull * ((t[count - 1] - t[0]) / 2) ** 2 / 2 <= step:
+            continue
+        off = np.nan_to_num(np.abs(number - number[0])) > c.away * sigma
+        away = np.flatnonzero(off[:-2] & off[1:-1] & off[2:])
+        if not len(away) or not step:
+            continue
+        sizes = np.array([s for s, n in zip(sigmas, same, strict=True) if n == count and s > 0])
+        chance = np.minimum(step / (2 * sizes * math.sqrt(math.pi)), 1.0)
+        unlikely = -2 * (count - 1) * float(np.log(chance).sum())
+        gone = int(away[0])
+        end = gone + max(c.after, gone)
+        z = number[:end, None] / sigma
+        rest = _held_until(t[:end], z, gone, np.ones_like(z), scaled=True, still=c.same, unlikely=unlikely)
+        found = max(found, rest)
+    return found
+
+
+def _one_number(column: np.ndarray) -> int:
+    """In how many of its first frames a column (T,) is one number to the last digit."""
+    other = np.flatnonzero(column != column[0])
+    return int(other[0]) if len(other) else len(column)
 
 
 def at_rest_though_commanded(
@@ -110,16 +151,20 @@ def _stopped(t: np.ndarray, z: np.ndarray, powers: Sequence[int]) -> float:
     return min(left)
 
 
-def _held_until(t: np.ndarray, z: np.ndarray, gone: int, weights: np.ndarray, *, scaled: bool) -> int:
+def _held_until(
+    t: np.ndarray, z: np.ndarray, gone: int, weights: np.ndarray, *, scaled: bool, still: int,
+    unlikely: float = 0.0,
+) -> int:  # fmt: skip
     """The first frame after a rest until then, 0 where the numbers (T, c) in units of their noise do not show one.
 
     gone : frame from which they are away from the place of rest;  weights : (T, c) how much less noise each has
-    scaled : noise is as large as the better description leaves it, where that is more
+    scaled : noise is as large as the better description leaves it, where that is more;  still : frames at rest
+    unlikely : of chi2, what is against a motion beside what it leaves
     """
     c = current().release
     seen = np.isfinite(z).all(axis=1)
     s, z, weights = (t[seen] - t[0]) / (t[-1] - t[0]), z[seen], weights[seen]
-    tried = np.unique(np.linspace(c.still - 1, gone, min(gone, c.tried)).astype(int))
+    tried = np.unique(np.linspace(still - 1, gone, min(gone, c.tried)).astype(int))
     held = []
     for k in tried:
         since = np.maximum(s - (t[k] - t[0]) / (t[-1] - t[0]), 0.0)
@@ -128,7 +173,7 @@ def _held_until(t: np.ndarray, z: np.ndarray, gone: int, weights: np.ndarray, *,
     smooth = _weighed(np.power(s[:, None], np.arange(4)), z, weights)
     freedom = z.size - 3 * z.shape[1] - 1
     larger = max(held[best] / freedom, 1.0) if scaled else 1.0
-    if smooth - held[best] < c.sure * larger or held[best] > stats.chi2.isf(c.alarm, freedom) * larger:
+    if smooth - held[best] < (c.sure - unlikely) * larger or held[best] > stats.chi2.isf(c.alarm, freedom) * larger:
         return 0
     return int(tried[best]) + 1
 

@@ -51,7 +51,8 @@ class NoiseCriteria:
         it changes by less than one number's worth between two of them
     believed : frequencies of a spectrum, that a stated white part counts for where none is told. Choice
     beside : frames on either side, through which a curve is drawn that a sighting is held against, a polynomial of
-        degree ``curve``. Theory: its six numbers leave four
+        degree ``curve``. Theory: its six numbers leave four;  whens : of the three frames about two sightings that are
+        held against a kick, at which it is looked for. Choice: an eighth of a frame is between them
     """
 
     slow_most: float = 1.0
@@ -90,6 +91,7 @@ class NoiseCriteria:
     believed: int = 1000
     beside: int = 5
     curve: int = 5
+    whens: int = 25
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,9 @@ class StampCriteria:
 class ReleaseCriteria:
     """When the first frames, or the last, show bodies that are held.
 
-    still : frames at rest, the least. Choice;  after : of the motion, the least. Theory: a parabola has three numbers
+    still : frames at rest, the least. Choice;  same : that show one number to the last digit, the least of what gravity
+        pulls. Theory: a parabola has each number twice
+    after : of the motion, the least. Theory: a parabola has three numbers
     away : standard deviations from the place of rest, in three frames running;  clear : times as far, up to which
         a parabola is tried in turn: the farther, the more it shows, and the less it follows. Choice
     tried : frames, the most that are tried as that of the release. Choice
@@ -199,6 +203,7 @@ class ReleaseCriteria:
     """
 
     still: int = 5
+    same: int = 3
     after: int = 6
     away: float = 4.0
     clear: tuple[float, ...] = (10.0, 30.0, 100.0)

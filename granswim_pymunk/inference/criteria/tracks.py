@@ -71,6 +71,7 @@ class KickCriteria:
         take
     smooth : degree of the polynomials that follow what does not step;  turning : of those that follow sharp turns
     rounds : of seven times, in which that of a step is sought: to a sixtieth of a frame. Choice
+    few : sightings on either side of one, the least where a film has few. Theory: a line leaves two of them free
     clear : radii of a body, beyond which what it may meet does not act on it as in a contact. Choice
     whip : of the frames in which it is looked for, how many times their time an arm of a linkage of length l has to
         take for sqrt(l/g). Theory: with all energy of two arms that fell, the lower one turns at 3 sqrt(g/l)
@@ -85,6 +86,7 @@ class KickCriteria:
     smooth: int = 3
     turning: int = 5
     rounds: int = 4
+    few: int = 4
     clear: float = 2.0
     whip: float = 3.0
 

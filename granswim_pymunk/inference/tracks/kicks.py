@@ -138,6 +138,45 @@ def remains_of_kicks(cases: Sequence[Case]) -> Remains:
     return Remains(None, None, bodies, when, None, looks)
 
 
+def told_of_few(case: Case) -> list[str]:
+    """Notes on bodies that move evenly, and from then on evenly at another velocity, in films of few sightings.
+
+    There a step lies in most windows from which noise is told, which is then as large as the step makes it. Of all
+    sightings two lines, each through four at least, are held against one polynomial of fifth degree; noise is what
+    each leaves. What meets something just then, or follows a command, is none of these.
+    """
+    c, scene, notes = current().kicks, case.recording.scene, list[str]()
+    window, led = 2 * c.half, {b for item in scene.laws_as("command") for b in item.bodies or ()}
+    struck = {b for i in find_cuts(case) for b in i.bodies} | {kick.body for kick in all_kicks(case)}
+    for body, (xy, _) in paths_of(case).items():
+        seen = np.flatnonzero(np.isfinite(xy).all(axis=1))
+        if body in led | struck or not 2 * c.few <= len(seen) < 2 * window:
+            continue
+        t, places = case.t[seen], xy[seen][:, np.ptp(xy[seen], axis=0) > 0]
+        smooth = len(t) * np.log(_squares(t, places, c.turning)).sum()
+        left = {
+            k: len(t) * float(np.log(_squares(t[:k], places[:k], 1) + _squares(t[k:], places[k:], 1)).sum())
+            for k in range(c.few, len(t) - c.few + 1)
+        }
+        k = min(left, key=lambda row: left[row])
+        if smooth - left[k] > c.sure:
+            parts = (slice(k), slice(k, None))
+            was, now = (float(np.hypot(*np.polyfit(t[part], xy[seen][part], 1)[0])) for part in parts)
+            notes.append(
+                f"{case.name}: {body} moves evenly with {was:.2g} m/s until t = {t[k - 1]:.4g} s, and evenly with "
+                f"{now:.2g} m/s from t = {t[k]:.4g} s on: a blow in between, which no law of motion is?"
+            )
+    return notes
+
+
+def _squares(t: np.ndarray, places: np.ndarray, degree: int) -> np.ndarray:
+    """(c,) sums of squares that a polynomial of a degree leaves of places (n, c) at t (n,)."""
+    s = (t - t[0]) / (t[-1] - t[0])
+    design = np.power(s[:, None], np.arange(degree + 1))
+    off = places - design @ np.linalg.lstsq(design, places, rcond=None)[0]
+    return np.asarray(np.sum(off**2, axis=0)) + np.finfo(float).tiny
+
+
 def _is_alone(case: Case, kick: Kick) -> bool:
     """Whether all that a body may meet is farther from it than bodies that touch act on each other.
 

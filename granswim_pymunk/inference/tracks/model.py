@@ -71,7 +71,7 @@ from .held_out import (
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_other_choices, with_slopes
-from .kicks import all_kicks, chance_of_one, not_of, remains_of_kicks
+from .kicks import all_kicks, chance_of_one, not_of, remains_of_kicks, told_of_few
 from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
@@ -969,7 +969,8 @@ class Tracks(ObservationModel):
         between = [t for t in laws if t.term.law in declared and declared[t.term.law].kind in ("pair", "impulse")]
         acting, frames = [b for t in between for b in t.term.bodies or ()], 2 * current().kicks.half
         left = ((case, not_of(all_kicks(case), acting, frames)) for case in self.study.cases)
-        return [told_of(case, kicks) for case, kicks in left if kicks]
+        few = [note for case in self.study.cases for note in told_of_few(case)]
+        return [*(told_of(case, kicks) for case, kicks in left if kicks), *few]
 
     def _at_bounds(self, fit: Fit) -> list[tuple[Free, float]]:
         """Adjustable numbers that ended where they may not go on, and their values."""
