@@ -352,7 +352,7 @@ def test_a_claim_is_settled_with_its_own_segments(monkeypatch):
     tracks.fitter, tracks.study = one, SimpleNamespace(fitter=cut, late=lambda share: False)
     tracks.tried, tracks.spread = SimpleNamespace(recalibrated=SimpleNamespace(values=())), 1.0
     for own in (one, cut):
-        claim = SimpleNamespace(fit=SimpleNamespace(segments=own.segments), laws=())
+        claim = SimpleNamespace(fit=SimpleNamespace(segments=own.segments), laws=(), nameless=False)
         with pytest.raises(StopIteration):
             tracks.settle(SimpleNamespace(verdict="missing_physics", claim=claim))
     assert asked == [one, cut]

@@ -483,11 +483,14 @@ def applies(law: Law, cases: Sequence[Case]) -> bool:
 
 
 def _may_be_tied(cases: Sequence[Case]) -> bool:
-    """Whether bodies may be drawn to a place that the scene does not know: none is held, and none flies or swims.
+    """Whether a body may be drawn to a place that the scene does not know: it is not held, nor flies nor swims.
 
     What hangs, slides along a rail or has a spring already moves about a place that is believed; a bed pushes back.
+    Several bodies have no spring in common.
     """
     scenes = [c.recording.scene for c in cases]
+    if len(names_of(cases)) > 1:
+        return False
     held = any(s.laws_as(role) for s in scenes for role in HOLDING)
     other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
     return not held and not other and places_about(cases) is not None

@@ -29,7 +29,7 @@ class Segment:
     frames : (T,) mask of the frames that are compared;  starts : how its start is described, at the first of them
     until : when the next one begins [s], None for the last;  tie : (m,) one standard deviation of the step from the
     end of the segment before to the free numbers of this start, empty for the first;  limit : (m,) of such a step over
-    its spread, beyond which it counts in proportion: finite for bodies that met;  least : (m,) spread that is left
+    its spread, beyond which it counts in proportion: bounded for bodies that met;  least : (m,) spread that is left
     where masses and radii are right: an impact lasts, and nobody knows for how long
     """
 
@@ -54,7 +54,6 @@ class Impact:
     met : who touched, also what never moves; a straight wall has no name, and what nobody knows neither
     place, speed : spread of the place [m] and of the velocity [m/s] of each right after it, where a rigid impact that
         was not quite where it is believed to be is followed
-    flat : a straight wall was met, which no run misses that comes near
     """
 
     row: int
@@ -65,7 +64,6 @@ class Impact:
     speed: dict[str, float]
     met: tuple[str, ...] = ()
     unknown: bool = False
-    flat: bool = False
 
 
 def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | None = None) -> tuple[Segment, ...]:
@@ -226,9 +224,7 @@ def _tie(
             if any(i.unknown for i in mine):
                 late = spread  # no scene tells more of it
         spreads.append(spread[start.free])
-        # what met a straight wall and nothing else just then has met it in every run that comes near
-        limit = criteria.full if len(mine) == 1 and mine[0].flat else criteria.robust
-        limits.append(np.full(int(start.free.sum()), limit if met else np.inf))
+        limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
         least.append(late[start.free])
     return np.concatenate(spreads), np.concatenate(limits), np.concatenate(least)
 
@@ -296,8 +292,7 @@ def _found_impacts(case: Case, criteria: SegmentCriteria) -> list[Impact]:
             speed = float(np.linalg.norm(told[bodies[0]][1] - (told[bodies[1]][1] if len(bodies) > 1 else 0.0)))
             noise = float(np.hypot.reduce([paths[b][1] for b in bodies]))
             spreads = _followed(scene, size, kick, speed, noise, criteria)
-            met_by = tuple(name for name in pair if name)
-            found.append(Impact(row, apart, bodies, kick, *spreads, met_by, flat=not np.isfinite(size)))
+            found.append(Impact(row, apart, bodies, kick, *spreads, tuple(name for name in pair if name)))
     return found
 
 
