@@ -20,7 +20,7 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import HOLDING, Case, falls, layers_seen, with_gravity
+from .data import HOLDING, Case, driven, falls, layers_seen, with_gravity
 from .driven_terms import driven_forms, driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
@@ -39,11 +39,6 @@ def distinct_bodies(cases: Sequence[Case]) -> list[tuple[str, float, float]]:
 def names_of(cases: Sequence[Case]) -> list[str]:
     """Ids of the mobile bodies of all recordings, each once."""
     return list(dict.fromkeys(name for name, _, _ in distinct_bodies(cases)))
-
-
-def _driven(scene: Scene) -> set[str]:
-    """Bodies whose motion is commanded: no force changes it."""
-    return {name for item in scene.laws_as("command") for name in item.bodies or ()}
 
 
 def weighed(cases: Sequence[Case]) -> bool:
@@ -77,7 +72,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
     ``each``: a strength for every distinct body instead of one for all, scaled by radius.
     """
-    bodies = [b for b in names_of(cases) if any(b not in _driven(c.recording.scene) for c in cases)]
+    bodies = [b for b in names_of(cases) if any(b not in driven(c.recording.scene) for c in cases)]
     if not bodies:
         return []  # every motion is commanded: no force shows
     radii = np.array([radius for name, radius, _ in distinct_bodies(cases) if name in bodies])
@@ -252,10 +247,10 @@ class _LawAdder:
         self.law, self.fitted, self.choice, self.owners, self.r0, self.fixed = law, fitted, choice, owners, r0, fixed
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
-        driven = _driven(scene)
+        led = driven(scene)
         width = sum(p.size for p in self.fitted)
         for k, owner in enumerate(self.owners):
-            if owner is not None and (owner not in scene.ids or owner in driven):
+            if owner is not None and (owner not in scene.ids or owner in led):
                 continue
             mine = list(values[k * width : (k + 1) * width])
             given: dict[str, Any] = dict(self.choice) | self.fixed
@@ -269,8 +264,8 @@ class _LawAdder:
                 bodies = next((list(b) for b in scene.joints_of.values() if b[-1] == owner), None)
                 if bodies is None:
                     continue
-            if owner is None and driven:
-                bodies = [b.id for b in scene.bodies if b.mobile and b.id not in driven]
+            if owner is None and led:
+                bodies = [b.id for b in scene.bodies if b.mobile and b.id not in led]
             acting = [b.radius for b in scene.bodies if b.mobile and (bodies is None or b.id in bodies)]
             power = _radius_power(self.choice)
             if owner is None and power and acting:
@@ -399,8 +394,8 @@ def _flies(scene: Scene) -> bool:
     steep = math.hypot(*scene.gravity) > current().apparatus.steep * STANDARD_GRAVITY
     borne = ("pendulum", "pivot", "guide", "tether")
     held = {b for item in scene.laws_as(*borne) for b in item.bodies or scene.ids}
-    driven = _driven(scene)
-    return steep and not scene.walls and not any(b.mobile and b.id in held and b.id not in driven for b in scene.bodies)
+    led = driven(scene)
+    return steep and not scene.walls and not any(b.mobile and b.id in held and b.id not in led for b in scene.bodies)
 
 
 def may_hold(law: Law, cases: Sequence[Case]) -> bool:

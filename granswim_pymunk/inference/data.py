@@ -145,6 +145,11 @@ def with_gravity(cases: Sequence[Case]) -> bool:
 HOLDING = ("pendulum", "pivot", "guide", "bar", "tether", "command")  # roles of laws that hold a body, or move it
 
 
+def driven(scene: Scene) -> set[str]:
+    """Bodies whose motion is commanded: no force changes it."""
+    return {name for item in scene.laws_as("command") for name in item.bodies or ()}
+
+
 def falls(scene: Scene) -> bool:
     """Whether gravity moves a body that no joint, rail, spring or command holds."""
     return any(scene.gravity) and not any(scene.laws_as(role) for role in HOLDING)
@@ -367,8 +372,8 @@ def _driven_from_rest(
     A motor that is late is late from the first command on: where none stands before it, it is at its speed at once.
     """
     scene, notes = recording.scene, list[str]()
-    driven = {b: scene.resolved(i) for i in scene.laws_as("command") for b in i.bodies or () if b in scene.inputs}
-    for body, law in driven.items():
+    motors = {b: scene.resolved(i) for i in scene.laws_as("command") for b in i.bodies or () if b in scene.inputs}
+    for body, law in motors.items():
         at = [k for k, channel in enumerate(channels) if channel.body == body and channel.kind in "xy"]
         first, along = float(scene.inputs[body][1][0]), np.asarray(law["direction"], float)
         if not at or not first or not all(sigmas[k] > 0 for k in at):

@@ -5,7 +5,7 @@ And what has no name: another answer to a step of the command than at once and a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -113,17 +113,17 @@ def as_an_answer(term: Term, values: np.ndarray) -> list[str]:
 
 def _driven(cases: Sequence[Case]) -> tuple[tuple[str, ...], float]:
     """Bodies that follow a command, and the largest one [m/s]."""
-    driven: dict[str, None] = {}
-    top = 0.0
-    for case in cases:
-        scene = case.recording.scene
+    every = list(commanded(cases))
+    return tuple(dict.fromkeys(body for body, _ in every)), max((float(np.abs(v).max()) for _, v in every), default=0.0)
+
+
+def commanded(cases: Sequence[Case]) -> Iterator[tuple[str, np.ndarray]]:
+    """Each body that follows a command, in each recording, and its velocities (k,) [m/s] as it is told them."""
+    for scene in (case.recording.scene for case in cases):
         for item in scene.laws_as("command"):
             for body in item.bodies or ():
                 if body in scene.inputs:
-                    driven[body] = None
-                    gain = float(scene.resolved(item)["gain"])
-                    top = max(top, abs(gain) * float(np.max(np.abs(scene.inputs[body][1]))))
-    return tuple(driven), top
+                    yield body, float(scene.resolved(item)["gain"]) * np.asarray(scene.inputs[body][1], dtype=float)
 
 
 def _of_commands(candidate: str) -> list[Law]:

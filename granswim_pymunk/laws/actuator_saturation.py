@@ -8,19 +8,25 @@ from .bending import of_bending
 NO_LIMIT = 1.0e9
 
 
+def with_crossings(t, value, edges):
+    """A command series with a row wherever it crosses one of some values: t (k,) [s] and value (k,)."""
+    t, value = np.asarray(t, dtype=float), np.asarray(value, dtype=float)
+    extra = []
+    for edge in edges:
+        over = value > edge
+        k = np.flatnonzero(over[1:] != over[:-1])
+        extra.append(t[k] + (edge - value[k]) / (value[k + 1] - value[k]) * (t[k + 1] - t[k]))
+    times = np.unique(np.concatenate([t, *extra]))
+    return times, np.interp(times, t, value)
+
+
 def clipped(t, value, limit):
     """A command series clipped at plus and minus ``limit``: t (k,) [s] and value (k,), exact between rows.
 
     Rows are added where the command crosses the limit.
     """
-    t, value = np.asarray(t, dtype=float), np.asarray(value, dtype=float)
-    extra = []
-    for edge in (-limit, limit):
-        over = value > edge
-        k = np.flatnonzero(over[1:] != over[:-1])
-        extra.append(t[k] + (edge - value[k]) / (value[k + 1] - value[k]) * (t[k + 1] - t[k]))
-    times = np.unique(np.concatenate([t, *extra]))
-    return times, np.clip(np.interp(times, t, value), -limit, limit)
+    times, command = with_crossings(t, value, (-limit, limit))
+    return times, np.clip(command, -limit, limit)
 
 
 @law(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .actuator_saturation import with_crossings
 from .base import Parameter, law
 
 LAST = 4
@@ -21,15 +22,8 @@ def bent(t, value, top, **over):
     over : w0 to w8, W at the knots
     Returns t and value (k,) of the answer, exact between rows: there is one wherever the command crosses a knot.
     """
-    t, value = np.asarray(t, dtype=float), np.asarray(value, dtype=float)
     knots = top * np.arange(-LAST, LAST + 1) / LAST
-    extra = []
-    for edge in knots:
-        over_it = value > edge
-        k = np.flatnonzero(over_it[1:] != over_it[:-1])
-        extra.append(t[k] + (edge - value[k]) / (value[k + 1] - value[k]) * (t[k + 1] - t[k]))
-    times = np.unique(np.concatenate([t, *extra]))
-    command = np.interp(times, t, value)
+    times, command = with_crossings(t, value, knots)
     return times, command + top * np.interp(command, knots, [over[p.name] for p in _KNOTS])
 
 

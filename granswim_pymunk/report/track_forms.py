@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..inference.data import Case
-from ..inference.driven_terms import held_answer, step_answer
+from ..inference.driven_terms import commanded, held_answer, step_answer
 from ..inference.tracks.fitted import Fit
 from ..inference.tracks.model import TrackFinding
 from ..joints import arm_of
@@ -132,7 +132,7 @@ def _answer_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> 
         return item.law, {p.name: item.values[p.name] for p in item.law.parameters}
 
     span = found(fit.values)[1].get("span")
-    over = np.linspace(0.0, 1.1 * span, 221) if span else np.linspace(*_commanded(diagnosis.cases), 221)
+    over = np.linspace(0.0, 1.1 * span, 221) if span else np.linspace(*_ends(diagnosis.cases), 221)
 
     def answer(numbers: np.ndarray) -> np.ndarray:
         law, values = found(numbers)
@@ -157,14 +157,10 @@ def _answer_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> 
     return figure
 
 
-def _commanded(cases: Sequence[Case]) -> tuple[float, float]:
+def _ends(cases: Sequence[Case]) -> tuple[float, float]:
     """Lowest and highest velocity that was commanded [m/s]."""
-    every = [
-        float(scene.resolved(item)["gain"]) * np.asarray(scene.inputs[body][1])
-        for scene in (case.recording.scene for case in cases) for item in scene.laws_as("command")
-        for body in item.bodies or () if body in scene.inputs
-    ]  # fmt: skip
-    return float(min(map(np.min, every))), float(max(map(np.max, every)))
+    every = np.concatenate([velocity for _, velocity in commanded(cases)])
+    return float(every.min()), float(every.max())
 
 
 def _time_curve(diagnosis: TrackFinding, fit: Fit, case: Case, count: int) -> Figure:

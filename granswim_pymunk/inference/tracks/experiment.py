@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import TOOLS, of_the_apparatus
 from ..criteria import current
-from ..data import Case
+from ..data import Case, driven
 from ..hypothesis import Failed, Predictor
 from ..model import Proposal
 from .fit import Fitter
@@ -54,8 +54,8 @@ def _commanded(case: Case, larger: float, faster: float) -> Case:
 def _free_start(case: Case) -> bool:
     """Whether a body moves that nothing commands: how fast it starts is the experimenter's to choose."""
     scene = case.recording.scene
-    driven = {b for item in scene.laws_as("command") for b in item.bodies or ()}
-    return any(b.mobile and b.id not in driven for b in scene.bodies)
+    led = driven(scene)
+    return any(b.mobile and b.id not in led for b in scene.bodies)
 
 
 def propose(

@@ -11,7 +11,7 @@ import numpy as np
 from ... import distributions as stats
 from ...joints import arm_of
 from ..criteria import current
-from ..data import Case, Kick
+from ..data import Case, Kick, driven
 from ..judge import Remains
 from .follow import COUPLED
 from .frames import left_by, windows_of
@@ -26,7 +26,7 @@ def unexplained(case: Case) -> list[Kick]:
     command, nor of arms that whip about between frames.
     """
     scene = case.recording.scene
-    led = {b for item in scene.laws_as("command") for b in item.bodies or ()}
+    led = driven(scene)
     struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]
     found = []
     for body, (xy, noise) in paths_of(case).items():
@@ -146,7 +146,7 @@ def told_of_few(case: Case) -> list[str]:
     each leaves. What meets something just then, or follows a command, is none of these.
     """
     c, scene, notes = current().kicks, case.recording.scene, list[str]()
-    window, led = 2 * c.half, {b for item in scene.laws_as("command") for b in item.bodies or ()}
+    window, led = 2 * c.half, driven(scene)
     struck = {b for i in find_cuts(case) for b in i.bodies} | {kick.body for kick in all_kicks(case)}
     for body, (xy, _) in paths_of(case).items():
         seen = np.flatnonzero(np.isfinite(xy).all(axis=1))
