@@ -44,17 +44,6 @@ def bed_with_another_held_out() -> Diagnosis:
     return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))
 
 
-@pytest.fixture(scope="session")
-def film_of_the_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """pucks.mp4 as the code on the page draws it: its noise keeps the encoder busy for ten seconds."""
-    from test_docs import DOCS, blocks, run
-
-    (code,) = blocks(DOCS / "tutorial_video.md", "python")
-    folder = tmp_path_factory.mktemp("tutorial")
-    run(code, folder)
-    return folder / "pucks.mp4"
-
-
 @contextmanager
 def no_simulation() -> Iterator[None]:
     """In here whoever builds, begins or goes on with a simulation fails."""
