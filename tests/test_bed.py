@@ -23,7 +23,6 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.criteria import DEFAULT
-from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
@@ -482,7 +481,7 @@ def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
 
 
 def test_a_drag_in_time_with_the_drive_is_suspected_where_all_are_driven_alike():
-    case = prepare(small("small_nothing"), held_out=False, split=True)
+    case = case_of("small_nothing").case
     labels = [t.label for t in nameless_terms([case, case])]
     across = ["a force across the motion", "a force across the motion on the swimmer"]
     assert labels == [*across, "a drag in time with the drive"]
