@@ -87,7 +87,7 @@ def _open(
     c = current().lost
     w, k = np.nonzero(full)
     z, there = numbers[w, k], seen[w, k]
-    rounding = np.finfo(float).eps * 1e3 * np.bincount(w, np.nansum(z**2, axis=1), len(times)) + 1e-9
+    rounding = current().rounding.told * (1 + np.bincount(w, np.nansum(z**2, axis=1), len(times)))
     freedom = np.bincount(w, there.sum(axis=1) - way.degree - 1, len(times)) - 1
 
     def left(gap: int, which: np.ndarray) -> np.ndarray:
