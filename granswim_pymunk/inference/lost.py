@@ -98,7 +98,7 @@ def _open(
     before = left(0, np.ones(len(times), dtype=bool))
     may = before >= freedom + c.sure - rounding
     least = np.full(len(times), np.inf)
-    for gap in range(1, most + 1):
+    for gap in range(1, most + 1 if may.any() else 1):
         least = np.where(may, np.minimum(least, left(gap, may)), np.inf)
     may &= before - least > c.sure - 2 * rounding
     may &= before - freedom > c.times * (least - freedom) - (1 + c.times) * rounding
@@ -125,6 +125,7 @@ class _Ways:
         """(k,) what they leave of chi2 of each row of numbers (k, n), as ``left`` does of those of a window."""
         s = np.round((times - times[:, :1]) / self.spacing, 3)
         _, first, kind = np.unique(np.hstack([s, seen]), axis=0, return_index=True, return_inverse=True)
+        kind = kind.ravel()  # numpy 2.0 gives it another shape
         order = np.argsort(kind, kind="stable")
         ends = np.searchsorted(kind[order], np.arange(len(first) + 1))
         found = np.zeros(len(times))
