@@ -119,7 +119,7 @@ def heldout(diagnosis) -> dict:
 @pytest.mark.parametrize(
     ("law", "values", "parameter"),
     [
-        ("linear_drag", {"c": 0.004}, "c"),
+        # a linear drag is named in the film of the tutorial (test_track.py)
         ("quadratic_drag", {"c": 0.02, "p": 2}, "c"),
         ("coulomb_substrate", {"mu": 0.01}, "mu"),
     ],
