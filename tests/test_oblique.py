@@ -51,6 +51,23 @@ def test_oblique_picture_is_named(tmp_path):
     assert "angle" in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_a_picture_is_too_large_about_the_place_from_which_bodies_hang():
+    """Where the pivot was read off the picture, its scale leaves that where it is, and turns no direction of the rod."""
+    bob = Body("bob", "free", 0.02, 0.1, initial=(0.5, 0.4, 0.0, 0.0))
+    pin = use("pin", bodies=["bob"], anchor=(0.3, 0.8), length=math.hypot(0.2, 0.4))
+    seen = film(Scene((bob,), (pin,), gravity=(0.0, -9.81)), np.arange(0.0, 1.0, 0.02), rng=np.random.default_rng(3))
+    cases = prepare_all([replace(seen, angle=None)], ())
+    terms = {t.label: t for t in camera_terms(cases)}
+    term = terms["camera_scale about the anchor"]
+    scene, camera = term.apply(cases[0].recording.scene, {}, [1.01])
+    rod = np.array([0.2, -0.4])
+    np.testing.assert_allclose(see(np.array([0.3, 0.8]), **camera), [0.3, 0.8], atol=1e-15)
+    np.testing.assert_allclose(see(rod + (0.3, 0.8), bias=(0.1, 0.0), **camera), 1.01 * rod + (0.4, 0.8), atol=1e-15)
+    turned = terms["camera_tilt about the anchor"].apply(scene, {}, [0.1])[1]
+    np.testing.assert_allclose(see(np.array([0.3, 0.8]), **turned), [0.3, 0.8], atol=1e-15)
+    assert "camera_scale about the anchor" not in {t.label for t in camera_terms(prepare_all([pendulum()], ()))}
+
+
 def test_any_direction():
     """A picture shortened along 0.5 rad: the form whose direction is sought finds both numbers."""
     (case,) = cases = prepare_all([pendulum(foreshortening=0.95, direction=0.5)], ())

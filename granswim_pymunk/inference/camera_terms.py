@@ -13,6 +13,8 @@ from .criteria import current
 from .data import Case, with_gravity
 from .hypothesis import Free, Term, set_camera
 
+HANGING = ("pendulum", "tether")  # what such a law holds is seen in the picture, and so is the place it hangs from
+
 
 def camera_terms(cases: Sequence[Case]) -> list[Term]:
     """What the apparatus may have done: seen = s R(angle) true + b, at t + offset."""
@@ -33,6 +35,8 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
         # of one coordinate alone no direction was seen
         terms.append(Term("camera_tilt", "camera_tilt", (tilt,), set_camera("tilt"),
                           expression="seen = R(+angle) true", groups=(("angle", (0,)),)))  # fmt: skip
+    if positions:
+        terms += _about_where_they_hang(terms, cases)
     if any(c.recording.scene.inputs or c.recording.scene.laws_as("stroke") for c in cases):
         terms.append(
             Term("time_offset", "time_offset", (offset,),
@@ -57,6 +61,28 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
         )  # fmt: skip
     plain = [t for t in terms if not t.special]
     return terms + _of_one_recording(plain, cases) + _oblique_terms(positions) + _lens_terms(cases)
+
+
+def _about_where_they_hang(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:
+    """Scale and tilt of a picture from which the scene has the place that its bodies hang from.
+
+    The place is where it was seen, whatever the picture: one that is too large does not move bodies away from it.
+    None where it is the origin of the picture, or where there are several.
+    """
+    anchors = {tuple(map(float, item.values["anchor"]))
+               for c in cases for item in c.recording.scene.laws if item.law.role in HANGING}  # fmt: skip
+    if len(anchors) != 1 or not any(about := next(iter(anchors))):
+        return []
+
+    def there(fault: Term) -> Term:
+        def apply(scene, camera, values):
+            scene, camera = fault.apply(scene, camera, values)
+            return scene, {**camera, "about": about}
+
+        return replace(fault, label=f"{fault.label} about the anchor", apply=apply, fixed={"o": (list(about), "m")},
+                       expression=fault.expression.replace("true", "(true - o) + o"))  # fmt: skip
+
+    return [there(f) for f in faults if f.mechanism in ("camera_scale", "camera_tilt")]
 
 
 def _of_one_recording(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:

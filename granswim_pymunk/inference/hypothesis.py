@@ -26,7 +26,7 @@ from .start import StartBody, numbers_at, states, turning_angle
 NO_CAMERA: dict[str, Any] = {
     "scale": 1.0, "tilt": 0.0, "rate": 1.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0,
     "middle": (0.0, 0.0), "foreshortening": 1.0, "direction": 0.0, "drift": (0.0, 0.0),
-    "jump": (0.0, 0.0), "jumped": 0.0,
+    "jump": (0.0, 0.0), "jumped": 0.0, "about": (0.0, 0.0),
 }  # fmt: skip
 
 

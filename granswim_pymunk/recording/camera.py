@@ -1,5 +1,6 @@
 """What a simulation looks like filmed: seen = s R(+angle) L(F true) + b + u t + j, at the frame's time plus an offset.
 
+s R turns and stretches the picture about the origin, or about a place of the picture that the scene has from it.
 u t is how far a picture that creeps has gone by then, and j by how much it has jumped.
 F is a view at an angle: F true = true - (1 - f) (true . e) e.
 L is the lens: L(true) = o + (true - o)(1 + k |true - o|^2).
@@ -59,6 +60,7 @@ def see(
     drift: Sequence[float] = (0.0, 0.0),
     jump: Sequence[float] = (0.0, 0.0),
     jumped: float = 0.0,
+    about: Sequence[float] = (0.0, 0.0),
     since: np.ndarray | None = None,
 ) -> np.ndarray:
     """Positions as the camera shows them: seen = s R(+tilt) L(F true) + b + drift since, + jump where since >= jumped.
@@ -66,6 +68,7 @@ def see(
     xy : (..., 2) true unwrapped positions [m];  scale s;  tilt [rad], counter-clockwise, about the origin;
     bias b : (2,) [m];  distortion [1/m^2] and middle (2,) [m] of the lens L, see ``bent``
     foreshortening [1] and direction [rad] of a view F at an angle, see ``foreshortened``
+    about (2,) [m] : what scale and tilt leave in place, the origin where not given
     drift (2,) [m/s] of a picture that creeps;  jump (2,) [m] of one that jumps, ``jumped`` [s] after the first frame
     since (T,) [s] : times after the first frame, of xy (T, n, 2); where not given, neither is seen
     Returns (..., 2) [m].
@@ -75,10 +78,13 @@ def see(
         xy = foreshortened(xy, foreshortening, direction)
     if distortion:
         xy = bent(xy, distortion, middle)
+    if any(about):
+        xy = np.asarray(xy) - np.asarray(about)
+    at = np.asarray(bias, dtype=float) + np.asarray(about, dtype=float)
     c, s = scale * math.cos(tilt), scale * math.sin(tilt)
     seen = np.empty_like(xy, dtype=float)
-    seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
-    seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + bias[1]
+    seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + at[0]
+    seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + at[1]
     if since is not None and (any(drift) or any(jump)):
         since = np.asarray(since, dtype=float)
         seen += (np.multiply.outer(since, drift) + np.multiply.outer(since >= jumped, jump))[:, None]

@@ -13,6 +13,7 @@ from scipy.special import ellipk
 
 from ...joints import arm_of
 from ..recording import Recording
+from .periods import ROUND, swing_of
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
 FALLS_TOLD = 0.1  # of gravity, from which a fall that is too fast is told where its course is that of a fall
@@ -188,17 +189,11 @@ def _swing(recording: Recording, k: int, name: str, gravity: float) -> str:
         angle = np.arctan2(x, -y)
     seen = np.isfinite(angle)
     t, angle = recording.t[seen], np.unwrap(angle[seen])
-    if len(t) < 8:
+    swing = swing_of(t, angle)
+    if swing is None or swing.amplitude > ROUND:
         return ""
-    swing = float(np.quantile(np.abs(angle), 0.95))
-    side = np.sign(angle) * (np.abs(angle) > 0.2 * swing)
-    clear = np.flatnonzero(side)
-    turned = np.flatnonzero(np.diff(side[clear]) != 0)
-    if len(turned) < 3 or swing > 0.9 * math.pi:
-        return ""
-    halves = np.diff([0.5 * (t[clear[i]] + t[clear[i + 1]]) for i in turned])
-    period = 2 * float(np.median(halves))
-    believed = 4 * math.sqrt(length / gravity) * float(ellipk(math.sin(swing / 2) ** 2))
+    period = swing.period
+    believed = 4 * math.sqrt(length / gravity) * float(ellipk(math.sin(swing.amplitude / 2) ** 2))
     if 1 / SWINGS_OFF < (period / believed) ** 2 < SWINGS_OFF:
         return ""
     return (
