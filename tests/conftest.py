@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,16 +20,49 @@ for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 
+# of the workers of pytest-xdist this is the one with this number
+WORKER = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
+WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+
+
 def _keep_to_own_cores() -> None:
     """Each of several workers of pytest-xdist keeps to its share of the cores: threads of two would only take turns."""
-    worker, count = os.environ.get("PYTEST_XDIST_WORKER", ""), int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    if worker.startswith("gw") and hasattr(os, "sched_setaffinity"):
+    if WORKER and hasattr(os, "sched_setaffinity"):
         mine = sorted(os.sched_getaffinity(0))
-        if len(mine) >= count:
-            os.sched_setaffinity(0, mine[int(worker[2:]) :: count])
+        if len(mine) >= WORKERS:
+            os.sched_setaffinity(0, mine[int(WORKER) :: WORKERS])
 
 
 _keep_to_own_cores()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def laws_shared_out() -> None:
+    """Each of several workers begins with laws of its own and finds the others' compiled when it comes to them.
+
+    All need all of them sooner or later; on a new machine, where they begin alike, each would compile the same ones.
+    Every second one packs a bed first, while the others compile what laws have in common.
+    """
+    if not WORKER:
+        return
+    from granswim_pymunk.engine.callbacks import kernel_for
+    from granswim_pymunk.engine.native import ProbeError, offsets
+    from granswim_pymunk.errors import InputError
+    from granswim_pymunk.laws import all_laws
+    from granswim_pymunk.packing import pack
+    from granswim_pymunk.scene import read_scene
+
+    if int(WORKER) % 2:
+        pack(read_scene(Path(__file__).parent.parent / "scenarios" / "pocket_swim.toml"))
+    try:
+        kernel = kernel_for(offsets())
+    except ProbeError:
+        return
+    own = "granswim_pymunk."
+    forces = [law for law in all_laws().values() if law.kind in ("pair", "body", "chain", "constraint", "joint")]
+    for law in [law for law in forces if law.function.__module__.startswith(own)][int(WORKER) :: WORKERS]:
+        with suppress(InputError):
+            kernel.block(law)
 
 
 @pytest.fixture(scope="session")
@@ -42,17 +75,6 @@ def bed_with_another_held_out() -> Diagnosis:
     recording = read_recording(Path(__file__).parent / "data" / "small_joint")
     other = replace(recording, name="other")
     return diagnose_bed([recording], [other], candidates=["weak_joint"], plan=Plan(1, 1, 4, 8, 2))
-
-
-@pytest.fixture(scope="session")
-def film_of_the_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """pucks.mp4 as the code on the page draws it: its noise keeps the encoder busy for ten seconds."""
-    from test_docs import DOCS, blocks, run
-
-    (code,) = blocks(DOCS / "tutorial_video.md", "python")
-    folder = tmp_path_factory.mktemp("tutorial")
-    run(code, folder)
-    return folder / "pucks.mp4"
 
 
 @contextmanager

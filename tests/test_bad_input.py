@@ -5,6 +5,7 @@ import io
 import math
 import warnings
 from dataclasses import replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -324,6 +325,7 @@ def without_initial(r):
     return Recording(r.name, scene, r.t, r.ids, r.xy, r.angle, sampling=r.sampling)
 
 
+@cache
 def honest():
     """Filmed scenes in SI, without ``initial``, so that only the tracks speak."""
     times = np.arange(100) / 100
@@ -358,17 +360,17 @@ def honest():
     )
     return {
         name: without_initial(film(scene, times))
-        for name, scene in (("fall", fall), ("hit", hit), ("swing", swing), ("drive", drive), ("worm", worm))
+        for name, scene in zip(HONEST, (fall, hit, swing, drive, worm), strict=True)
     }
 
 
-HONEST = honest()
+HONEST = ("fall", "hit", "swing", "drive", "worm")
 
 
 class TestUnits:
     @pytest.mark.parametrize("name", HONEST)
     def test_honest_tracks_pass(self, name):
-        check_plausible(HONEST[name])
+        check_plausible(honest()[name])
 
     # half a metre a second ("hit") in cm is nothing unheard of
     @pytest.mark.parametrize(
@@ -376,16 +378,16 @@ class TestUnits:
     )
     def test_tracks_in_mm_or_cm_are_refused(self, name, factor):
         with pytest.raises(InputError, match="units look mixed"):
-            check_plausible(scaled(HONEST[name], factor))
+            check_plausible(scaled(honest()[name], factor))
 
     @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "microseconds")])
     def test_a_fall_in_milliseconds_is_refused(self, factor, unit):
-        fall = HONEST["fall"]
+        fall = honest()["fall"]
         with pytest.raises(InputError, match=f"are the times in {unit}"):
             check_plausible(replace(fall, t=factor * fall.t, sampling=None))
 
     def test_degrees_are_refused(self):
-        r = HONEST["swing"]
+        r = honest()["swing"]
         twice = np.concatenate([r.angle, r.angle[::-1], r.angle])
         t = np.arange(len(twice)) / 100
         nowhere = np.full((len(t), 1, 2), np.nan)
@@ -394,7 +396,7 @@ class TestUnits:
             check_plausible(Recording("r", r.scene, t, r.ids, nowhere, np.degrees(twice)))
 
     def test_a_pendulum_that_goes_over_the_top_passes(self):
-        r = HONEST["swing"]
+        r = honest()["swing"]
         t = np.arange(400) / 100
         turns = np.where(t < 2, 40 * t, 80 + 1.5 * np.sin(10 * (t - 2)))
         check_plausible(Recording("r", r.scene, t, r.ids, np.full((400, 1, 2), np.nan), turns[:, None]))
@@ -430,7 +432,7 @@ class TestUnits:
             check_plausible(Recording("r", scene, [0], ("a", "b"), np.array([[[0.01, 0.0], [4.99, 0.0]]])))
 
     def test_a_rate_that_is_off_warns(self):
-        r = HONEST["fall"]
+        r = honest()["fall"]
         with pytest.warns(SceneWarning, match="sampling is 600 Hz"):
             check_plausible(Recording("r", r.scene, r.t, r.ids, r.xy, sampling=600.0))
 

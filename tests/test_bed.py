@@ -23,7 +23,6 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.criteria import DEFAULT
-from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Claim, Judgement, Remains, Weighed, judge
@@ -57,7 +56,7 @@ from granswim_pymunk.inference.windows.weigh import (
     scores_of,
     share_of,
 )
-from granswim_pymunk.inference.windows.windows import BedPredictor, bed_case, off_by
+from granswim_pymunk.inference.windows.windows import BedCase, BedPredictor, bed_case, off_by
 from granswim_pymunk.inference.windows.work import Work
 from granswim_pymunk.laws import all_laws
 from granswim_pymunk.packing import pack
@@ -77,6 +76,12 @@ NOISE = 2.0e-5  # m
 @cache
 def small(name: str) -> Recording:
     return read_recording(DATA / name)
+
+
+@cache
+def case_of(name: str) -> BedCase:
+    """Its windows, made once: where grains may be hidden is looked for each time."""
+    return bed_case(small(name))
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +237,7 @@ def test_grains_far_off_are_walls_that_move_as_seen():
     whole, part = BedPredictor(bed, cut=False), BedPredictor(bed)
     assert part.cut is not None and len(part.cut.rows) < 0.6 * len(packed.bodies)
     assert set(bed.rows) <= set(part.cut.inside) and not set(part.cut.inside) & set(part.cut.wall)
-    assert BedPredictor(bed_case(small("small_nothing"))).cut is None  # not worth a cut
+    assert BedPredictor(case_of("small_nothing")).cut is None  # not worth a cut
     nothing = Hypothesis(())
     a, b = (p(nothing, np.zeros(0), None, 3).mean(axis=1)[:, : bed.swimmer_size] for p in (whole, part))
     apart = np.sqrt(np.mean((a - b) ** 2))
@@ -406,7 +411,7 @@ def test_budget_gives_up_the_least_first():
 
 def test_windows_share_no_frame_and_too_short_a_film_is_refused():
     recording = small("small_nothing")
-    bed = bed_case(recording)
+    bed = case_of("small_nothing")
     used = [set(range(k - 2, k + bed.looks[-1] + 1)) for k in bed.starts]
     assert all(not a & b for a, b in pairwise(used))
     assert bed.training.any() and not bed.training.all()
@@ -428,7 +433,7 @@ def test_windows_share_no_frame_and_too_short_a_film_is_refused():
 
 
 def test_candidates_come_from_the_registry_and_run():
-    bed = bed_case(small("small_nothing"))
+    bed = case_of("small_nothing")
     terms = bed_terms([bed.case])
     wanted = {
         "restitution", "linear_drag", "quadratic_drag", "ambient_flow", "coulomb_substrate", "uniform_force",
@@ -476,7 +481,7 @@ def test_what_is_even_in_an_amount_is_no_part_of_a_column(low, bend):
 
 
 def test_a_drag_in_time_with_the_drive_is_suspected_where_all_are_driven_alike():
-    case = prepare(small("small_nothing"), held_out=False, split=True)
+    case = case_of("small_nothing").case
     labels = [t.label for t in nameless_terms([case, case])]
     across = ["a force across the motion", "a force across the motion on the swimmer"]
     assert labels == [*across, "a drag in time with the drive"]
@@ -486,9 +491,9 @@ def test_a_drag_in_time_with_the_drive_is_suspected_where_all_are_driven_alike()
 
 
 def test_a_law_is_tried_on_the_swimmer_and_on_the_grains_alone(packed):
-    terms = bed_terms([bed_case(small("small_nothing")).case])
+    terms = bed_terms([case_of("small_nothing").case])
     drag = next(t for t in terms if t.mechanism == "linear_drag")
-    scene = bed_case(small("small_nothing")).case.recording.scene
+    scene = case_of("small_nothing").case.recording.scene
     swimmer = {scene.bodies[k].id for k in scene.swimmer}
     mobile = {b.id for b in scene.bodies if b.mobile}
     narrow = {frozenset(t.bodies): t for t in siblings(drag, scene) if set(t.bodies) < mobile}
@@ -598,7 +603,7 @@ def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
 
 def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     true = small("small_nothing")
-    bed = bed_case(true)
+    bed = case_of("small_nothing")
     right = picture_scale([bed.case])
     assert right is not None and not right.wrong and abs(right.value - 1.0) < 4 * right.error < 3e-3
     for s in (0.99, 1.01, 2.0):
@@ -617,7 +622,7 @@ def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
 
 
 def test_a_film_at_another_pace_than_its_replicates_is_no_match():
-    bed = bed_case(small("small_nothing"))
+    bed = case_of("small_nothing")
     likelihood = WindowLikelihood([bed], 5, 1)
     pace = likelihood.predictors[0].pace()
     assert pace.shape == (2,) and (pace > 1e-3).all()
@@ -635,7 +640,7 @@ def test_a_film_at_another_pace_than_its_replicates_is_no_match():
 
 def test_a_swimmer_that_ends_elsewhere_than_its_replicates_is_no_match():
     """A push that grains hold up shows in no start and in no law's signature, but in how far the disks go."""
-    bed = bed_case(small("small_nothing"))
+    bed = case_of("small_nothing")
     likelihood = WindowLikelihood([bed], 8, 1)
     pace = likelihood.predictors[0].pace()
     likelihood.paces = [pace * np.exp(0.04 * np.array([-1.0, 0.5, 0.0, 1.0, -0.5, 0.3, 0.1, -0.2]))[:, None]]
@@ -748,9 +753,9 @@ def test_replicates_have_bodies_that_are_off_as_the_recording_says():
     # the links stay as long as they are seen, whatever the disks
     assert {b.resolved(item)["length"] for b in (bed.scene, replace(bed.scene, bodies=scene.bodies))
             for item in b.laws_as("link")} == {bed.scene.laws_as("link")[0].values["length"]}  # fmt: skip
-    assert off_by(bed_case(small("small_nothing")), scene, np.random.default_rng(1)) is scene
+    assert off_by(case_of("small_nothing"), scene, np.random.default_rng(1)) is scene
     # overlaps of other radii are no forces: such a film begins as calmly as one of the bodies that are believed
-    predictors = [BedPredictor(bed_case(r)) for r in (small("small_nothing"), recording)]
+    predictors = [BedPredictor(case) for case in (case_of("small_nothing"), bed)]
     calm, other = (p.of(p.replicate(Hypothesis(), np.zeros(0), 0)) for p in predictors)
     assert not np.array_equal(calm.film.xy, other.film.xy)
     assert other.pace() == pytest.approx(calm.pace(), rel=0.3)
@@ -787,7 +792,7 @@ def test_grains_that_were_not_found_are_where_a_void_stays_open():
     found = lost = 0
     for name, seed in (("small_nothing", 4), ("small_joint", 7)):
         whole = small(name)
-        assert not len(bed_case(whole).hidden)  # where all were found there is none
+        assert not len(case_of(name).hidden)  # where all were found there is none
         recording, out = without(whole, seed)
         bed = bed_case(recording)
         true, period = whole.unwrapped().xy[:, out], whole.scene.periodic_x
@@ -819,7 +824,8 @@ def measured(recording: Recording, seed: int, radius: float = 0.02, mass: float 
 @pytest.mark.parametrize("stated", [None, 0.02])
 def test_radii_follow_from_who_touches_whom(stated):
     whole = small("small_joint")
-    assert bed_case(whole).resized is None and bed_case(whole).scene is whole.scene  # these are as they are believed
+    right = case_of("small_joint")
+    assert right.resized is None and right.scene is whole.scene  # these are as they are believed
     wrong = replace(measured(whole, 5), radius_error=stated)
     bed = bed_case(wrong)
     off, left = (

@@ -102,12 +102,3 @@ def test_the_tutorial_on_a_scene_of_your_own(tmp_path):
     assert "30 free" in said and "the disks move at" in said
     assert (tmp_path / "box.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "out/box/video.gif").stat().st_size > 1000
-
-
-def test_the_film_of_the_tutorial(film_of_the_tutorial):
-    """What is done with such a film is in test_track.py."""
-    from granswim_pymunk.recording.track_film import open_film
-
-    film = open_film(film_of_the_tutorial)
-    assert (film.width, film.height, film.rate) == (640, 480, 60.0)
-    assert sum(1 for _ in film.frames()) == 120

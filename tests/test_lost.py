@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from granswim_pymunk.inference import lost
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.lost import missing, repeated
 from granswim_pymunk.recording import Recording, read_recording, resolve_recording
@@ -53,6 +54,21 @@ def test_frames_that_are_missing_are_found_and_counted(motion, seed):
     assert found.get(80) == 3
     # a pendulum that turns round just then moves no farther in one frame than its noise
     assert set(found) <= {80, 147} and found.get(147, 1) == 1
+
+
+@pytest.mark.parametrize(("noise", "found"), [(NOISE, [(50, 3)]), (NOISE / 10, [])])
+def test_windows_that_are_told_together_are_told_as_one_by_one(monkeypatch, noise, found):
+    """Also where no window is followed to so little noise that its polynomials leave no more."""
+    t, xy = swinging(60.0, 2.0, 1)
+    kept = np.r_[0:50, 53:120]
+    given = t[: len(kept)], flat(xy)[kept], [noise] * 2
+    left, asked = lost._Ways.left, []
+    monkeypatch.setattr(lost._Ways, "left", lambda *args: asked.append(1) or left(*args))
+    assert missing(*given) == found
+    few = len(asked)
+    monkeypatch.setattr(lost, "_open", lambda way, times, *rest: np.ones(len(times), dtype=bool))
+    assert missing(*given) == found
+    assert few < 0.5 * (len(asked) - few)
 
 
 def test_impacts_are_no_missing_frames():

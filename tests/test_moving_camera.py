@@ -126,8 +126,8 @@ def test_what_is_learnt_from_may_have_jumped_and_what_is_held_out_ends_there():
     assert "the picture jumps by 0.002" in cut.notes[-1]
 
 
-def test_a_bumped_camera_is_told_beside_the_drag_of_a_bearing(tmp_path):
-    verdict = gs.diagnose(bumped(100), out=tmp_path / "out", seed=1).verdict
+def test_a_bumped_camera_is_told_beside_the_drag_of_a_bearing():
+    verdict = gs.diagnose(bumped(100), seed=1).verdict
     assert verdict["complete"]
     found = {m["name"]: m["parameters"] for m in verdict["mechanisms"]}
     assert found.keys() == {"camera_jump", "joint_drag"}

@@ -48,9 +48,9 @@ def test_a_scale_a_mass_and_a_drag_are_told_together(tmp_path):
     assert mass["parameters"]["beta"]["value"] == pytest.approx(0.0028, abs=4e-4)
 
 
-def test_nothing_is_told_of_the_cart_where_nothing_is_missing(tmp_path):
+def test_nothing_is_told_of_the_cart_where_nothing_is_missing():
     seen = filmed(on_spring(0.3135), on_spring(0.3135), np.arange(160) / 30, NOISE, 4)
-    verdict = gs.diagnose(seen, out=tmp_path / "out", seed=1).verdict
+    verdict = gs.diagnose(seen, seed=1).verdict
     assert verdict["verdict"] == "no_mismatch" and verdict["complete"]
 
 
@@ -60,15 +60,15 @@ def thrown(*laws) -> Scene:
 
 
 @pytest.mark.parametrize("frames", [9, 12])
-def test_drag_in_a_film_of_a_dozen_frames(tmp_path, frames):
+def test_drag_in_a_film_of_a_dozen_frames(frames):
     """Five of nine are learnt from: none is left to test a law inside the training part, and no block is unseen."""
     drag = use("quadratic_drag", bodies=["ball"], c=0.008)
     seen = filmed(thrown(drag), thrown(), np.arange(frames) / 30, 5e-4, 5)
-    verdict = gs.diagnose(seen, out=tmp_path / "out", seed=1).verdict
+    verdict = gs.diagnose(seen, seed=1).verdict
     assert verdict["verdict"] == "missing_physics" and verdict["heldout"] != "fails"
     assert "quadratic_drag" in names(verdict) | alike(verdict)
     nothing = filmed(thrown(), thrown(), np.arange(frames) / 30, 5e-4, 6)
-    assert gs.diagnose(nothing, out=tmp_path / "none", seed=1).verdict["verdict"] == "no_mismatch"
+    assert gs.diagnose(nothing, seed=1).verdict["verdict"] == "no_mismatch"
 
 
 @pytest.mark.parametrize("count", [5, 6, 8, 10])
@@ -79,7 +79,7 @@ def test_noise_of_few_frames_is_not_their_motion(count):
     assert 3e-4 < np.sqrt(np.mean(np.square(found))) < 8e-4
 
 
-def test_a_coasting_car_is_told_as_friction_and_drag(tmp_path):
+def test_a_coasting_car_is_told_as_friction_and_drag():
     """Where it is learnt from, a stream along the road does as well; later, when it is slow, it does not."""
     car = Body("cart", "free", 1.0, 1200.0, initial=(0.0, 0.0, 30.0, 0.0))
     friction, drag = use("coulomb_substrate", bodies=["cart"], mu=0.012), use("quadratic_drag", bodies=["cart"], c=0.42)
@@ -87,7 +87,7 @@ def test_a_coasting_car_is_told_as_friction_and_drag(tmp_path):
     # a hundredth of a second is short beside the minute in which it slows; a scene without a time gets a thousandth
     believed = replace(believed, time=replace(believed.time, dt=0.01))
     seen = filmed(Scene((car,), (RAIL, friction, drag)), believed, np.arange(300) / 5, 0.3, 7)
-    verdict = gs.diagnose(seen, out=tmp_path / "out", seed=1).verdict
+    verdict = gs.diagnose(seen, seed=1).verdict
     assert verdict["verdict"] == "missing_physics" and verdict["heldout"] == "holds"
     assert {"coulomb_substrate", "quadratic_drag"} <= names(verdict) | alike(verdict)
     held = verdict["fit"]["heldout"]

@@ -9,6 +9,7 @@ import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -38,16 +39,22 @@ def _generator(*parts: object) -> np.random.Generator:
     return np.random.default_rng(int(hashlib.sha1(repr(parts).encode()).hexdigest()[:12], 16))
 
 
-def _change(label: str, amount: float, frequency: float) -> np.ndarray:
-    """(p,) by a law at ``amount`` of its first size: 40 spreads of a packing, bent, another at another frequency."""
+@cache
+def _way(label: str, frequency: float) -> np.ndarray:
+    """(p,) by a law at its first size: 40 spreads of a packing, another at another frequency."""
     rng = _generator(label)
     way = SHARED @ rng.normal(size=10) / math.sqrt(10) + 0.5 * rng.normal(size=len(NAMES))
     other = SHARED @ rng.normal(size=10) / math.sqrt(10)
     way = way / np.linalg.norm(way) + 0.1 * (frequency - 10) * other / np.linalg.norm(other)
-    bent = amount + 0.12 * amount * abs(amount) * np.cos(np.arange(len(NAMES)))
-    return 40 * SD * (MIX @ way) * bent
+    return 40 * SD * (MIX @ way)
 
 
+def _change(label: str, amount: float, frequency: float) -> np.ndarray:
+    """(p,) by a law at ``amount`` of its first size, bent."""
+    return _way(label, frequency) * (amount + 0.12 * amount * abs(amount) * np.cos(np.arange(len(NAMES))))
+
+
+@cache
 def _usual(frequency: float) -> np.ndarray:
     """(p,) numbers of the naive scene: a wave from head to tail."""
     values = {"mean": 0.0, "head_cos": 1e-3, "head_sin": 2e-3, "length": 3e-3}

@@ -58,7 +58,8 @@ def _jumps(
     full &= seen[..., half - 1] & seen[..., half] & even[:, None]
     way = _Ways(degree, half, spacing)
     found = []
-    for w in np.flatnonzero(full.any(axis=1)).tolist():
+    rows = np.flatnonzero(full.any(axis=1))
+    for w in rows[_open(way, windows[rows], places[rows], seen[rows], full[rows], most)].tolist():
         numbers, there = places[w][full[w]], seen[w][full[w]]
         before = way.left(windows[w], numbers, there)
         freedom = int(there.sum()) - (degree + 1) * len(there) - 1
@@ -76,6 +77,34 @@ def _jumps(
     return found
 
 
+def _open(
+    way: _Ways, times: np.ndarray, numbers: np.ndarray, seen: np.ndarray, full: np.ndarray, most: int
+) -> np.ndarray:
+    """(W,) which windows may show a gap: most are told at once from all together, the rest one by one (``_jumps``).
+
+    times : (W, n);  numbers : (W, c, n), where ``seen``;  full : (W, c) numbers that count
+    """
+    c = current().lost
+    w, k = np.nonzero(full)
+    z, there = numbers[w, k], seen[w, k]
+    rounding = current().rounding.told * (1 + np.bincount(w, np.nansum(z**2, axis=1), len(times)))
+    freedom = np.bincount(w, there.sum(axis=1) - way.degree - 1, len(times)) - 1
+
+    def left(gap: int, which: np.ndarray) -> np.ndarray:
+        mine = which[w]
+        at = times[w[mine]] + gap * way.spacing * way.after
+        return np.bincount(w[mine], way.each_left(at, z[mine], there[mine]), len(times))
+
+    before = left(0, np.ones(len(times), dtype=bool))
+    may = before >= freedom + c.sure - rounding
+    least = np.full(len(times), np.inf)
+    for gap in range(1, most + 1 if may.any() else 1):
+        least = np.where(may, np.minimum(least, left(gap, may)), np.inf)
+    may &= before - least > c.sure - 2 * rounding
+    may &= before - freedom > c.times * (least - freedom) - (1 + c.times) * rounding
+    return may & (least <= c.most * freedom + rounding)
+
+
 class _Ways:
     """Polynomials over frames on either side of a gap; their bases are the same wherever frames are evenly spaced."""
 
@@ -91,6 +120,21 @@ class _Ways:
             part = numbers[(seen == rows).all(axis=1)][:, rows].T
             total += float(np.sum(part**2) - np.sum((self._basis(times, rows, kink).T @ part) ** 2))
         return total
+
+    def each_left(self, times: np.ndarray, numbers: np.ndarray, seen: np.ndarray) -> np.ndarray:
+        """(k,) what they leave of chi2 of each row of numbers (k, n), as ``left`` does of those of a window."""
+        s = np.round((times - times[:, :1]) / self.spacing, 3)
+        _, first, kind = np.unique(np.hstack([s, seen]), axis=0, return_index=True, return_inverse=True)
+        kind = kind.ravel()  # numpy 2.0 gives it another shape
+        order = np.argsort(kind, kind="stable")
+        ends = np.searchsorted(kind[order], np.arange(len(first) + 1))
+        found = np.zeros(len(times))
+        for place in np.argsort(first).tolist():
+            mine, rows = order[ends[place] : ends[place + 1]], seen[first[place]]
+            part = numbers[mine][:, rows]
+            found[mine] = np.sum(part**2, axis=1)
+            found[mine] -= np.sum((part @ self._basis(times[first[place]], rows, None)) ** 2, axis=1)
+        return found
 
     def _basis(self, times: np.ndarray, rows: np.ndarray, kink: float | None) -> np.ndarray:
         s = (times - times[0]) / self.spacing

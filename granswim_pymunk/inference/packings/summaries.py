@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -68,13 +69,17 @@ class View:
         t = self.t[self.keep]
         return float(np.ptp(t) * self.frequency) if len(t) > 1 else 0.0
 
-    @property
+    @cached_property
     def harmonics(self) -> tuple[int, ...]:
         criteria = current().packings.summaries
         return criteria.harmonics if self.cycles >= criteria.higher else (1,)
 
     def numbers(self) -> tuple[Number, ...]:
         """What ``observe`` returns, in its order."""
+        return self._numbers
+
+    @cached_property
+    def _numbers(self) -> tuple[Number, ...]:
         if self.curve:
             return (Number("speed", 0, 0, "m/s"),)
         segments = len(self.masses) - 1
@@ -97,6 +102,10 @@ class View:
             if n.kind in ("mean", "cos", "sin") and n.place:
                 found[k, at[n.kind, n.place - 1, n.harmonic]] = -1.0
         return found
+
+    @cached_property
+    def _designs(self) -> dict[tuple[tuple[int, ...], bool], np.ndarray]:
+        return {}
 
     def _design(self, t: np.ndarray, orders: tuple[int, ...], trend: bool) -> np.ndarray:
         turn = 2 * math.pi * self.frequency * t + self.phase
@@ -128,25 +137,33 @@ class View:
         out: dict[tuple[str, int, int], float] = {}
         for s in range(angle.shape[1]):
             seen = np.isfinite(angle[:, s])
-            found = self._fit(t[seen], np.unwrap(angle[seen, s]), orders, False)
+            found = self._fit(t, seen, np.unwrap(angle[seen, s]), orders, False)
             # the turn nearest to the drive's axis: an angle has no other zero
             out["mean", s, 0] = found[0] - 2 * math.pi * round(found[0] / (2 * math.pi))
             for k, h in enumerate(orders):
                 out["cos", s, h], out["sin", s, h] = found[1 + 2 * k], found[2 + 2 * k]
         for a in (0, 1):
             seen = np.isfinite(xy[:, 0, a])
-            found = self._fit(t[seen], xy[seen, 0, a], (1, 2), True)
+            found = self._fit(t, seen, xy[seen, 0, a], (1, 2), True)
             for k, h in enumerate((1, 2)):
                 out["head_cos", a, h], out["head_sin", a, h] = found[1 + 2 * k], found[2 + 2 * k]
             whole = np.isfinite(xy[..., a]).all(axis=1)
             middle = xy[whole][..., a].mean(axis=1)
-            out["drift", a, 0] = float(self._fit(t[whole], middle, (1, 2), True)[-1])
+            out["drift", a, 0] = float(self._fit(t, whole, middle, (1, 2), True)[-1])
         squares = np.nanmean((step**2).sum(axis=2), axis=0) - 4 * noise**2
         out["length", 0, 0] = float(np.mean(np.sqrt(np.maximum(squares, 0.0))))
         return np.array([out[n.kind, n.place, n.harmonic] for n in self.numbers()])
 
-    def _fit(self, t: np.ndarray, value: np.ndarray, orders: tuple[int, ...], trend: bool) -> np.ndarray:
-        design = self._design(t, orders, trend)
+    def _fit(
+        self, t: np.ndarray, seen: np.ndarray, value: np.ndarray, orders: tuple[int, ...], trend: bool
+    ) -> np.ndarray:
+        """By least squares to values in the frames (T,) of ``t`` that are seen; of runs these are all of them."""
+        if seen.all():
+            if (orders, trend) not in self._designs:
+                self._designs[orders, trend] = self._design(t, orders, trend)
+            design = self._designs[orders, trend]
+        else:
+            design = self._design(t[seen], orders, trend)
         found: np.ndarray = np.linalg.lstsq(design, value, rcond=None)[0]
         return found
 
