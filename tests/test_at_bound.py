@@ -108,6 +108,11 @@ def test_a_law_whose_interval_reaches_a_bound_is_not_named(fits):
     assert not reaches_its_end(scale, both, 1.0)
     wide = replace(both, limits={1: (0.7, 1.1)})
     assert not reaches_its_end(friction, wide, 1.0) and "camera.scale" in reaches_its_end(scale, wide, 1.0)
+    # no end on either side, as of a number of which nothing is known: any would do, none as well
+    loose = {k: (-math.inf, 1e20) for k in range(2)}
+    for law in (friction, scale):
+        told = reaches_its_end(law, replace(both, limits=loose), 1.0)
+        assert "search ends" in told or told == "the interval of coulomb_substrate.mu holds none and has no end"
     gone, without = without_one(fitter, base, wide, [scale])
     assert gone is scale and without.values == pytest.approx([MU], rel=0.02)
 

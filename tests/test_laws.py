@@ -68,6 +68,8 @@ CASES = [
     ("quadratic_flow", "bed", {"c": 1e-3, "u": (0.3, -0.1), "p": 2}),
     ("distance_force", "bed", {"s": 2e-3, "n": 3.0}),
     ("distance_force", "bed", {"s": -2e-3, "n": 1.5, "range": 1e-3}),
+    ("point_force", "bed", {"s": 2e-3, "a": (2e-3, -1e-3), "n": 1.5}),
+    ("buried_force", "bed", {"s": -2e-3, "a": (2e-3, -1e-3), "n": 4, "b": 3e-3}),
     ("pair_spring", "carts", {"k": 2.0, "f_0": 0.7}),
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),

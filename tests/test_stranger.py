@@ -535,8 +535,9 @@ def test_a_scene_that_is_lost_is_brought_back_by_a_number_far_from_what_is_belie
     assert in_a_lost_scene((), found, found, again) == []
 
 
-@pytest.mark.parametrize("complete, lost", [(True, False), (False, False), (False, True)])
-def test_a_number_is_set_free_where_nothing_is_complete_without(complete, lost, monkeypatch):
+@pytest.mark.parametrize("how", ["", "lost", "likelier"])
+@pytest.mark.parametrize("complete", [True, False])
+def test_a_number_is_set_free_where_nothing_is_complete_without(complete, how, monkeypatch):
     """What is told then is what was found with it; nothing, where that is not complete either, but of a lost scene."""
     t, xy = dropped(0)
     scene = Scene(
@@ -546,7 +547,8 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, lost, 
     recording = api.make_recording(t, xy, scene=scene)
     free = Free("pin.length", "m", 0.25, 1.0, 0.5, 1e-3)
     term = Term("adjustable", "", (free,), lambda *given: given[:2])
-    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, term, True, lost=lost)
+    number = Instead("pin.length", "m", 0.5, 0.49, 0.48, 0.495, ("added_mass",), 0.1, term, True)
+    number = replace(number, **{how: True}) if how else number
     asked = []
 
     class Asked:
@@ -556,17 +558,19 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, lost, 
             self.study = SimpleNamespace(late=lambda share: False, cases=[SimpleNamespace(recording=training[0])])
 
     def found(model, seed):
-        passes = complete and len(asked) > 1
-        verdict = {"verdict": "missing_physics", "complete": passes, "notes": [f"run {len(asked)}"]}
+        # what is likelier is asked though all is explained, and then nothing is named beside it
+        passes = complete and (len(asked) > 1 or how == "likelier")
+        told = "recalibrate" if how == "likelier" and len(asked) > 1 else "missing_physics"
+        verdict = {"verdict": told, "complete": passes, "notes": [f"run {len(asked)}"]}
         return Diagnosis(kind="bodies", verdict=verdict, revised=(), runs=len(asked))
 
     monkeypatch.setattr(tracks, "Tracks", Asked)
     monkeypatch.setattr(tracks, "diagnose_by", found)
     diagnosis = tracks.diagnose_tracks([recording])
     assert asked == [[], ["pin.length"]]
-    if complete or lost:
+    if complete or how == "lost":
         assert diagnosis.runs == 3 and diagnosis.verdict["notes"][1] == "run 2"
-        said = "pin.length = 0.49 m" if lost else "pin.length, which nobody declared adjustable, is fitted"
+        said = "pin.length = 0.49 m" if how else "pin.length, which nobody declared adjustable, is fitted"
         assert diagnosis.verdict["notes"][0].startswith(said)
     else:
         assert diagnosis.runs == 1 and diagnosis.verdict["notes"] == ["run 1"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-FIELDS = ("ambient_flow", "quadratic_flow", "wall_drag", "nonlinear_spring")
+FIELDS = ("ambient_flow", "quadratic_flow", "wall_drag", "nonlinear_spring", "point_force", "buried_force")
 JOINTS = ("pin_friction", "joint_drag")
 PAIRS = ("distance_force", "pair_spring", "cohesion", "contact_friction", "pair_lubrication", "rolling_resistance")
 ACTUATORS = ("actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband")
@@ -53,6 +53,14 @@ def field(
         beyond = np.minimum(rows, wall_gap) - values["range"]
         near = np.clip(0.5 - 10 * beyond / values["range"], 0.0, 1.0)
         return -values["c"] * near[:, None] * v
+    if name in ("point_force", "buried_force"):
+        size = radius.mean()
+        r = xy - np.array(values["a"])
+        d = np.linalg.norm(r, axis=1, keepdims=True)
+        if name == "point_force":
+            return values["s"] * np.where(d < size, r / size, r / d * (size / np.where(d > 0, d, 1.0)) ** values["n"])
+        deep = np.sqrt(d**2 + values["b"] ** 2)
+        return values["s"] * (size / deep) ** values["n"] * r / deep
     r = xy - np.array(values["anchor"])
     distance = np.hypot(r[:, 0], r[:, 1])[:, None]
     return -values["k_3"] * (distance - values["length"]) ** 3 * r / distance

@@ -143,7 +143,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
 
 
 def _combinations(law: Law, *, alike: bool) -> list[dict[str, Any]]:
-    """All values that the numeric choices of a law may have together; ``alike``: the power of the radius is none."""
+    """All values that the numeric choices of a law may have together; ``alike``: powers of radius and mass are none."""
     choices = [(p.name, p.choices) for p in law.parameters if p.choices and not isinstance(p.choices[0], str)]
     combinations = [
         dict(zip([n for n, _ in choices], values, strict=True))
@@ -151,14 +151,16 @@ def _combinations(law: Law, *, alike: bool) -> list[dict[str, Any]]:
     ]
     if not alike:
         return combinations
-    return [c for c in combinations if all(v == law.parameter(k).choices[0] for k, v in c.items())]
+    powers = {p.name: p.choices[0] for p in law.parameters if p.choices and not p.always}
+    return [c for c in combinations if all(v == powers.get(k, v) for k, v in c.items())]
 
 
 def _stretches(law: Law) -> tuple[float, ...]:
     """From how many times its typical size a range or an exponent is looked for."""
-    if law.role in ABOUT or law.candidate == "flexible":
-        return (1.0,)  # its signature finds the flow, or the point, itself; a form bends wherever it begins
-    shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength]
+    if law.role in ABOUT or law.candidate == "flexible" or law.form_of:
+        # its signature finds the flow, or the point, itself; a form bends wherever it begins, or where the other ends
+        return (1.0,)
+    shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength and not p.within]
     if not shapes:
         return (1.0,)
     criteria = current().candidates
@@ -472,19 +474,19 @@ def _on_one_body(law: Law, cases: Sequence[Case]) -> list[Term]:
 def applies(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a law has anything to act on: a swimmer, a second body, the pin or springs whose numbers it needs."""
     scenes = [case.recording.scene for case in cases]
-    if any(p.within == "tracks" for p in law.parameters) and not _may_be_tied(cases):
+    if any(p.within == "tracks" for p in law.parameters) and not _may_be_tied(law, cases):
         return False
     return any(scene.admits(law) for scene in scenes if law.kind != "chain" or scene.chains)
 
 
-def _may_be_tied(cases: Sequence[Case]) -> bool:
+def _may_be_tied(law: Law, cases: Sequence[Case]) -> bool:
     """Whether a body may be drawn to a place that the scene does not know: it is not held, nor flies nor swims.
 
     What hangs, slides along a rail or has a spring already moves about a place that is believed; a bed pushes back.
-    Several bodies have no spring in common.
+    Several bodies have no spring in common, but a magnet below the table.
     """
     scenes = [c.recording.scene for c in cases]
-    if len(names_of(cases)) > 1:
+    if law.role == "tether" and len(names_of(cases)) > 1:
         return False
     held = any(s.laws_as(role) for s in scenes for role in HOLDING)
     other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)

@@ -149,6 +149,8 @@ class Parameter:
     high: float = math.inf
     size: int = 1
     choices: tuple[Any, ...] = ()
+    # numeric choices are asked where bodies are alike, too: no power of what bodies differ in, radius or mass
+    always: bool = False
     # the size of a first try when the parameter is to be found from data; None: not fitted
     typical: float | None = None
     # the value of a strength at which the law is absent
@@ -223,6 +225,7 @@ ROLES = {
     "bar": "holds the centres of two bodies apart",
     "pivot": "two bodies, or one and the world, turn about a point",
     "tether": "draws a body to a place",
+    "source": "a force from a place at which nothing is seen",
     "brake": "holds a body that has come to rest",
     # of forms without a name: what they are smooth in
     "place": "a force smooth in place",

@@ -269,6 +269,8 @@ class SignatureCriteria:
     still : of the force of a stream, below which its drag is not told by first order. Choice
     step : of its scale, by which a number is first moved;  room : of the way between its bounds, the largest scale of
         one;  slow : of the fastest speed, the least scale of a stream's. Choices
+    places : of the extent of all tracks, where to either side of their middle a point that acts on bodies is looked
+        for, and then about the best place in turn. Choice: a force that falls off shows within its distance alone
     """
 
     same_column: float = 1e-4
@@ -288,6 +290,9 @@ class SignatureCriteria:
     step: float = 1e-3
     room: float = 0.05
     slow: float = 1e-3
+    places: tuple[tuple[float, ...], ...] = (
+        (-1.0, -0.5, 0.0, 0.5, 1.0), (-0.25, 0.0, 0.25), (-0.125, 0.0, 0.125), (-0.0625, 0.0, 0.0625)
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -332,6 +332,8 @@ class Tracks(ObservationModel):
         if not any(t.special for t in claim.laws):
             return ""
         numbers, least = sum(t.used for t in claim.laws), gain - current().verdict.same
+        # each law beside the first was looked for among all, and chance may have given as much as it had to earn
+        least -= (len(claim.laws) - 1) * price(len(self.tried.terms), 0)
         laws = [f.claim.laws[0] for f in forms]
         does = [t for t in laws if t.used <= numbers and worth(t, self.spread) > least]
         return max(does, key=lambda t: worth(t, self.spread)).label if does else ""
@@ -1028,16 +1030,17 @@ def diagnose_tracks(
     Where more than noise is left and a number of the scene that nobody declared adjustable would do for several of the
     laws, or for most where nothing is named, all is asked again with that number free. It is told so if then only noise
     is left: a rod of another length takes two errors of the apparatus to imitate, and leaves no room for a third law.
-    So where a scene is lost that an adjustable number outside its bounds would bring back.
+    So where a scene is lost that an adjustable number outside its bounds would bring back, and where a number is
+    likelier than what is told in its place and leaves noise.
     Not of many bodies, of which it would take too long.
     """
     began = time.monotonic()
     model = Tracks(training, held, minutes=minutes, seed=seed, progress=progress)
     found = diagnose_by(model, seed)
-    number = next((n for n in model.undeclared if n.of_the_scene and n.makes_room), None)
+    number = next((n for n in model.undeclared if n.of_the_scene and (n.makes_room or n.likelier)), None)
     budget = current().budget
     long = len(names_of(model.study.cases)) > budget.bodies or model.study.late(budget.again)
-    if number is None or found.verdict["complete"] or long:
+    if number is None or (found.verdict["complete"] and not number.likelier) or long:
         return found
     left = None if minutes is None else minutes - (time.monotonic() - began) / 60
     freed = (declared(recordings, number) for recordings in (training, held))
@@ -1049,10 +1052,11 @@ def diagnose_tracks(
     told = again.verdict["verdict"]
     if told not in ("missing_physics", "measurement") or not again.verdict["complete"]:
         # a number that brings back a lost scene takes away most by itself, and the rest may be noise or not
-        if not number.lost or told in ("no_mismatch", "unmodelled"):
+        alone = number.lost or (number.likelier and again.verdict["complete"])
+        if not alone or told in ("no_mismatch", "unmodelled"):
             return found
     verdict = dict(again.verdict)
-    verdict["notes"] = [str(number) if number.lost else f"{number.name}, {FREED}", *verdict["notes"]]
+    verdict["notes"] = [str(number) if number.lost or number.likelier else f"{number.name}, {FREED}", *verdict["notes"]]
     return replace(again, verdict=verdict, seconds=time.monotonic() - began, runs=found.runs + again.runs)
 
 

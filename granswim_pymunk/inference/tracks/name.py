@@ -525,7 +525,12 @@ def _from_special_case(fitter: Fitter, base: Fit, trial: Trial, trials: Sequence
         return trial
     n = len(base.values)
     own = [*best.fit.values[n : n + best.numbers], *[0.0] * (trial.numbers - best.numbers)]
-    if best.term.free[0].unit != trial.term.free[0].unit:
+    # a core where the other form has a power: it begins anew, and the strength is that which moves the bodies alike
+    anew = [k for k, (f, g) in enumerate(zip(trial.term.free, best.term.free, strict=False)) if f.inner
+            and f.unit != g.unit]  # fmt: skip
+    for k in [0, *anew] if anew else []:
+        own[k] = trial.term.free[k].first if k else trial.term.free[k].neutral
+    if best.term.free[0].unit != trial.term.free[0].unit or anew:
         # a drag with the square of the speed as strong as the linear one is there
         at_it = rescaled(trial.term, [f.scale for f in trial.term.free], own)
         amount = that_moves_alike(fitter, best.fit, slice(n, n + 1), best.fit.values[n : n + 1], at_it)

@@ -538,13 +538,22 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """Whether both push, or one of them on some of the bodies only: together they imitate any force in space.
 
     What goes with the speed of bodies, or acts where they touch, is no force in space, and has its place beside a push
-    on one of them.
+    on one of them. So do a force from a point that nobody sees and one between bodies: of disks that repel one another
+    their middle repels each.
     """
+    if any(has_role(t.mechanism, "source") for t in (a, b)) and (_at_a_distance(a) or _at_a_distance(b)):
+        return True
     pushes = [t for t in (a, b) if has_role(t.mechanism, *PUSHES)]
     if len(pushes) != 1:
         return len(pushes) == 2
     other = b if pushes[0] is a else a
     return is_part(pushes[0], terms) and not (_goes_with_speed(other) or in_contact_alone(other))
+
+
+def _at_a_distance(term: Term) -> bool:
+    """Whether a force acts between bodies that do not touch, whatever their speeds."""
+    law = all_laws().get(term.law)
+    return law is not None and law.kind == "pair" and bool(law.reach) and not _goes_with_speed(term)
 
 
 def _goes_with_speed(term: Term) -> bool:

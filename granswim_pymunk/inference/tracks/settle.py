@@ -263,7 +263,8 @@ def _unsure(trial: Trial, fit: Fit, rows: slice, spread: float) -> str:
 def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
     """Which strength of a law has an interval that touches a bound of its search (contract 2); empty where none does.
 
-    As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature.
+    As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature. Nor has
+    one that, at the law's shape, goes from where that is absent to no end: anything would do.
     spread : inflation of variances by what the fit leaves
     """
     for k, free in enumerate(trial.term.free, fit.hypothesis.rows(trial.label).start):
@@ -271,6 +272,13 @@ def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
         strength = not (free.inner or free.natural)
         if strength and any(end == bound != free.neutral and math.isfinite(bound) for end, bound in ends):
             return f"the interval of {free.name} reaches where its search ends"
+    held = with_shape_held(fit, trial.label) if any(f.inner for f in trial.term.free) else fit
+    strengths = [f for f in trial.term.free if not f.inner]
+    for k, free in enumerate(strengths, held.hypothesis.rows(trial.label).start):
+        value, low, high = held.interval(k, spread)
+        far = current().signatures.longest * free.scale
+        if low <= free.neutral <= high and max(high - value, value - low) > far:
+            return f"the interval of {free.name} holds none and has no end"
     return ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -284,6 +285,32 @@ def _flow_signature(
     return Signature(rescaled(term, sizes, [c, *(origin + u)]), directions, surviving, gain)
 
 
+def _at_its_place(fitter: Fitter, fit: Fit, term: Term, nuisance: np.ndarray, left: np.ndarray) -> Term:
+    """A force from a point that nobody sees, begun from the place at which it explains most to first order.
+
+    On a grid over all places that were seen, then on finer ones about the best.
+    """
+    rows = next(rows for name, rows in term.groups if all_laws()[term.law].parameter(name).within == "tracks")
+    firsts, scales = [f.first for f in term.free], [f.scale for f in term.free]
+    ends = [(term.free[k].low, term.free[k].high) for k in rows]
+    at = np.array([0.5 * (low + high) for low, high in ends])
+    extent = 0.5 * (ends[0][1] - ends[0][0]) / current().candidates.farthest
+    best, most = term, -1.0
+    for grid in current().signatures.places:
+        middle, steps = at, extent * np.array(grid)
+        for away in itertools.product(steps, steps):
+            for k, place in zip(rows, middle + away, strict=True):
+                firsts[k] = float(place)
+            begun = rescaled(term, scales, firsts)
+            columns, sizes = columns_of(fitter, fit, begun)
+            _, surviving, gain, _ = _held_against(columns, sizes, nuisance[:, :0], nuisance, left)
+            if columns.any():
+                scales[0] = float(sizes[0])  # the next place is about as telling
+            if gain > most and surviving > current().signatures.surviving:
+                best, most, at = begun, gain, middle + away
+    return best
+
+
 def _as_fast(term: Term, stream: Term) -> Term:
     """A term with the first values and scales that those of its numbers which are speeds have in another."""
     other = {f.name.rpartition(".")[2]: f for f in stream.free if f.unit == "m/s"}
@@ -312,6 +339,8 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
                 continue
             # as fast as the stream that the linear drag asks for
             term = next((_as_fast(term, s.term) for s in signatures if s.term.mechanism == term.mechanism), term)
+        if has_role(term.mechanism, "source"):
+            term = _at_its_place(fitter, fit, term, nuisance, left)
         columns, scales = columns_of(fitter, fit, term)
         if not any(f.inner for f in term.free):
             term, columns = _told_along(term, columns)

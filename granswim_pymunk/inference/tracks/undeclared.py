@@ -20,7 +20,7 @@ from ...scene import Adjustable, Scene
 from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Free, Hypothesis, Term, adjustable_term, set_camera
-from ..mechanisms import nameless
+from ..mechanisms import nameless, plainly
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial, far_off
@@ -36,6 +36,7 @@ class Instead:
     term : by which it was fitted;  makes_room : with fewer numbers than it replaces, or where nothing was named, so
         that other laws may have a place
     bounds : in which it was adjustable, where it does so outside them;  lost : it brings back a scene that was lost
+    likelier : than what it replaces: laws that are new to the scene, or a fault that hardly any camera has (``camera``)
     """
 
     name: str
@@ -50,6 +51,8 @@ class Instead:
     makes_room: bool
     bounds: tuple[float, float] | None = None
     lost: bool = False
+    likelier: bool = False
+    camera: bool = False
 
     @property
     def of_the_scene(self) -> bool:
@@ -68,6 +71,10 @@ class Instead:
                 f"{100 * self.left:.2g} % of what is left within them beyond noise: look at how they were found"
             )
         does = f"does as well as {' and '.join(self.replaced)}"
+        if self.likelier:
+            does += ", and is likelier: what the scene has with another number, before what it has not"
+        if self.camera:
+            does += "; a ruler in the picture, along the motion and across, tells them apart"
         if not self.replaced:
             does = f"leaves {100 * self.left:.2g} % of what the scene as believed leaves beyond noise"
         return (
@@ -77,18 +84,20 @@ class Instead:
 
 
 def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spread: float) -> list[Instead]:
-    """Numbers of the scene, each in place of all that laboratories are off by among the named laws, best first.
+    """Numbers of the scene, each in place of all that laboratories are off by among what is told, best first.
 
-    Of what is named, that is the apparatus and laws that declare what is usual (masses, a table's tilt). A number does
-    as well where chi2 and AIC do not prefer the laws; where nothing is named, where less than half is left. One number
-    moves at a time, between half and twice what is believed.
+    Of names, that is the apparatus and laws that declare what is usual (masses, a table's tilt). A number does as well
+    where chi2 and AIC do not prefer the laws; where nothing is named, where less than half is left. In place of one
+    number that is new to the scene it has to do better, by as much as two laws differ that can be told apart; of laws
+    that cannot be the one with fewest numbers is named. One number moves at a time, between half and twice what is
+    believed.
     """
-    replaced = [t for t in laws if t.apparatus or any(f.ordinary for f in t.term.free)]
-    if laws and not replaced:
-        return []
+    usual = [t for t in laws if t.apparatus or any(f.ordinary for f in t.term.free)]
+    replaced = usual or list(laws)
+    most = current().verdict.same if usual or sum(t.numbers for t in laws) > 1 else -current().verdict.same
     kept = [t for t in laws if not any(t is r for r in replaced)]
     begin = [*plain.values, *(v for t in kept for v in t.values)]
-    names = tuple(dict.fromkeys(t.mechanism for t in replaced))
+    names = tuple(dict.fromkeys(plainly(t.mechanism) for t in replaced))
     found = []
     for term in (*_numbers(fitter.cases), frame_rate()):
         hypothesis = plain.hypothesis.with_term(*(t.term for t in kept), term)
@@ -99,13 +108,16 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
             continue
         left = again.excess / plain.excess if plain.excess else 1.0
         paid = (again.chi2 - fit.chi2) / spread + 2 * (1 - sum(t.numbers for t in replaced))
-        if paid > current().verdict.same if replaced else left > current().verdict.share:
+        if paid > most if replaced else left > current().verdict.share:
             continue
         value, low, high = again.interval(len(begin), max(spread, 1.0))
         if not low <= free.first <= high and free.low < value < free.high:
             fewer = len(fit.values) - len(again.values)
             room = not replaced or (fewer > 0 and (again.chi2 - fit.chi2) / spread < 2 * fewer)
-            number = Instead(free.name, free.unit, free.first, value, low, high, names, left, term, room)
+            camera = any(t.special for t in usual)
+            likelier = camera or bool(laws and not usual)
+            told = free.name, free.unit, free.first, value, low, high, names, left, term, room
+            number = Instead(*told, likelier=likelier, camera=camera)
             found.append((again.chi2, number if number.of_the_scene else _as_rate(number, fitter.cases)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
 
