@@ -95,6 +95,8 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
     usual = [t for t in laws if t.apparatus or any(f.ordinary for f in t.term.free)]
     replaced = usual or list(laws)
     most = current().verdict.same if usual or sum(t.numbers for t in laws) > 1 else -current().verdict.same
+    if laws and most < 0 and not fit.excess:
+        return []  # nothing does better than one number that leaves noise
     kept = [t for t in laws if not any(t is r for r in replaced)]
     begin = [*plain.values, *(v for t in kept for v in t.values)]
     names = tuple(dict.fromkeys(plainly(t.mechanism) for t in replaced))
