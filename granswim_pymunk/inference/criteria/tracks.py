@@ -117,7 +117,9 @@ class SegmentCriteria:
     ahead : frames over which a start is followed without asking, and looked ahead where there are more
     open : times the change of a velocity that nothing explains, within which it may be anything. Choice
     robust : standard deviations of a step beyond which it counts in proportion (Huber 1964, Ann. Math. Stat. 35, 73):
-        a run that misses a glancing impact is no evidence of that size
+        a run that misses a glancing impact is no evidence of that size;  full : the same where straight walls alone
+        were met. Theory: a flat wall spreads no two paths, and a disk does (Sinai 1970, Russ. Math. Surv. 25, 137), so
+        that no run comes near such an impact and misses it; far beyond what any film shows
     tighter : of the spread of steps at impacts, tried in turn once a law is found. Choice: each by a larger factor than
         the one before, until what a segment leaves open is nothing beside what it tells
     closer : the same before candidates are compared. Choice: steps of five
@@ -150,6 +152,7 @@ class SegmentCriteria:
     ahead: int = 1000
     open: float = 10.0
     robust: float = 4.0
+    full: float = 1e6
     tighter: tuple[float, ...] = (0.2, 0.008, 6.4e-5)
     closer: tuple[float, ...] = (0.2, 0.04, 0.008)
     gaps: int = 5

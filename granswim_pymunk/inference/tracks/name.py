@@ -151,9 +151,13 @@ def _cut_among_impacts(case: Case, rows: np.ndarray) -> int | None:
     """How many of the frames ``rows`` come before as large a share of the impacts as of the frames has passed.
 
     What acts in impacts alone is not tested by a rest without any. None where the usual cut leaves enough of them, or
-    where there are fewer than two.
+    where there are fewer than two; before a single one that counts in full, where a start is told there.
     """
-    met = np.unique([i.row for i in find_cuts(case) if rows[0] < i.row < rows[-1]])
+    impacts = [i for i in find_cuts(case) if rows[0] < i.row < rows[-1]]
+    met = np.unique([i.row for i in impacts])
+    if len(met) == 1 and not any(i.curved for i in impacts):
+        before = int(np.searchsorted(rows, met[0]))
+        return before if current().segments.around <= before < len(rows) * current().split.inner else None
     early = min(int(np.ceil(current().split.inner * len(met))), len(met) - 1)
     if early < 1 or (met > rows[int(len(rows) * current().split.inner)]).sum() >= len(met) - early:
         return None

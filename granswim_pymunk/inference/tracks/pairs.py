@@ -143,14 +143,18 @@ def two_for_one(
 ) -> tuple[list[Trial], Fit]:
     """Two simple laws in place of one law, or two, with as many numbers or more, where these follow no better.
 
-    What a stream or a bent picture, its middle sought, can do is a little of many things. A law beside it then has
-    little left to explain, though two simple ones explain more. With as many numbers they have to be ahead by what a
+    What a stream, a bent picture, its middle sought, or a layer along walls can do is a little of many things: a drag
+    there takes speed as a cushion and its friction do. A law beside it then has little left to explain, though two
+    simple ones explain more. With as many numbers they have to be ahead by what a
     further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2), and
     with as many that of a special fault, which hardly any laboratory has (as ``choose``).
     """
     used = sum(t.used for t in found)
-    bends = any(t.numbers > current().sets.numbers or t.special for t in found)
-    if not found or len(found) > 2 or not bends or used <= current().sets.numbers or math.isinf(found[0].inner):
+    most = current().sets.numbers
+    bends = used > most and any(t.numbers > most or t.special for t in found)
+    law = all_laws().get(found[0].term.law) if len(found) == 1 else None
+    layer = law is not None and any(p.within == "sight" for p in law.parameters)
+    if not found or len(found) > 2 or not (bends or layer) or math.isinf(found[0].inner):
         return found, revised
     score = search.scores.get(label_of(*found), found[0].inner)
     best, pair = revised, list[Trial]()

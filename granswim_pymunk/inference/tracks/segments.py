@@ -29,7 +29,7 @@ class Segment:
     frames : (T,) mask of the frames that are compared;  starts : how its start is described, at the first of them
     until : when the next one begins [s], None for the last;  tie : (m,) one standard deviation of the step from the
     end of the segment before to the free numbers of this start, empty for the first;  limit : (m,) of such a step over
-    its spread, beyond which it counts in proportion: bounded for bodies that met;  least : (m,) spread that is left
+    its spread, beyond which it counts in proportion: finite for bodies that met;  least : (m,) spread that is left
     where masses and radii are right: an impact lasts, and nobody knows for how long
     """
 
@@ -65,12 +65,21 @@ class Impact:
     met: tuple[str, ...] = ()
     unknown: bool = False
 
+    @property
+    def curved(self) -> bool:
+        """Whether anything but a straight wall was met, so that small errors of paths grow by what comes of it."""
+        return self.unknown or len(self.met) > 1
+
 
 def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | None = None) -> tuple[Segment, ...]:
     """Segments of the ``frames`` (T,) of a recording: one, or one between each two impacts."""
     criteria = criteria or current().segments
     rows = np.flatnonzero(frames)
-    impacts = [i for i in find_cuts(case, criteria) if rows[0] < i.row < rows[-1]] if len(rows) else []
+    every = find_cuts(case, criteria) if len(rows) else []
+    impacts = [i for i in every if rows[0] < i.row < rows[-1]]
+    # what bodies that met do to others spreads; the same for the first part of what is learnt from as for all of it
+    spreads = any(i.curved and (frames | case.training)[i.row :].any() for i in every)
+    limit = criteria.robust if spreads else criteria.full
     cuts: list[tuple[int, list[Impact]]] = []
     for impact in impacts:
         after = int(np.searchsorted(rows, impact.apart))
@@ -89,7 +98,8 @@ def make_segments(case: Case, frames: np.ndarray, criteria: SegmentCriteria | No
         mask[rows[begin:end]] = True
         starts = describe_starts(_until_met(case, rows[begin], impacts), mask)
         until = float(case.t[rows[end]]) if end < len(rows) else None
-        segments.append(Segment(mask, starts, until, *_tie(starts, cuts[k - 1][1] if k else None, criteria)))
+        met = cuts[k - 1][1] if k else None
+        segments.append(Segment(mask, starts, until, *_tie(starts, met, limit, criteria)))
     return tuple(segments)
 
 
@@ -204,11 +214,11 @@ def _until_met(case: Case, begin: int, impacts: Sequence[Impact]) -> Case:
 
 
 def _tie(
-    starts: Sequence[StartBody], impacts: Sequence[Impact] | None, criteria: SegmentCriteria
+    starts: Sequence[StartBody], impacts: Sequence[Impact] | None, limit: float, criteria: SegmentCriteria
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Spread, limit and least spread of the step between the end of one segment and the start of the next.
 
-    Of each over the free numbers of the start.
+    Of each over the free numbers of the start.  limit : of a step of what met
     """
     spreads, limits, least = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
     for start in starts if impacts is not None else ():
@@ -224,7 +234,7 @@ def _tie(
             if any(i.unknown for i in mine):
                 late = spread  # no scene tells more of it
         spreads.append(spread[start.free])
-        limits.append(np.full(int(start.free.sum()), criteria.robust if met else np.inf))
+        limits.append(np.full(int(start.free.sum()), limit if met else np.inf))
         least.append(late[start.free])
     return np.concatenate(spreads), np.concatenate(limits), np.concatenate(least)
 
