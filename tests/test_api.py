@@ -376,9 +376,7 @@ def test_the_page_on_python(tmp_path):
     """Its blocks run one after the other, and find the drag that its tracks were made with."""
     from test_docs import DOCS, blocks, run
 
-    code = "\n".join(blocks(DOCS / "python.md", "python"))
-    # what it finds is told by the first diagnosis; the second one, of the same tracks, is there for its files
-    said = run(code.replace('minutes=1, out=', 'minutes=0.02, out='), tmp_path)
+    said = run("\n".join(blocks(DOCS / "python.md", "python")), tmp_path)
     assert "linear_drag on puck" in said and "<Result missing_physics" in said
     assert (tmp_path / "out/puck/report.html").is_file() and (tmp_path / "overlay.png").is_file()
 
