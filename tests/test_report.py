@@ -339,6 +339,8 @@ def test_what_is_left_is_told_as_the_verdict_has_it(cases):
     assert "More than noise, 7.00\u00a0mm rms on such data, 10 times the floor" in text
     assert "nothing is left" not in text and "1.3 times what noise alone would leave" in text
     assert "No larger than noise on the whole, yet not all of it noise" in saying(4.0, False, times_floor=0.94)
+    why = saying(4.0, False, times_floor=0.94, why=["masses are off", "held-out data are"])
+    assert "yet not all" not in why and "It is not complete, as masses are off and held-out data are." in why
     assert "nothing is left to explain" in saying(1.1, True)
     alike = saying(1.1, False, times_floor=0.9, alike=[["flexible_edge", "ambient_flow", False]])
     assert "No more than noise; but" in alike and "nothing is left to explain" in alike

@@ -19,6 +19,7 @@ APPARATUS = {
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }
 NONE_DIFFERS = "none of these numbers differs from zero by itself"
+NOTHING = "nothing that was tried"  # what is left looks like that
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..inference.criteria import DEFAULT
-from ..inference.judge import NOTHING
-from ..inference.mechanisms import APPARATUS, forms_in_words
+from ..inference.mechanisms import APPARATUS, NOTHING, forms_in_words
 from ..inference.pushes import degrees_of_tilt
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
@@ -196,8 +195,11 @@ def _left(d: Diagnosis) -> str:
     when = "" if not t else f" at {number(t[0])} s" if t[0] == t[1] else f" from {number(t[0])} to {number(t[1])} s"
     like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
     small = floors is not None and floors < DEFAULT.left.as_small
-    much = "No larger than noise on the whole, yet not all of it noise" if small else "More than noise"
-    return f"{much}{size}{ratio}{whom}{when}{like}."
+    why = left.get("why") or ()
+    no_noise = "" if why else ", yet not all of it noise"
+    much = f"No larger than noise on the whole{no_noise}" if small else "More than noise"
+    because = f" It is not complete, as {escaped(' and '.join(why))}." if why else ""
+    return f"{much}{size}{ratio}{whom}{when}{like}.{because}"
 
 
 def _quiet(d: Diagnosis) -> str:

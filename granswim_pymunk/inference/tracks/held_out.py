@@ -16,6 +16,7 @@ from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor, Term
 from ..judge import Remains, paired
 from ..linear import errors_of
+from ..mechanisms import NOTHING
 from ..noise import Noise, drawn_noises
 from .blocks import cut
 from .fit import Fitter, side_by_side
@@ -65,10 +66,13 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
     return paired(*blocks, rng)
 
 
-def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None) -> Remains:
+def left_of_held_out(
+    errors: Errors, cases: Sequence[Case], floor: float | None, nameless: bool = False
+) -> Remains:
     """What held-out data show beyond noise where the training part shows nothing: of whom, and when most.
 
-    floor : [m or rad, rms] of the held-out errors
+    floor : [m or rad, rms] of the held-out errors;  nameless : a form without a name was told, which follows what
+        shaped it and need not hold beyond: that is no sign of other physics
     """
     sizes: dict[str, list[float]] = {}
     worst, when = 0.0, None
@@ -89,6 +93,7 @@ def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None)
     times = errors.rms / floor if errors.rms is not None and floor else None
     later = next(filter(None, map(shown_later, cases)), "")
     looks = f"physics that the training part does not show{': ' if later else ''}{later}"
+    looks = NOTHING if nameless and not later else looks
     return Remains(errors.rms, times, bodies, when, None, looks)
 
 

@@ -23,7 +23,6 @@ from ..driven_terms import as_an_answer
 from ..explained import Explained, Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
-    NOTHING,
     Claim,
     Completeness,
     Form,
@@ -40,7 +39,7 @@ from ..judge import (
     not_named,
     remains_of,
 )
-from ..mechanisms import UNKNOWN, plainly
+from ..mechanisms import NOTHING, UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..noise import LikelyNoise, squares_in_slow_noise
 from ..pipeline import diagnose_by, judged_by_training
@@ -120,6 +119,10 @@ SHOWS_LATER = (
     "held-out data are off by more than the scene as it is can leave: something is missing that what was learnt from"
     " does not show; all of a recording is learnt from where another one of the same apparatus is held out (--hold-out)"
 )
+HELD_OUT_OFF = "held-out data are off by more than numbers that are found from as noisy frames leave"
+MASSES_OFF = "masses and radii are farther off than was stated"
+MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
+UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
 
@@ -745,19 +748,35 @@ class Tracks(ObservationModel):
             told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
             how = "as far off as was stated explain it" if as_stated else "are off"
             self.notes.append(f"the scene as believed leaves more than noise: masses and radii {how}, {told}")
-        complete = complete and (not off or as_stated) and not self._more_to_see(judged.claim.fit)
+        more = complete and (not off or as_stated) and self._more_to_see(judged.claim.fit)
+        complete = complete and (not off or as_stated) and not more
         if not named and self._more_held_out() and self._beyond_the_right_law():
             # held-out data make no claim: they only say that more is there
             self.notes.append(SHOWS_LATER)
             complete = False
         if complete and judged.claim.laws and self._beyond_the_right_law():
-            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])), False
+            left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1], judged.claim.nameless)
+            return Left(False, replace(left, why=(HELD_OUT_OFF,))), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
             return Left(False, remains and replace(remains, alike=alike)), False
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None), False
-        return Left(False, self._remains(judged.claim)), True
+        remains = self._remains(judged.claim)
+        masses = bool(off) and not as_stated
+        return Left(False, remains and self._with_why(remains, judged, off=masses, more=more)), True
+
+    def _with_why(self, remains: Remains, judged: Judgement, *, off: bool, more: bool) -> Remains:
+        """What is left, with all that says that it is no noise, where its size does not say so."""
+        left, small = self._between_kicks(judged.claim.fit), current().left.as_small
+        if remains.times_floor is not None and remains.times_floor >= small and not left.passes:
+            return remains
+        said = {
+            f"noise alone is like it with p = {left.chance:.1g}": not left.passes,
+            UNEXPLAINED: left.passes and not judged.claim.laws and judged.verdict == "unmodelled",
+            MASSES_OFF: off, MORE_TO_SEE: more, HELD_OUT_OFF: bool(judged.claim.laws) and self._beyond_the_right_law(),
+        }  # fmt: skip
+        return replace(remains, why=tuple(text for text, holds in said.items() if holds))
 
     def _more_held_out(self, bent: bool = False) -> bool:
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave.
@@ -930,7 +949,8 @@ class Tracks(ObservationModel):
                 shows = "show" if len(laws) > 1 else "shows"
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
         entries = self.mechanisms(course)
-        notes += as_the_picture(entries, self.study.cases) + as_a_push(entries, self.study.cases)
+        notes += as_the_picture(entries, self.study.cases)
+        notes += as_a_push(entries, self.study.cases, {t.term.law for t in laws})
         if course.judged.claim.nameless:
             claimed = course.judged.claim.fit
             notes += as_a_spring(laws[0], claimed, self.study.training) or self._as_a_spring_after_all()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -84,10 +84,10 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     return notes
 
 
-def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
+def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case], forms: Collection[str]) -> list[str]:
     """What a stream is where all bodies have one mass: a drag and a push as well, -c (v - u) = -c v + m a, a = c u/m.
 
-    Not a stream whose drag is no line: there both differ.
+    forms : laws that were found; another form of a stream, whose drag is no line, is no sum of such two
     """
     masses = {mass for name, _, mass in distinct_bodies(cases)}
     flat = not with_gravity(cases)
@@ -95,14 +95,16 @@ def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> li
     for entry in entries:
         law = all_laws().get(str(entry["name"]))
         numbers = entry["parameters"]
-        if law is None or law.role != "medium" or not law.linear or len(masses) != 1 or not {"c", "u"} <= set(numbers):
+        if law is None or law.name not in forms or law.role != "medium" or not law.linear:
+            continue
+        if len(masses) != 1 or not {"c", "u"} <= set(numbers):
             continue
         a = float(numbers["c"]["value"]) * np.array(numbers["u"]["value"], float) / min(masses)
         size = float(np.hypot(*a))
         slope = min(size / STANDARD_GRAVITY, 1.0)
         level = f", as of a table that leans by {math.degrees(math.asin(slope)):.2g} degrees" if flat else ""
         notes.append(
-            f"{law.mechanism} is the same as linear_drag with this c and a push on all bodies of "
+            f"{law.mechanism} is the same as {law.nests[0]} with this c and a push on all bodies of "
             f"({a[0]:.3g}, {a[1]:.3g}) m/s^2{level}: no motion of bodies of one mass tells them apart"
         )
     return notes
