@@ -29,7 +29,7 @@ from granswim_pymunk.inference.tracks.believed import believed_terms
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
-from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, noise_floor, right_law_errors
+from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, largest_when, noise_floor, right_law_errors
 from granswim_pymunk.inference.tracks.innovations import seen_by, white_sizes
 from granswim_pymunk.inference.tracks.intervals import with_limits
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
@@ -801,6 +801,40 @@ def test_a_driven_body_that_rests_under_its_first_command_is_told(tau, before, g
     said = [note for note in case.notes if "m is at rest in its first" in note]
     assert len(said) == told
     assert not told or "first command is 100" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("tau", "first", "gain", "told"),
+    [
+        (0.08, 0.0, 1.0, True),  # a lag, from rest
+        (0.08, 1.0, 1.0, False),  # as fast as its command from the first frame on
+        (0.08, 0.5, 1.0, False),  # half as fast
+        (1e-6, 0.0, 0.25, False),  # a gain far below what is believed
+    ],
+)
+def test_a_lagging_motor_that_begins_at_rest_is_told(tau, first, gain, told):
+    """It rests in no frame: the first 0.2 s alone are off by far, which was told as of the middle of the film."""
+    t = np.arange(0.0, 4.0, 0.02)
+    fine = np.arange(0.0, 4.0, 1e-3)
+    u, v, way = 2.6 * np.cos(2.2 * fine), 2.6 * first, [0.0]
+    for now in gain * u[1:]:
+        v = now + (v - now) * math.exp(-1e-3 / tau)
+        way.append(way[-1] + 1e-3 * v)
+    xy = np.zeros((len(t), 1, 2))
+    xy[:, 0, 0] = np.interp(t, fine, way) + np.random.default_rng(2).normal(0.0, 1.8e-3, len(t))
+    laws = use("rail", direction=(1.0, 0.0)), use("drive", bodies=["m"])
+    scene = Scene((Body("m", "free", 0.02, 0.3),), laws, inputs={"m": (tuple(fine), tuple(u))})
+    case = prepare(Recording("motor", scene, t, ("m",), xy, position_noise=1.8e-3), held_out=False, split=True)
+    said = [note for note in case.notes if "m begins at rest, though its first command is 2.6" in note]
+    assert len(said) == len(case.notes) == told
+
+
+def test_most_is_left_where_the_squares_are_largest():
+    case = SimpleNamespace(name="one", t=np.arange(80) * 0.1)
+    left = np.ones((80, 1))
+    left[:3], left[60:] = 40.0, np.nan
+    assert largest_when({"one": left}, [case]) == (0.0, pytest.approx(0.7))
+    assert largest_when({}, [case]) is None
 
 
 def test_a_fit_that_was_caught_gains_nothing_by_any_law():

@@ -66,6 +66,23 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
     return paired(*blocks, rng)
 
 
+def largest_when(scaled: Mapping[str, np.ndarray], cases: Sequence[Case]) -> tuple[float, float] | None:
+    """First and last time [s] of the piece of a recording in which errors are largest, None where there are none.
+
+    scaled : errors (T, c) of each recording in standard deviations of the noise, NaN where there is none
+    """
+    worst, when = 0.0, None
+    for case in cases:
+        mine = scaled.get(case.name)
+        if mine is None:
+            continue
+        for rows in np.array_split(np.flatnonzero(np.isfinite(mine).any(axis=1)), current().blocks.held_out):
+            size = float(np.nanmean(mine[rows] ** 2)) if len(rows) else 0.0
+            if size > worst:
+                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
+    return when
+
+
 def left_of_held_out(
     errors: Errors, cases: Sequence[Case], floor: float | None, nameless: bool = False
 ) -> Remains:
@@ -75,7 +92,6 @@ def left_of_held_out(
         shaped it and need not hold beyond: that is no sign of other physics
     """
     sizes: dict[str, list[float]] = {}
-    worst, when = 0.0, None
     for case in cases:
         scored = (errors.scored or {}).get(case.name)
         if scored is None:
@@ -83,10 +99,6 @@ def left_of_held_out(
         for c, channel in enumerate(case.channels):
             if np.isfinite(scored[:, c]).any():
                 sizes.setdefault(channel.body, []).append(float(np.nanmean(scored[:, c] ** 2)))
-        for rows in np.array_split(np.flatnonzero(np.isfinite(scored).any(axis=1)), current().blocks.held_out):
-            size = float(np.nanmean(scored[rows] ** 2)) if len(rows) else 0.0
-            if size > worst:
-                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
     means = {body: float(np.mean(m)) for body, m in sizes.items()}
     least = 1.0 + current().verdict.bodies * (max(means.values()) - 1.0)  # one: the noise
     bodies = tuple(body for body, mean in means.items() if mean > least) or tuple(means)
@@ -94,7 +106,7 @@ def left_of_held_out(
     later = next(filter(None, map(shown_later, cases)), "")
     looks = f"physics that the training part does not show{': ' if later else ''}{later}"
     looks = NOTHING if nameless and not later else looks
-    return Remains(errors.rms, times, bodies, when, None, looks)
+    return Remains(errors.rms, times, bodies, largest_when(errors.scored or {}, cases), None, looks)
 
 
 def meets_when_scored(case: Case) -> bool:

@@ -59,6 +59,7 @@ from .held_out import (
     carried_on,
     errors_of_repeats,
     held_out_errors,
+    largest_when,
     learn_memory,
     left_of_held_out,
     meets_when_scored,
@@ -856,7 +857,9 @@ class Tracks(ObservationModel):
         line = strongest_line(fit, study.training)
         if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
             looks = f"an oscillation at {line.frequency:.3g} Hz"
-        return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+        remains = remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+        # blocks do not predict the frames that their starts are fitted on, in which most may be left
+        return remains and replace(remains, t=largest_when(fit.innovations, study.training) or remains.t)
 
     def refitted(self) -> list[Trial]:
         """Laws that gain more than their numbers do by chance, best first; of those that ended at no bound, if any."""
