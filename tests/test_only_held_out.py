@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import granswim_pymunk as gs
-from granswim_pymunk.inference.judge import Claim, Judgement, Remains, as_large_by_chance
+from granswim_pymunk.inference.judge import HELD_OUT_OFF, Claim, Judgement, Remains, as_large_by_chance
 from granswim_pymunk.inference.tracks import held_out
-from granswim_pymunk.inference.tracks.model import HELD_OUT_OFF, MASSES_OFF, MORE_TO_SEE, Tracks
+from granswim_pymunk.inference.tracks.model import MASSES_OFF, MORE_TO_SEE, Tracks
 from granswim_pymunk.report.sentences import headline
 
 

@@ -20,6 +20,7 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import Diagnosis
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.judge import HELD_OUT_OFF
 from granswim_pymunk.inference.result import empty_verdict
 from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.inference.tracks import diagnose_tracks
@@ -278,6 +279,13 @@ def test_first_paragraph_says_where_and_what_to_measure_next(cases):
 
     said = told(proposed(3.0))
     assert "<strong>Twice the speed</strong>: it parts linear drag and quadratic drag" in said and "likely" in said
+    settled = proposed(30.0)
+    assert "which would settle it." in told(settled)
+    left = {"rms": 1e-3, "times_floor": 14.0, "bodies": ["a"], "when": {"t": None}, "looks_like": "a push"}
+    open_ = {**settled.verdict, "complete": False, "remains": {**left, "alike": [], "why": [HELD_OUT_OFF]}}
+    said = told(replace(d, verdict=open_))
+    assert "which would settle it if nothing else is missing." in said and "hold that film out" in said
+    assert "hold that film out" in told(replace(d, verdict={**open_, "next_experiment": None}))
     assert "fails most clearly" not in told(cases["no_mismatch"])
     weak = told(proposed(0.5))
     assert "None that was thought of would decide; the best is twice the speed (d′ = 0.50)" in weak

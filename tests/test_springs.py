@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.inference.judge import Claim, Judgement
+from granswim_pymunk.inference.judge import HELD_OUT_OFF, Claim, Judgement
 from granswim_pymunk.inference.pipeline import rivals_of
 from granswim_pymunk.inference.tracks.fit import Fitter
-from granswim_pymunk.inference.tracks.model import HELD_OUT_OFF, Tracks
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.tracks.name import try_candidates
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps

@@ -44,6 +44,10 @@ def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
     return float(stats.t.sf(beyond(float(np.log(error)), logs, 1e-12), len(logs) - 1))
 
 
+# why a verdict may not be complete although what was learnt from shows no more than noise
+HELD_OUT_OFF = "held-out data are off by more than numbers that are found from as noisy frames leave"
+
+
 @dataclass(frozen=True)
 class Remains:
     """What is left of unseen training data: rms [m or rad], its ratio to the floor, whom, when, and what it is like.

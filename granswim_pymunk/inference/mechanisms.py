@@ -23,7 +23,7 @@ NOTHING = "nothing that was tried"  # what is left looks like that
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for
-_OTHERS = {RESTITUTION: "another restitution", UNKNOWN: "a force without a name"}
+_OTHERS = {RESTITUTION: "another restitution", "frame_rate": "another frame rate", UNKNOWN: "a force without a name"}
 
 
 def nameless(mechanism: str) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..inference.criteria import DEFAULT
+from ..inference.judge import HELD_OUT_OFF
 from ..inference.mechanisms import APPARATUS, NOTHING, forms_in_words
 from ..inference.pushes import degrees_of_tilt
 from ..inference.result import TOLD, Diagnosis
@@ -17,6 +18,10 @@ FAR = 3.0  # standard errors from what was believed, from which an adjustable ha
 NEARLY = 0.9  # of a mismatch, from which it needs a word why what explains it is not named
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
 BEYOND = 37.0  # z where doubles end
+HOLD_ANOTHER_OUT = (
+    "What is open is what held-out data show: film the same apparatus again and hold that film out "
+    "(<code>--hold-out</code>), so that all of this one is learnt from."
+)
 
 
 def percent(share: float) -> str:
@@ -356,6 +361,11 @@ def _other_laws(d: Diagnosis) -> str:
 
 
 def _next(d: Diagnosis) -> str:
+    why = (d.verdict["remains"] or {}).get("why") or ()
+    return " ".join(filter(None, (HOLD_ANOTHER_OUT if HELD_OUT_OFF in why else "", _proposed(d))))
+
+
+def _proposed(d: Diagnosis) -> str:
     proposal = d.verdict["next_experiment"]
     if not proposal:
         return ""
@@ -371,7 +381,8 @@ def _next(d: Diagnosis) -> str:
         return text + "."
     sure = "which would settle it" if d_prime > d.criteria.verdict.settles else "which is likely to show"
     # d' is an expectation under the winner, the loser refitted
-    return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}."
+    alone = "" if d.verdict["complete"] else " if nothing else is missing"
+    return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}{alone}."
 
 
 def unit_shown(unit: str) -> str:

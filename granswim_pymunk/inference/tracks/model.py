@@ -23,6 +23,7 @@ from ..driven_terms import as_an_answer
 from ..explained import Explained, Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
+    HELD_OUT_OFF,
     Claim,
     Completeness,
     Form,
@@ -50,7 +51,7 @@ from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
-from .experiment import propose
+from .experiment import propose, with_clock
 from .fit import Fitter, joined
 from .fitted import Fit
 from .forms import forms_as_good, left_standing
@@ -120,7 +121,6 @@ SHOWS_LATER = (
     "held-out data are off by more than the scene as it is can leave: something is missing that what was learnt from"
     " does not show; all of a recording is learnt from where another one of the same apparatus is held out (--hold-out)"
 )
-HELD_OUT_OFF = "held-out data are off by more than numbers that are found from as noisy frames leave"
 MASSES_OFF = "masses and radii are farther off than was stated"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
@@ -181,6 +181,7 @@ class Tracks(ObservationModel):
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
+        self._asked_instead: Judgement | None = None  # of which those were asked
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
         self.beside_names: list[str] = []  # notes on laws of the revised scene that are not named
@@ -891,13 +892,20 @@ class Tracks(ObservationModel):
         return {label: self._gain(self._held_out(fit, whole=False)) for label, fit in fits.items()}
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
+        """None where these data tell the law from all its rivals: another film would part what is parted."""
         study, found = self.study, judged.claim.laws
-        loser = next((r.law for r in rivals if r.law.fit is not None), None)
-        if len(found) != 1 or loser is None or found[0].fit is None or study.late(current().budget.experiment):
+        if len(found) != 1 or found[0].fit is None or study.late(current().budget.experiment):
             return None
         study.progress("the next experiment", 0.95)
-        names = (found[0].mechanism, loser.mechanism)
-        return propose(found[0].fit, loser.fit, names, study.cases, study.predictor, study.stop)
+        told, name = None, found[0].mechanism
+        alike = [(r.law.mechanism, r.law.fit) for r in rivals if r.same and r.law.fit is not None]
+        if alike:
+            (other, loser), *more = alike
+            how = study.cases, study.predictor, study.stop
+            told = propose(found[0].fit, loser, (name, other), *how, more)
+        for rate in (n for n in self._numbers_instead(judged) if not n.of_the_scene):
+            told = with_clock(told, name, abs(rate.believed / rate.value - 1.0), study.training)
+        return told
 
     # ---- what is handed over
 
@@ -931,13 +939,17 @@ class Tracks(ObservationModel):
         return float(fit.values[k]), low, high
 
     def instead(self, course: Course) -> tuple[str, ...]:
-        claim, told = course.judged.claim, course.judged.verdict
+        return tuple(map(str, self._numbers_instead(course.judged)))
+
+    def _numbers_instead(self, judged: Judgement) -> list[Instead]:
+        claim, told = judged.claim, judged.verdict
         if told in ("no_mismatch", "recalibrate") or self.study.late(current().budget.remains):
-            return ()
-        fitter = self._fitter_of(claim.fit)
-        given = claim.laws, claim.fit, self.tried.recalibrated, fitter
-        self.undeclared = in_a_lost_scene(*given) or instead_of(*given, self.spread)
-        return tuple(map(str, self.undeclared))
+            return []
+        if self._asked_instead is not judged:
+            given = claim.laws, claim.fit, self.tried.recalibrated, self._fitter_of(claim.fit)
+            self.undeclared = in_a_lost_scene(*given) or instead_of(*given, self.spread)
+            self._asked_instead = judged
+        return self.undeclared
 
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
