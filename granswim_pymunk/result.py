@@ -218,9 +218,11 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     if told:
         form = told["best_free_form"]
         beside = "" if form is None else f"; the best force without a name {_percent(form)}"
+        undecided = verdict.get("heldout") == "undecided"
+        part = ", of the training part; held-out data do not decide" if undecided else ""
         lines.append(
             f"explains {_percent(told['share'])} ({100 * told['low']:.0f} to {_percent(told['high'])}) "
-            f"of the mismatch on blocks that the fit did not see{beside}"
+            f"of the mismatch on blocks that the fit did not see{part}{beside}"
         )
     if left and left.get("alike"):
         lines.append(f"what is left passes for noise; but {forms_in_words(left['alike'])}: its form is not told")
@@ -327,6 +329,8 @@ def _law_lines(entry: Mapping[str, Any]) -> list[str]:
     said = f": {entry['expression']}" if entry["expression"] else ""
     head = f"{entry['name']}{_on(entry['bodies'])}{said}"
     lines = _parameter_lines(entry["parameters"])
+    if nameless(entry["name"]):  # of a form some are chosen, and some may be any
+        lines = [line.replace("(chosen)", "(no interval)") for line in lines]
     if nameless(entry["name"]) and none_differs(entry["parameters"]):
         lines.append(NONE_DIFFERS)
     return [head, *(f"    {line}" for line in lines)]
