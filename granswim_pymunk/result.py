@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
-from .inference.mechanisms import NONE_DIFFERS, forms_in_words, nameless, none_differs, parts_of
+from .inference.mechanisms import NONE_DIFFERS, NOTHING, forms_in_words, nameless, none_differs, parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -218,20 +218,25 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
     if told:
         form = told["best_free_form"]
         beside = "" if form is None else f"; the best force without a name {_percent(form)}"
+        undecided = verdict.get("heldout") == "undecided"
+        part = ", of the training part; held-out data do not decide" if undecided else ""
         lines.append(
             f"explains {_percent(told['share'])} ({100 * told['low']:.0f} to {_percent(told['high'])}) "
-            f"of the mismatch on blocks that the fit did not see{beside}"
+            f"of the mismatch on blocks that the fit did not see{part}{beside}"
         )
     if left and left.get("alike"):
         lines.append(f"what is left passes for noise; but {forms_in_words(left['alike'])}: its form is not told")
     elif left:
-        ratio, bodies = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES])
+        ratio, bodies, why = left["times_floor"], ", ".join(left["bodies"][:MOST_BODIES]), left.get("why") or ()
         much = f"{_times(ratio)} times the noise is left, most" if ratio is not None else "more than noise is left"
         if ratio is not None and ratio < DEFAULT.left.as_small:
-            much = f"what is left is as small as the noise ({_times(ratio)} times), yet not all noise, most"
+            no_noise = "" if why else ", yet not all noise"
+            much = f"what is left is as small as the noise ({_times(ratio)} times){no_noise}, most"
         # where nothing is named there is no approximation to call the best
         so_far = "the best approximation so far: " if verdict["verdict"] in CLAIMED else ""
-        lines.append(f"{so_far}{much} on {bodies}; it looks like {left['looks_like']}")
+        like = "" if why and left["looks_like"] == NOTHING else f"; it looks like {left['looks_like']}"
+        because = f"; not complete, as {' and '.join(why)}" if why else ""
+        lines.append(f"{so_far}{much} on {bodies}{like}{because}")
     elif verdict.get("complete"):
         lines.append("what is left passes for noise")
     if verdict.get("heldout"):
@@ -324,6 +329,8 @@ def _law_lines(entry: Mapping[str, Any]) -> list[str]:
     said = f": {entry['expression']}" if entry["expression"] else ""
     head = f"{entry['name']}{_on(entry['bodies'])}{said}"
     lines = _parameter_lines(entry["parameters"])
+    if nameless(entry["name"]):  # of a form some are chosen, and some may be any
+        lines = [line.replace("(chosen)", "(no interval)") for line in lines]
     if nameless(entry["name"]) and none_differs(entry["parameters"]):
         lines.append(NONE_DIFFERS)
     return [head, *(f"    {line}" for line in lines)]

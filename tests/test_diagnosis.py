@@ -19,6 +19,8 @@ from granswim_pymunk.inference.candidates import flexible_terms, named_terms
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Failed, Free, Hypothesis, Predictor, Term, adjustable_terms
+from granswim_pymunk.inference.judge import Claim, Judgement
+from granswim_pymunk.inference.model import Rival
 from granswim_pymunk.inference.noise import drawn_noises
 from granswim_pymunk.inference.significance import normal_score
 from granswim_pymunk.inference.start import Bar, Guided, describe_starts
@@ -27,9 +29,10 @@ from granswim_pymunk.inference.tracks.believed import believed_terms
 from granswim_pymunk.inference.tracks.experiment import _shortened
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
 from granswim_pymunk.inference.tracks.fitted import Fit
-from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, noise_floor, right_law_errors
+from granswim_pymunk.inference.tracks.held_out import errors_of_repeats, largest_when, noise_floor, right_law_errors
 from granswim_pymunk.inference.tracks.innovations import seen_by, white_sizes
 from granswim_pymunk.inference.tracks.intervals import with_limits
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, off_bounds, try_candidates, unstuck
 from granswim_pymunk.inference.tracks.pairs import _idle, _in_place, any_field
 from granswim_pymunk.inference.tracks.segments import Impact, make_segments
@@ -789,6 +792,83 @@ def test_a_driven_body_that_rests_under_its_first_command_is_told(tau, before, g
     said = [note for note in case.notes if "m is at rest in its first" in note]
     assert len(said) == told
     assert not told or "first command is 100" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("tau", "first", "gain", "told"),
+    [
+        (0.08, 0.0, 1.0, True),  # a lag, from rest
+        (0.08, 1.0, 1.0, False),  # as fast as its command from the first frame on
+        (0.08, 0.5, 1.0, False),  # half as fast
+        (1e-6, 0.0, 0.25, False),  # a gain far below what is believed
+    ],
+)
+def test_a_lagging_motor_that_begins_at_rest_is_told(tau, first, gain, told):
+    """It rests in no frame: the first 0.2 s alone are off by far, which was told as of the middle of the film."""
+    t = np.arange(0.0, 4.0, 0.02)
+    fine = np.arange(0.0, 4.0, 1e-3)
+    u, v, way = 2.6 * np.cos(2.2 * fine), 2.6 * first, [0.0]
+    for now in gain * u[1:]:
+        v = now + (v - now) * math.exp(-1e-3 / tau)
+        way.append(way[-1] + 1e-3 * v)
+    xy = np.zeros((len(t), 1, 2))
+    xy[:, 0, 0] = np.interp(t, fine, way) + np.random.default_rng(2).normal(0.0, 1.8e-3, len(t))
+    laws = use("rail", direction=(1.0, 0.0)), use("drive", bodies=["m"])
+    scene = Scene((Body("m", "free", 0.02, 0.3),), laws, inputs={"m": (tuple(fine), tuple(u))})
+    case = prepare(Recording("motor", scene, t, ("m",), xy, position_noise=1.8e-3), held_out=False, split=True)
+    said = [note for note in case.notes if "m begins at rest, though its first command is 2.6" in note]
+    assert len(said) == len(case.notes) == told
+
+
+def test_most_is_left_where_the_squares_are_largest():
+    case = SimpleNamespace(name="one", t=np.arange(80) * 0.1)
+    left = np.ones((80, 1))
+    left[:3], left[60:] = 40.0, np.nan
+    assert largest_when({"one": left}, [case]) == (0.0, pytest.approx(0.7))
+    assert largest_when({}, [case]) is None
+
+
+def proposed(rivals, instead=()):
+    """What is proposed where no motion can be run, beside rivals (name, scale of the picture if it has one, same)."""
+    free = Free("camera.scale", "1", 0.5, 2.0, 1.0, 0.01, neutral=1.0)
+
+    def law(name, *scale):
+        hypothesis = SimpleNamespace(free=[free] * len(scale))
+        start = {"starts": {"one": None}, "start_of": lambda _: ((), np.zeros(0))}
+        return SimpleNamespace(mechanism=name, fit=SimpleNamespace(hypothesis=hypothesis, values=scale, **start))
+
+    def none(*_):
+        raise Failed("no run")
+
+    t = np.arange(120) / 60
+    scene = Scene((Body("bob", "free", 0.02, 0.1),), (), (0.0, -9.81))
+    xy = np.stack([t, 1 - t], axis=1)[:, None] + np.random.default_rng(1).normal(0, 1e-3, (120, 1, 2))
+    case = prepare(Recording("one", scene, t, ("bob",), xy, position_noise=1e-3), held_out=False, split=True)
+    study = SimpleNamespace(
+        late=lambda share: False, progress=lambda *_: None, cases=[case], training=[case], predictor=none, stop=none
+    )
+    tracks = SimpleNamespace(study=study, _numbers_instead=lambda judged: instead)
+    judged = Judgement("missing_physics", Claim((law("added_mass"),), None))
+    return Tracks.propose(tracks, judged, [Rival(law(*numbers), 1.0, same) for *numbers, same in rivals])
+
+
+def test_what_is_told_apart_is_not_parted_again():
+    assert proposed([("uniform_force", False), ("camera_scale", 1.03, False)]) is None
+
+
+def test_a_ruler_or_a_clock_is_proposed_where_no_motion_decides():
+    rate = SimpleNamespace(of_the_scene=False, believed=59.0, value=60.0)
+    ruler = proposed([("uniform_force", True), ("camera_scale", 1.03, True)])
+    assert "ruler" in ruler.change and "at the depth of the motion" in ruler.change and ruler.d_prime > 2
+    assert ruler.separates == ("added_mass", "camera_scale")
+    clock = proposed([("uniform_force", True)], [rate])
+    assert clock.change.startswith("film a clock") and clock.separates == ("added_mass", "frame_rate")
+    # 1.7 % of two seconds are two frames, each of two moments known to a part of one
+    assert clock.d_prime == pytest.approx(119 / 60 / (DEFAULT.apparatus.within_frame * 2**0.5))
+    both = proposed([("uniform_force", True), ("camera_scale", 1.03, True)], [rate])
+    assert "ruler" in both.change and "clock" in both.change and both.separates[-1] == "frame_rate"
+    # a number of the scene is declared, not filmed
+    assert proposed([("uniform_force", True)], [SimpleNamespace(of_the_scene=True)]) is None
 
 
 def test_a_fit_that_was_caught_gains_nothing_by_any_law():

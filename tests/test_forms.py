@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.inference.candidates import asked_terms, flexible_terms, named_terms
-from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.data import Channel, prepare
 from granswim_pymunk.inference.explained import Scores, spread_with_mismatch
-from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, adjustable_terms
+from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Predictor, Term, adjustable_terms
+from granswim_pymunk.inference.result import empty_verdict, mechanism_entry
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.forms import forms_as_good, left_standing
 from granswim_pymunk.inference.tracks.intervals import mixed_quantile, with_company, with_slopes
 from granswim_pymunk.inference.tracks.name import Trial, try_candidates
 from granswim_pymunk.inference.tracks.settle import known_together
 from granswim_pymunk.inference.tracks.signatures import held_at_bounds, make_bank
-from granswim_pymunk.inference.tracks.verdict import as_a_spring
+from granswim_pymunk.inference.tracks.verdict import Told, as_a_spring
+from granswim_pymunk.laws import all_laws
 from granswim_pymunk.recording import film
+from granswim_pymunk.result import Result, law_line
 from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 ALONG, ACROSS = (0.5, 0.0), (0.3, 0.4)
@@ -150,6 +154,34 @@ def test_what_an_adjustable_at_its_bound_cannot_take_up_is_company():
     wide = with_company(fitter, fit, 1, 1.0, [terms["linear_drag"]])
     assert not fit.interval(2)[1] <= a <= fit.interval(2)[2]
     assert wide.interval(2)[1] <= a <= wide.interval(2)[2]
+
+
+def test_of_a_form_without_a_name_no_width_of_the_search_and_no_unseen_coordinate_is_told():
+    law = all_laws()["flexible_edge"]
+    names = [p.name for p in law.parameters if p.typical is not None]
+    free = tuple(Free(f"{law.name}.{n}", "1", -100.0, 100.0, 0.0, 1.0) for n in names)
+    term = Term(
+        law.mechanism, law.name, free, lambda *given: given, expression=law.expression, law=law.name,
+        groups=tuple((n, (k,)) for k, n in enumerate(names)), fixed={"centre": ((0.2, 0.0), "m"), "size": (0.3, "m")},
+    )  # fmt: skip
+    given = {
+        "c0": (0.0, -0.1, 0.1, "kg/s"), "p": (53.0, -100.0, 100.0, "1"), "q": (43.0, 43.0, 43.0, "1"),
+        "centre": ([0.2, 0.0], None, None, "m"), "size": (0.3, None, None, "m"),
+    }  # fmt: skip
+    cases = [SimpleNamespace(channels=[Channel("a", "x")])]
+    numbers, said = Told._of_what_shows(SimpleNamespace(cases=cases), term, given)
+    assert numbers == {
+        "c0": given["c0"], "p": (53.0, None, None, "1"), "centre_x": (0.2, None, None, "m"), "size": given["size"]
+    }  # fmt: skip
+    assert "tanh(r + p X))/2, X the place from" in said
+    entry = mechanism_entry("unknown", said, ["a"], numbers, None, None)
+    assert "p = 53 1" not in law_line(entry) and "p = 53," in law_line(entry)
+    text = Result({**empty_verdict("unmodelled"), "mechanisms": [entry]}).summary()
+    assert "53 (no interval)" in text and "chosen" not in text
+    # in the plane it is as it was
+    plane = [SimpleNamespace(channels=[Channel("a", "x"), Channel("a", "y")])]
+    numbers, said = Told._of_what_shows(SimpleNamespace(cases=plane), term, given | {"q": (43.0, 40.0, 45.0, "1")})
+    assert numbers["q"] == (43.0, 40.0, 45.0, "1") and numbers["centre"] == given["centre"] and said == law.expression
 
 
 def test_a_number_at_its_bound_would_go_on():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import granswim_pymunk as gs
-from granswim_pymunk.inference.judge import as_large_by_chance
-from granswim_pymunk.inference.tracks.model import Tracks
+from granswim_pymunk.inference.judge import HELD_OUT_OFF, Claim, Judgement, Remains, as_large_by_chance
+from granswim_pymunk.inference.tracks import held_out
+from granswim_pymunk.inference.tracks.model import MASSES_OFF, MORE_TO_SEE, Tracks
 from granswim_pymunk.report.sentences import headline
 
 
@@ -73,6 +74,35 @@ def test_complete_is_what_the_page_says_beside_it():
 
     assert beyond(2.1, 10) and not beyond(1.9, 10)
     assert not beyond(9.0, 3) and not beyond(9.0, 0) and not beyond(None, 10)
+
+
+@pytest.mark.parametrize(
+    ("size", "passes", "off", "beyond", "why"),
+    [
+        (1.0, False, False, False, ["noise alone is like it with p = 0.0004"]),
+        (1.0, False, False, True, ["noise alone is like it with p = 0.0004", HELD_OUT_OFF]),
+        (1.0, True, True, False, [MASSES_OFF]),
+        (1.0, True, False, False, [MORE_TO_SEE]),
+        (9.0, False, False, True, []),  # its size says so
+        (9.0, True, True, False, [MASSES_OFF]),
+    ],
+)
+def test_what_is_left_is_told_with_what_decided_that_it_is_no_noise(size, passes, off, beyond, why):
+    left = SimpleNamespace(passes=passes, chance=4e-4)
+    tracks = SimpleNamespace(_between_kicks=lambda fit: left, _beyond_the_right_law=lambda: beyond)
+    judged = Judgement("missing_physics", Claim((SimpleNamespace(mechanism="linear_drag"),), None))
+    remains = Remains(1e-3, size, ("a",), None, None, "nothing that was tried")
+    more = passes and not off
+    told = Tracks._with_why(tracks, remains, judged, off=off, more=more)  # type: ignore[arg-type]
+    assert told.as_dict()["why"] == why
+
+
+def test_held_out_data_show_no_other_physics_where_a_form_without_a_name_is_followed_on(monkeypatch):
+    monkeypatch.setattr(held_out, "shown_later", lambda case: "")
+    case = SimpleNamespace(name="one", t=np.arange(20) * 0.1, channels=[SimpleNamespace(body="a")])
+    errors = held_out.Errors(1e-3, {}, scored={"one": np.where(np.arange(20) < 10, np.nan, 3.0)[:, None]})
+    named, nameless = (held_out.left_of_held_out(errors, [case], 5e-4, form).looks_like for form in (False, True))
+    assert named == "physics that the training part does not show" and nameless == "nothing that was tried"
 
 
 def test_what_an_experimenter_does_not_care_about_is_not_missing():

@@ -20,7 +20,9 @@ from granswim_pymunk.engine import Simulation
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import Diagnosis
 from granswim_pymunk.inference.data import prepare
-from granswim_pymunk.inference.result import empty_verdict
+from granswim_pymunk.inference.judge import HELD_OUT_OFF
+from granswim_pymunk.inference.places import Place
+from granswim_pymunk.inference.result import empty_verdict, mechanism_entry, rival_entries
 from granswim_pymunk.inference.significance import Null
 from granswim_pymunk.inference.tracks import diagnose_tracks
 from granswim_pymunk.inference.tracks.held_out import Errors
@@ -30,14 +32,17 @@ from granswim_pymunk.report import figures as draw
 from granswim_pymunk.report import pictures, write_report
 from granswim_pymunk.report.films import places
 from granswim_pymunk.report.glossary import linked
+from granswim_pymunk.report.page import page
 from granswim_pymunk.report.player import MOST_FRAMES, Moving, box, player
 from granswim_pymunk.report.sentences import answers, headline, remainder
-from granswim_pymunk.report.style import prefixed
+from granswim_pymunk.report.style import Drawing, prefixed
 from granswim_pymunk.report.track_drawing import broken, turns_of
 from granswim_pymunk.report.track_forms import _forces
 from granswim_pymunk.report.words import equation, interval, length, listed, number, spoken
+from granswim_pymunk.result import standing
 from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, use
 
+PLACE = Place(["a"], 9.0, 1e-9, t=(0.1, 0.2)).as_dict()
 DRAG = 2.0e-3  # kg/s
 
 
@@ -258,6 +263,45 @@ def test_a_number_of_the_scene_that_would_do_is_told_on_the_first_screen():
     assert said == "A number of the scene may be another than believed: pin.length = 0.4242 m does as well."
 
 
+def test_the_nearest_rival_is_the_law_that_the_headline_calls_closest():
+    entry = mechanism_entry("unknown", "", ["a"], {}, None, None)
+    near = rival_entries([], [("quadratic_drag", 2.0, 0.93)], [("ambient_flow", 3.0, False)])
+    found = Diagnosis("bodies", {**empty_verdict("unmodelled"), "mechanisms": [entry], "rivals": near})
+    assert "what comes closest, quadratic drag" in headline(found)
+    said = dict(answers(found))["What else may it be?"]
+    assert said == "The nearest rival is quadratic drag; these data tell the two apart."
+
+
+def test_intervals_are_widened_where_there_are_some_and_places_are_named_where_there_are_some():
+    found = Diagnosis("bodies", empty_verdict("unmodelled"), widened=1.5)
+    drawn = {"windows": (Drawing(lambda: None, "Where the mismatch is", "Windows."), b"")}
+    bare, number = page(found, drawn), {"pin.length": {"value": 1.0, "low": 0.9, "high": 1.1}}
+    assert "widened" not in bare and "No place stands out" in bare
+    fitted = replace(found, verdict={**found.verdict, "recalibrated": number, "mismatch": [PLACE]})
+    assert "widened 1.5 times" in page(fitted, drawn) and "No place stands out" not in page(fitted, drawn)
+
+
+def test_a_share_of_the_training_part_is_no_word_of_held_out_data_that_decide_nothing(cases):
+    d = cases["missing_physics"]
+    held = {**d.verdict["fit"]["heldout"], "naive": 6.17e-4, "revised": 6.2e-4}
+    share = {"share": 1.0, "low": 1.0, "high": 1.0, "best_free_form": None}
+    fit = {**d.verdict["fit"], "heldout": held}
+    verdict = {**d.verdict, "heldout": "undecided", "fit": fit, "explained": share}
+    said = told(replace(d, verdict=verdict))
+    assert "did not see, of the training part; the held-out data do not decide." in said
+    assert "grows from 617\u00a0µm to <strong>620\u00a0µm</strong> rms." in said and "bear it out" not in said
+    assert "did not see, of the training part; held-out data do not decide" in standing(verdict)[0]
+
+
+def test_the_row_of_laws_together_says_how_many(cases):
+    d = cases["missing_physics"].evidence
+    for count, words in ((2, "both together"), (3, "all together")):
+        axis = draw.candidates(replace(d, found=d.found * count)).axes[0]
+        assert axis.get_yticklabels()[0].get_text() == words
+    falls = [text.get_text().strip() for text in axis.texts]
+    assert "> 1000" in falls and not [text for text in falls if "×10" in text]
+
+
 def test_headline_of_a_class_of_laws(cases):
     """Several laws that do the same here are a class, and the headline does not name one of them alone."""
     found = cases["missing_physics"]
@@ -278,6 +322,13 @@ def test_first_paragraph_says_where_and_what_to_measure_next(cases):
 
     said = told(proposed(3.0))
     assert "<strong>Twice the speed</strong>: it parts linear drag and quadratic drag" in said and "likely" in said
+    settled = proposed(30.0)
+    assert "which would settle it." in told(settled)
+    left = {"rms": 1e-3, "times_floor": 14.0, "bodies": ["a"], "when": {"t": None}, "looks_like": "a push"}
+    open_ = {**settled.verdict, "complete": False, "remains": {**left, "alike": [], "why": [HELD_OUT_OFF]}}
+    said = told(replace(d, verdict=open_))
+    assert "which would settle it if nothing else is missing." in said and "hold that film out" in said
+    assert "hold that film out" in told(replace(d, verdict={**open_, "next_experiment": None}))
     assert "fails most clearly" not in told(cases["no_mismatch"])
     weak = told(proposed(0.5))
     assert "None that was thought of would decide; the best is twice the speed (d′ = 0.50)" in weak
@@ -339,6 +390,8 @@ def test_what_is_left_is_told_as_the_verdict_has_it(cases):
     assert "More than noise, 7.00\u00a0mm rms on such data, 10 times the floor" in text
     assert "nothing is left" not in text and "1.3 times what noise alone would leave" in text
     assert "No larger than noise on the whole, yet not all of it noise" in saying(4.0, False, times_floor=0.94)
+    why = saying(4.0, False, times_floor=0.94, why=["masses are off", "held-out data are"])
+    assert "yet not all" not in why and "It is not complete, as masses are off and held-out data are." in why
     assert "nothing is left to explain" in saying(1.1, True)
     alike = saying(1.1, False, times_floor=0.9, alike=[["flexible_edge", "ambient_flow", False]])
     assert "No more than noise; but" in alike and "nothing is left to explain" in alike

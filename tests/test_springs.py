@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
-from granswim_pymunk.inference.judge import Claim, Judgement
+from granswim_pymunk.inference.judge import HELD_OUT_OFF, Claim, Judgement
 from granswim_pymunk.inference.pipeline import rivals_of
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.model import Tracks
@@ -97,3 +97,10 @@ def test_what_is_left_is_told_beside_the_noise_and_beside_the_scene_without_the_
     what, held = standing(verdict | {"complete": False, "fit": {"heldout": errors}})
     assert "what is left is as small as the noise (1 times), yet not all noise" in what
     assert held == "held-out data: holds, 10 times the noise is left there, 25 % of what the scene without it leaves"
+    # where another reason decided that it is not complete, that one is told
+    left |= {"looks_like": "nothing that was tried", "why": [HELD_OUT_OFF]}
+    what, _ = standing(verdict | {"complete": False, "remains": left, "fit": {"heldout": errors}})
+    assert what == (
+        f"the best approximation so far: what is left is as small as the noise (1 times), most on p; not complete, as "
+        f"{HELD_OUT_OFF}"
+    )

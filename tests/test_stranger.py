@@ -472,7 +472,9 @@ def test_a_stream_over_bodies_of_one_mass_is_told_as_a_drag_and_a_push_as_well(m
     bodies = Body("a", "free", 0.02, 0.05), Body("b", "free", 0.02, mass)
     scene = Scene(bodies, (), (0.0, 0.0) if flat else (0.0, -9.81))
     entry = {"name": "ambient_flow", "parameters": {"c": {"value": 0.3}, "u": {"value": [0.4, 0.0]}}}
-    notes = as_a_push([entry], [SimpleNamespace(recording=SimpleNamespace(scene=scene))])
+    cases = [SimpleNamespace(recording=SimpleNamespace(scene=scene))]
+    assert not as_a_push([entry], cases, {"quadratic_flow"})  # whose drag is no line
+    notes = as_a_push([entry], cases, {"ambient_flow"})
     assert (says in notes[0] and ("leans" in notes[0]) == flat) if says else not notes
 
 

@@ -25,7 +25,7 @@ from .latecomers import without_latecomers
 from .linking import linked
 from .lost import missing, repeated, same_as_before
 from .noise import Noise, coloured, outliers, slopes, timing, whitened
-from .release import at_rest_though_commanded, caught, first_free, first_pulled
+from .release import at_rest_though_commanded, begins_at_rest, caught, first_free, first_pulled
 from .smoothed import frames_apart
 
 
@@ -380,10 +380,12 @@ def _driven_from_rest(
             continue
         speed = law["gain"] * np.interp(t, *scene.inputs[body]) / math.hypot(*along)
         commanded = speed[:, None] * along[["xy".index(channels[k].kind) for k in at]]
-        rests = at_rest_though_commanded(t, values[:, at], [sigmas[k] for k in at], commanded)
-        if rests:
+        how = t, values[:, at], [sigmas[k] for k in at], commanded
+        rests = at_rest_though_commanded(*how)
+        if rests or begins_at_rest(*how):
+            what = f"is at rest in its first {rests} frames" if rests else "begins at rest"
             notes.append(
-                f"{recording.name}: {body} is at rest in its first {rests} frames, though its first command is "
+                f"{recording.name}: {body} {what}, though its first command is "
                 f"{first:g}, as if that had stood there for long: it does not move the motor, or the motor began then; "
                 "of that a row with 0 before it in the commands tells, else its gain and how late it is are found wrong"
             )

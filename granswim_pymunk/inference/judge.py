@@ -44,7 +44,8 @@ def as_large_by_chance(error: float, repeats: np.ndarray) -> float:
     return float(stats.t.sf(beyond(float(np.log(error)), logs, 1e-12), len(logs) - 1))
 
 
-NOTHING = "nothing that was tried"  # what is left looks like that
+# why a verdict may not be complete although what was learnt from shows no more than noise
+HELD_OUT_OFF = "held-out data are off by more than numbers that are found from as noisy frames leave"
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class Remains:
 
     alike : (form, law, whether better) of forms without a name that do as well in place of a named law: what is left
         is no more than noise then, and yet the form of the law is not told
+    why : clauses that say why the verdict is not complete, where its size does not
     """
 
     rms: float | None
@@ -63,13 +65,14 @@ class Remains:
     looks_like: str
     phase: tuple[float, float] | None = None
     alike: tuple[tuple[str, str, bool], ...] = ()
+    why: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         when = {"t": self.t, "phase": self.phase, "before_contact": self.before_contact}
         looks = f"nothing but noise; {forms_in_words(self.alike)}" if self.alike else self.looks_like
         return {
             "rms": self.rms, "times_floor": self.times_floor, "bodies": list(self.bodies), "when": when,
-            "looks_like": looks, "alike": [list(entry) for entry in self.alike],
+            "looks_like": looks, "alike": [list(entry) for entry in self.alike], "why": list(self.why),
         }  # fmt: skip
 
 

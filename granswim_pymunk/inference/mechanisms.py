@@ -19,10 +19,11 @@ APPARATUS = {
     "lens_distortion": ("a lens that bends the picture", "how far the lens bends the picture, and about which place"),
 }
 NONE_DIFFERS = "none of these numbers differs from zero by itself"
+NOTHING = "nothing that was tried"  # what is left looks like that
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for
-_OTHERS = {RESTITUTION: "another restitution", UNKNOWN: "a force without a name"}
+_OTHERS = {RESTITUTION: "another restitution", "frame_rate": "another frame rate", UNKNOWN: "a force without a name"}
 
 
 def nameless(mechanism: str) -> bool:

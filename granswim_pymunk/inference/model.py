@@ -78,7 +78,7 @@ class Proposal:
     """A change of the experiment, the mechanisms that it separates, and the d' to expect after refitting the loser."""
 
     change: str
-    separates: tuple[str, str]
+    separates: tuple[str, ...]
     d_prime: float
 
 

@@ -118,6 +118,28 @@ def at_rest_though_commanded(
     return int(moved[0]) + 1 if len(far) and len(moved) and moved[0] > far[0] else 0
 
 
+def begins_at_rest(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], commanded: np.ndarray) -> bool:
+    """Whether a driven body gains its speed in its first frames, though its first command has it move at once.
+
+    Arguments as of ``at_rest_though_commanded``. A motor that lags is faster from frame to frame, and rests in none.
+    Two ways along the command are compared by chi2: at its speed times any gain, and from rest with that as
+    acceleration. The first speed by a parabola has to be as far below the command as no gain is.
+    """
+    c, seen = current().release, np.flatnonzero(np.isfinite(values).all(axis=1))
+    seen = seen[: c.still]
+    size = np.linalg.norm(commanded[seen], axis=1)
+    if len(seen) < c.still or not size.min(initial=math.inf) > c.lasts * size[0]:
+        return False
+    along, sigma, s = commanded[seen[0]] / size[0], np.asarray(sigmas), t[seen] - t[seen[0]]
+    z = (values[seen] @ along / math.hypot(*(along * sigma)))[:, None]
+    steps, one = np.diff(s), np.ones(len(s))
+    way = np.append(0.0, np.cumsum((size[1:] + size[:-1]) / 2 * steps))
+    rising = np.append(0.0, np.cumsum((way[1:] + way[:-1]) / 2 * steps))
+    at_once, from_rest = (_left(np.column_stack([one, shape]), z) for shape in (way, rising))
+    parabola = np.linalg.lstsq(np.column_stack([one, s, s**2]), z * math.hypot(*(along * sigma)), rcond=None)[0]
+    return at_once - from_rest > c.sure and abs(float(parabola[1, 0])) < size[0] / c.commanded
+
+
 def caught(t: np.ndarray, values: np.ndarray, sigmas: Sequence[float], gravity: float) -> int | None:
     """The first frame from which a falling body rests to the end, as if it was caught; None where it was not.
 

@@ -76,7 +76,7 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
         after.append(max(diagnosis.revised.chi2, 1e-300) / count)
         gain = diagnosis.recalibrated.chi2 - diagnosis.revised.chi2
         left.barh(-1, after[-1] - before, left=before, height=0.66, color=REVISED)
-        left.text(before, -1, " " + compact(gain), va="center", fontsize=7.5, color="white")
+        left.text(before, -1, " " + _fall(gain), va="center", fontsize=7.5, color="white")
         if math.isfinite(diagnosis.inner.get(together, math.nan)):
             right.plot(diagnosis.inner[together], -1, "o", color=REVISED, markersize=5.5)
     for row, trial in enumerate(shown):
@@ -91,7 +91,8 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
         mark = " ≈" if trial.term.label in same else ""
         names.append(plain(trial.term.label) + (" °" if trial.mechanism in APPARATUS else "") + mark)
     first = -1 if together else 0
-    left.set_yticks(range(first, len(shown)), ["both together"] * -first + names)
+    first_row = "both together" if len(diagnosis.found) == 2 else "all together"
+    left.set_yticks(range(first, len(shown)), [first_row] * -first + names)
     labels = left.get_yticklabels()
     if together:
         labels.pop(0).set_fontweight("bold")
@@ -142,9 +143,14 @@ def _bar(axis: Axes, row: int, trial: Trial, without: tuple[float, int], colour:
     axis.barh(row, trial.fit.chi2 / count - before, left=before, height=0.66, color=colour)
     inside = colour == REVISED and trial.gain > 0.3 * count * before
     axis.text(
-        before, row, " " + (compact(trial.gain) if trial.gain > 0.05 else "0"), va="center", fontsize=7.5, ha="left",
+        before, row, " " + _fall(trial.gain), va="center", fontsize=7.5, ha="left",
         color="white" if inside else SEEN,
     )  # fmt: skip
+
+
+def _fall(gain: float) -> str:
+    """A fall in chi2; of large ones, which look alike in two digits, the bars say more."""
+    return "0" if gain <= 0.05 else compact(gain) if gain < 1000 else "> 1000"
 
 
 def _falling_axis(axis: Axes, low: float, high: float, top: float | None = None) -> None:

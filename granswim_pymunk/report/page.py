@@ -290,7 +290,7 @@ def _parameters(d: Diagnosis) -> str:
         parts.append(_filled(head, rows, ("value", "central 95 %"), ""))
     if meanings:
         parts.append(f'<p class="note">{"; ".join(dict.fromkeys(meanings))}.</p>')
-    if d.widened > 1.0:
+    if d.widened > 1.0 and (rows or d.verdict["recalibrated"]):
         parts.append(
             f'<p class="note">Intervals are widened {times(d.widened)} times, because what the fit leaves over is '
             "larger than the noise, or depends on what it was a frame before.</p>"
@@ -395,6 +395,8 @@ def page(d: Diagnosis, drawn: Mapping[str, tuple[Drawing, bytes]]) -> str:
     for section in SECTIONS:
         shown = [picture(name) for name, (drawing, _) in drawn.items() if drawing.section == section]
         first = {"Seen and simulated": film, "Where the mismatch is": _places}.get(section, lambda d: "")(d)
+        if shown and not first and section == "Where the mismatch is":
+            first = "<p>No place stands out from the rest.</p>"
         if shown or first:
             body += [f"<h2>{section}</h2>", first, *shown]
     body += [_rivals(d), _parameters(d), *(_own_table(t) for t in d.tables)]

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..inference.criteria import DEFAULT
-from ..inference.judge import NOTHING
-from ..inference.mechanisms import APPARATUS, forms_in_words
+from ..inference.judge import HELD_OUT_OFF
+from ..inference.mechanisms import APPARATUS, NOTHING, forms_in_words
 from ..inference.pushes import degrees_of_tilt
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
@@ -17,7 +17,12 @@ TWICE = 2.0  # noise floors that a held-out error may reach by the start that it
 FAR = 3.0  # standard errors from what was believed, from which an adjustable has moved
 NEARLY = 0.9  # of a mismatch, from which it needs a word why what explains it is not named
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
+CLAIMS = ("missing_physics", "measurement")  # verdicts that name something
 BEYOND = 37.0  # z where doubles end
+HOLD_ANOTHER_OUT = (
+    "What is open is what held-out data show: film the same apparatus again and hold that film out "
+    "(<code>--hold-out</code>), so that all of this one is learnt from."
+)
 
 
 def percent(share: float) -> str:
@@ -176,6 +181,7 @@ def _explained(d: Diagnosis) -> str:
         f"{'A force without a name' if nameless else 'It'} explains <strong>{percent(told['share'])}</strong> "
         f"({percent(told['low'])} to {percent(told['high'])}) of what the scene misses on data that the fit did not see"
     )
+    text += ", of the training part; the held-out data do not decide" if d.verdict["heldout"] == "undecided" else ""
     if told["best_free_form"] is not None and not nameless:
         text += f"; the best force without a name {percent(told['best_free_form'])}"
     return text + "."
@@ -196,8 +202,11 @@ def _left(d: Diagnosis) -> str:
     when = "" if not t else f" at {number(t[0])} s" if t[0] == t[1] else f" from {number(t[0])} to {number(t[1])} s"
     like = "" if left["looks_like"] == NOTHING else f"; it looks like {escaped(left['looks_like'])}"
     small = floors is not None and floors < DEFAULT.left.as_small
-    much = "No larger than noise on the whole, yet not all of it noise" if small else "More than noise"
-    return f"{much}{size}{ratio}{whom}{when}{like}."
+    why = left.get("why") or ()
+    no_noise = "" if why else ", yet not all of it noise"
+    much = f"No larger than noise on the whole{no_noise}" if small else "More than noise"
+    because = f" It is not complete, as {escaped(' and '.join(why))}." if why else ""
+    return f"{much}{size}{ratio}{whom}{when}{like}.{because}"
 
 
 def _quiet(d: Diagnosis) -> str:
@@ -229,8 +238,10 @@ def _better(d: Diagnosis) -> str:
             "unmodelled": "With a force that has no name" if v["mechanisms"] else "Without any law",
             "recalibrate": "With the new value" + ("s" if len(v["recalibrated"]) > 1 else ""),
         }[v["verdict"]]
-        if final < 0.9 * naive:
-            text = f"{way} the {part} error falls from {length(naive, unit)} to {shown}."
+        undecided = part == "held-out" and v["heldout"] == "undecided" and v["verdict"] in CLAIMS
+        if final < 0.9 * naive or undecided:  # that nothing is decided is said at the end
+            changes = "falls" if final <= naive else "grows"
+            text = f"{way} the {part} error {changes} from {length(naive, unit)} to {shown}."
         elif final <= naive:
             text = (
                 f"{way} the {part} error hardly changes: {length(naive, unit)} before, {shown} after. The training "
@@ -245,7 +256,7 @@ def _better(d: Diagnosis) -> str:
             text = f"The {part} error of the scene is {shown}."
     right = d.right_law if part == "held-out" else None
     text += " " + remainder(final, naive, errors["noise_floor"], part, _is_noise(v), right or ())
-    if v["heldout"] == "undecided" and v["verdict"] in ("missing_physics", "measurement"):
+    if v["heldout"] == "undecided" and v["verdict"] in CLAIMS:
         text += " The held-out data do not decide whether it predicts better."
     return text
 
@@ -347,13 +358,19 @@ def _other_laws(d: Diagnosis) -> str:
     alike = list(dict.fromkeys(spoken(r["name"]) for r in d.verdict["rivals"] if r["indistinguishable"]))
     if alike:
         return f"These data cannot tell it apart from {listed(alike)}."
-    rivals = [r for r in d.verdict["rivals"] if not r.get("withdrawn") and r.get("share") is None]
+    # what came closest, of which the headline tells, is the first
+    rivals = [r for r in d.verdict["rivals"] if not r.get("withdrawn")]
     if rivals and d.verdict["mechanisms"]:
         return f"The nearest rival is {spoken(rivals[0]['name'])}; these data tell the two apart."
     return ""
 
 
 def _next(d: Diagnosis) -> str:
+    why = (d.verdict["remains"] or {}).get("why") or ()
+    return " ".join(filter(None, (HOLD_ANOTHER_OUT if HELD_OUT_OFF in why else "", _proposed(d))))
+
+
+def _proposed(d: Diagnosis) -> str:
     proposal = d.verdict["next_experiment"]
     if not proposal:
         return ""
@@ -369,7 +386,8 @@ def _next(d: Diagnosis) -> str:
         return text + "."
     sure = "which would settle it" if d_prime > d.criteria.verdict.settles else "which is likely to show"
     # d' is an expectation under the winner, the loser refitted
-    return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}."
+    alone = "" if d.verdict["complete"] else " if nothing else is missing"
+    return f"{text}, with an expected d′ = {number(d_prime, 2)} after the other law is refitted, {sure}{alone}."
 
 
 def unit_shown(unit: str) -> str:

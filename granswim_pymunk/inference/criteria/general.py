@@ -199,7 +199,8 @@ class ReleaseCriteria:
         a number once in 3e7;  alarm : probability of what the better one leaves, below which neither describes it
     falls : standard deviations that a body which rests at the end would have fallen meanwhile, the least. Choice
     commanded : times ``away``, that a command would have moved a body which rests, the least. Choice: a gain that is
-        believed is seldom six times too large;  lasts : of the first command, down to which it goes on. Choice
+        believed is seldom six times too large, and what follows a command is not so much slower than it at first
+    lasts : of the first command, down to which it goes on. Choice
     """
 
     still: int = 5
@@ -372,7 +373,8 @@ class BlockCriteria:
         start in ten misses is noticed in all but one film in a hundred and fifty, with twelve in all but one in four
     bent : mean square of what is not in proportion to the error of its start, over the noise, up to which it is.
         Choice: that of ``SegmentCriteria.bend``
-    held_out : blocks that the held-out frames of a recording are cut into, for each body, where errors are compared.
+    held_out : blocks that the held-out frames of a recording are cut into, for each body, where errors are compared,
+        and pieces of a recording in one of which most is said to be left.
         Choice: a bootstrap of fewer makes intervals of no width
     """
 

@@ -14,6 +14,7 @@ from ..hypothesis import Failed, Predictor
 from ..model import Proposal
 from .fit import Fitter
 from .fitted import Fit
+from .undeclared import CLOCK
 
 
 def _shortened(case: Case, most: int) -> Case:
@@ -65,9 +66,12 @@ def propose(
     cases: Sequence[Case],
     predictor: Predictor,
     stop: Callable[[], bool],
+    others: Sequence[tuple[str, Fit]] = (),
 ) -> Proposal | None:
     """Try longer, faster and wider repeats of the training recordings and return the best.
 
+    others : further mechanisms that do as well, with their fits: where no motion decides and one of them is a fault of
+        the apparatus, that is to be measured
     d' is the square root of the chi2 that the loser keeps when it is refitted to the winner's prediction
     (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
     """
@@ -107,11 +111,30 @@ def propose(
     if best is not None and best.d_prime >= current().verdict.decides:
         return best
     told = _apparatus_check(winner, names, training)
+    for name, fit in ((names[1], loser), *others):
+        if told is None or told.d_prime < current().verdict.decides:
+            told = _apparatus_check(fit, (names[0], name), training) or told
     if told is not None and told.d_prime >= current().verdict.decides:
         return told
     if best is None:
         return told
     return replace(best, change=f"none of these would decide: {', '.join(text for text, *_ in changes)}")
+
+
+def with_clock(told: Proposal | None, name: str, off: float, cases: Sequence[Case]) -> Proposal | None:
+    """To film a clock, where a frame rate that is ``off`` by a share does as well as what is named ``name``.
+
+    In place of a motion that does not decide, and beside another check of the apparatus.
+    """
+    decides = current().verdict.decides
+    checks = told is not None and told.change in [text for _, text in TOOLS.values()]
+    clock = of_the_apparatus((name, CLOCK), {CLOCK: off}, cases[0].t, lambda: None)
+    if clock is None or clock.d_prime < decides or (told is not None and told.d_prime >= decides and not checks):
+        return told
+    if told is None or told.d_prime < decides:
+        return clock
+    d_prime = min(told.d_prime, clock.d_prime)
+    return Proposal(f"{told.change}, and {clock.change}", (*told.separates, CLOCK), d_prime)
 
 
 def _apparatus_check(fit: Fit, names: tuple[str, str], cases: Sequence[Case]) -> Proposal | None:

@@ -16,6 +16,7 @@ from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor, Term
 from ..judge import Remains, paired
 from ..linear import errors_of
+from ..mechanisms import NOTHING
 from ..noise import Noise, drawn_noises
 from .blocks import cut
 from .fit import Fitter, side_by_side
@@ -65,13 +66,32 @@ def paired_verdict(before: Errors, after: Errors, rng: np.random.Generator) -> s
     return paired(*blocks, rng)
 
 
-def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None) -> Remains:
+def largest_when(scaled: Mapping[str, np.ndarray], cases: Sequence[Case]) -> tuple[float, float] | None:
+    """First and last time [s] of the piece of a recording in which errors are largest, None where there are none.
+
+    scaled : errors (T, c) of each recording in standard deviations of the noise, NaN where there is none
+    """
+    worst, when = 0.0, None
+    for case in cases:
+        mine = scaled.get(case.name)
+        if mine is None:
+            continue
+        for rows in np.array_split(np.flatnonzero(np.isfinite(mine).any(axis=1)), current().blocks.held_out):
+            size = float(np.nanmean(mine[rows] ** 2)) if len(rows) else 0.0
+            if size > worst:
+                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
+    return when
+
+
+def left_of_held_out(
+    errors: Errors, cases: Sequence[Case], floor: float | None, nameless: bool = False
+) -> Remains:
     """What held-out data show beyond noise where the training part shows nothing: of whom, and when most.
 
-    floor : [m or rad, rms] of the held-out errors
+    floor : [m or rad, rms] of the held-out errors;  nameless : a form without a name was told, which follows what
+        shaped it and need not hold beyond: that is no sign of other physics
     """
     sizes: dict[str, list[float]] = {}
-    worst, when = 0.0, None
     for case in cases:
         scored = (errors.scored or {}).get(case.name)
         if scored is None:
@@ -79,17 +99,14 @@ def left_of_held_out(errors: Errors, cases: Sequence[Case], floor: float | None)
         for c, channel in enumerate(case.channels):
             if np.isfinite(scored[:, c]).any():
                 sizes.setdefault(channel.body, []).append(float(np.nanmean(scored[:, c] ** 2)))
-        for rows in np.array_split(np.flatnonzero(np.isfinite(scored).any(axis=1)), current().blocks.held_out):
-            size = float(np.nanmean(scored[rows] ** 2)) if len(rows) else 0.0
-            if size > worst:
-                worst, when = size, (float(case.t[rows[0]]), float(case.t[rows[-1]]))
     means = {body: float(np.mean(m)) for body, m in sizes.items()}
     least = 1.0 + current().verdict.bodies * (max(means.values()) - 1.0)  # one: the noise
     bodies = tuple(body for body, mean in means.items() if mean > least) or tuple(means)
     times = errors.rms / floor if errors.rms is not None and floor else None
     later = next(filter(None, map(shown_later, cases)), "")
     looks = f"physics that the training part does not show{': ' if later else ''}{later}"
-    return Remains(errors.rms, times, bodies, when, None, looks)
+    looks = NOTHING if nameless and not later else looks
+    return Remains(errors.rms, times, bodies, largest_when(errors.scored or {}, cases), None, looks)
 
 
 def meets_when_scored(case: Case) -> bool:

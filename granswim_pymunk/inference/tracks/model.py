@@ -23,7 +23,7 @@ from ..driven_terms import as_an_answer
 from ..explained import Explained, Scores, explained, spoken_against, spread_with_mismatch
 from ..hypothesis import Failed, Free, left_out
 from ..judge import (
-    NOTHING,
+    HELD_OUT_OFF,
     Claim,
     Completeness,
     Form,
@@ -40,7 +40,7 @@ from ..judge import (
     not_named,
     remains_of,
 )
-from ..mechanisms import UNKNOWN, plainly
+from ..mechanisms import NOTHING, UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..noise import LikelyNoise, squares_in_slow_noise
 from ..pipeline import diagnose_by, judged_by_training
@@ -51,7 +51,7 @@ from ..trial import rows_of
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
-from .experiment import propose
+from .experiment import propose, with_clock
 from .fit import Fitter, joined
 from .fitted import Fit
 from .forms import forms_as_good, left_standing
@@ -60,6 +60,7 @@ from .held_out import (
     carried_on,
     errors_of_repeats,
     held_out_errors,
+    largest_when,
     learn_memory,
     left_of_held_out,
     meets_when_scored,
@@ -120,6 +121,9 @@ SHOWS_LATER = (
     "held-out data are off by more than the scene as it is can leave: something is missing that what was learnt from"
     " does not show; all of a recording is learnt from where another one of the same apparatus is held out (--hold-out)"
 )
+MASSES_OFF = "masses and radii are farther off than was stated"
+MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
+UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
 
@@ -177,6 +181,7 @@ class Tracks(ObservationModel):
         self.tightened = 0.0  # what closer joints of the segments added to chi2 of what was found
         self.dropped: dict[str, str] = {}
         self.undeclared: list[Instead] = []  # numbers that nobody declared adjustable, and that would do
+        self._asked_instead: Judgement | None = None  # of which those were asked
         self.near: list[tuple[Trial, bool]] = []  # what could stand in place of what was found
         self.exchanged: Sequence[Exchange] = ()
         self.beside_names: list[str] = []  # notes on laws of the revised scene that are not named
@@ -747,19 +752,35 @@ class Tracks(ObservationModel):
             told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
             how = "as far off as was stated explain it" if as_stated else "are off"
             self.notes.append(f"the scene as believed leaves more than noise: masses and radii {how}, {told}")
-        complete = complete and (not off or as_stated) and not self._more_to_see(judged.claim.fit)
+        more = complete and (not off or as_stated) and self._more_to_see(judged.claim.fit)
+        complete = complete and (not off or as_stated) and not more
         if not named and self._more_held_out() and self._beyond_the_right_law():
             # held-out data make no claim: they only say that more is there
             self.notes.append(SHOWS_LATER)
             complete = False
         if complete and judged.claim.laws and self._beyond_the_right_law():
-            return Left(False, left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])), False
+            left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1], judged.claim.nameless)
+            return Left(False, replace(left, why=(HELD_OUT_OFF,))), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
             return Left(False, remains and replace(remains, alike=alike)), False
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None), False
-        return Left(False, self._remains(judged.claim)), True
+        remains = self._remains(judged.claim)
+        masses = bool(off) and not as_stated
+        return Left(False, remains and self._with_why(remains, judged, off=masses, more=more)), True
+
+    def _with_why(self, remains: Remains, judged: Judgement, *, off: bool, more: bool) -> Remains:
+        """What is left, with all that says that it is no noise, where its size does not say so."""
+        left, small = self._between_kicks(judged.claim.fit), current().left.as_small
+        if remains.times_floor is not None and remains.times_floor >= small and not left.passes:
+            return remains
+        said = {
+            f"noise alone is like it with p = {left.chance:.1g}": not left.passes,
+            UNEXPLAINED: left.passes and not judged.claim.laws and judged.verdict == "unmodelled",
+            MASSES_OFF: off, MORE_TO_SEE: more, HELD_OUT_OFF: bool(judged.claim.laws) and self._beyond_the_right_law(),
+        }  # fmt: skip
+        return replace(remains, why=tuple(text for text, holds in said.items() if holds))
 
     def _more_held_out(self, bent: bool = False) -> bool:
         """Whether held-out data are off by more than numbers of the right law, found from as noisy frames, leave.
@@ -839,7 +860,9 @@ class Tracks(ObservationModel):
         line = strongest_line(fit, study.training)
         if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
             looks = f"an oscillation at {line.frequency:.3g} Hz"
-        return remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+        remains = remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
+        # blocks do not predict the frames that their starts are fitted on, in which most may be left
+        return remains and replace(remains, t=largest_when(fit.innovations, study.training) or remains.t)
 
     def refitted(self) -> list[Trial]:
         """Laws that gain more than their numbers do by chance, best first; of those that ended at no bound, if any."""
@@ -871,13 +894,20 @@ class Tracks(ObservationModel):
         return {label: self._gain(self._held_out(fit, whole=False)) for label, fit in fits.items()}
 
     def propose(self, judged: Judgement, rivals: Sequence[Rival]) -> Proposal | None:
+        """None where these data tell the law from all its rivals: another film would part what is parted."""
         study, found = self.study, judged.claim.laws
-        loser = next((r.law for r in rivals if r.law.fit is not None), None)
-        if len(found) != 1 or loser is None or found[0].fit is None or study.late(current().budget.experiment):
+        if len(found) != 1 or found[0].fit is None or study.late(current().budget.experiment):
             return None
         study.progress("the next experiment", 0.95)
-        names = (found[0].mechanism, loser.mechanism)
-        return propose(found[0].fit, loser.fit, names, study.cases, study.predictor, study.stop)
+        told, name = None, found[0].mechanism
+        alike = [(r.law.mechanism, r.law.fit) for r in rivals if r.same and r.law.fit is not None]
+        if alike:
+            (other, loser), *more = alike
+            how = study.cases, study.predictor, study.stop
+            told = propose(found[0].fit, loser, (name, other), *how, more)
+        for rate in (n for n in self._numbers_instead(judged) if not n.of_the_scene):
+            told = with_clock(told, name, abs(rate.believed / rate.value - 1.0), study.training)
+        return told
 
     # ---- what is handed over
 
@@ -911,13 +941,17 @@ class Tracks(ObservationModel):
         return float(fit.values[k]), low, high
 
     def instead(self, course: Course) -> tuple[str, ...]:
-        claim, told = course.judged.claim, course.judged.verdict
+        return tuple(map(str, self._numbers_instead(course.judged)))
+
+    def _numbers_instead(self, judged: Judgement) -> list[Instead]:
+        claim, told = judged.claim, judged.verdict
         if told in ("no_mismatch", "recalibrate") or self.study.late(current().budget.remains):
-            return ()
-        fitter = self._fitter_of(claim.fit)
-        given = claim.laws, claim.fit, self.tried.recalibrated, fitter
-        self.undeclared = in_a_lost_scene(*given) or instead_of(*given, self.spread)
-        return tuple(map(str, self.undeclared))
+            return []
+        if self._asked_instead is not judged:
+            given = claim.laws, claim.fit, self.tried.recalibrated, self._fitter_of(claim.fit)
+            self.undeclared = in_a_lost_scene(*given) or instead_of(*given, self.spread)
+            self._asked_instead = judged
+        return self.undeclared
 
     def closing_notes(self, course: Course) -> list[str]:
         notes = []
@@ -932,7 +966,8 @@ class Tracks(ObservationModel):
                 shows = "show" if len(laws) > 1 else "shows"
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
         entries = self.mechanisms(course)
-        notes += as_the_picture(entries, self.study.cases) + as_a_push(entries, self.study.cases)
+        notes += as_the_picture(entries, self.study.cases)
+        notes += as_a_push(entries, self.study.cases, {t.term.law for t in laws})
         if course.judged.claim.nameless:
             claimed = course.judged.claim.fit
             notes += as_a_spring(laws[0], claimed, self.study.training) or self._as_a_spring_after_all()

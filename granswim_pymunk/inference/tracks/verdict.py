@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..candidates import distinct_bodies, joints_by_body, names_of, owners, weig
 from ..criteria import current
 from ..data import Case, with_gravity
 from ..hypothesis import Free, Term, clock, equation_with
+from ..mechanisms import nameless
 from ..pushes import told_as, with_form
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
@@ -84,10 +86,10 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     return notes
 
 
-def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
+def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case], forms: Collection[str]) -> list[str]:
     """What a stream is where all bodies have one mass: a drag and a push as well, -c (v - u) = -c v + m a, a = c u/m.
 
-    Not a stream whose drag is no line: there both differ.
+    forms : laws that were found; another form of a stream, whose drag is no line, is no sum of such two
     """
     masses = {mass for name, _, mass in distinct_bodies(cases)}
     flat = not with_gravity(cases)
@@ -95,14 +97,16 @@ def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> li
     for entry in entries:
         law = all_laws().get(str(entry["name"]))
         numbers = entry["parameters"]
-        if law is None or law.role != "medium" or not law.linear or len(masses) != 1 or not {"c", "u"} <= set(numbers):
+        if law is None or law.name not in forms or law.role != "medium" or not law.linear:
+            continue
+        if len(masses) != 1 or not {"c", "u"} <= set(numbers):
             continue
         a = float(numbers["c"]["value"]) * np.array(numbers["u"]["value"], float) / min(masses)
         size = float(np.hypot(*a))
         slope = min(size / STANDARD_GRAVITY, 1.0)
         level = f", as of a table that leans by {math.degrees(math.asin(slope)):.2g} degrees" if flat else ""
         notes.append(
-            f"{law.mechanism} is the same as linear_drag with this c and a push on all bodies of "
+            f"{law.mechanism} is the same as {law.nests[0]} with this c and a push on all bodies of "
             f"({a[0]:.3g}, {a[1]:.3g}) m/s^2{level}: no motion of bodies of one mass tells them apart"
         )
     return notes
@@ -199,7 +203,10 @@ class Told:
                     parameters[name] = self._parameter(offset, term, mine)
             for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
                 parameters[name] = (value, None, None, unit)
-            expression = equation_with(term.expression, ((k, p[0], p[3]) for k, p in parameters.items()))
+            said = term.expression
+            if nameless(trial.mechanism):
+                parameters, said = self._of_what_shows(term, parameters)
+            expression = equation_with(said, ((k, p[0], p[3]) for k, p in parameters.items()))
             on_all = owner is None and set(acting) == set(names_of(self.cases))
             parameters = with_form(term.law, parameters, on_all, [case.recording.scene for case in self.cases])
             expression += told_as(parameters)
@@ -213,6 +220,30 @@ class Told:
                 )
             )  # fmt: skip
         return entries
+
+    def _of_what_shows(self, term: Term, parameters: Mapping[str, Written]) -> tuple[dict[str, Written], str]:
+        """Numbers and expression of a form without a name, without those that change nothing of what was seen.
+
+        Nor is a width told of a number that may be anything that was sought, or a coordinate that no body has.
+        """
+        told, said, rows_of = dict(parameters), term.expression, dict(term.groups)
+        kinds = {channel.kind for case in self.cases for channel in case.channels}
+        unseen = set("xy") - kinds if kinds and kinds < set("xy") else set[str]()
+        for name, (value, low, high, unit) in parameters.items():
+            rows = [r for r in rows_of.get(name, ()) if r >= 0]
+            if name in term.fixed and isinstance(value, list | tuple) and unseen:
+                del told[name]
+                parts = zip("xy", value, strict=True)
+                told |= {f"{name}_{axis}": (part, None, None, unit) for axis, part in parts if axis not in unseen}
+            elif len(rows) == 1 and low is not None and low == high:
+                del told[name]
+                said = re.sub(rf" [+-] {re.escape(name)} [A-Z]\b", "", said)
+            elif len(rows) == 1 and low is not None and high is not None:
+                free = term.free[rows[0]]
+                told[name] = (value, None, None, unit) if low <= free.low and high >= free.high else told[name]
+        if unseen:
+            said = said.replace("X, Y the place", f"{(kinds.pop()).upper()} the place")
+        return told, said
 
     def _parameter(self, offset: int, term: Term, rows: Sequence[int]) -> Written:
         found: list[tuple[float, float | None, float | None]] = []

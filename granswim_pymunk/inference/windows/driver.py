@@ -14,8 +14,9 @@ from ...recording import Recording
 from ..criteria import current
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
-from ..judge import NOTHING, Remains
+from ..judge import Remains
 from ..kept import Store
+from ..mechanisms import NOTHING
 from ..places import Place
 from ..simpler import special_cases
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale

@@ -10,8 +10,8 @@ import numpy as np
 from ..criteria import current
 from ..explained import Explained, Scores, explained
 from ..hypothesis import Hypothesis
-from ..judge import NOTHING, Remains, paired
-from ..mechanisms import UNKNOWN, nameless, plainly
+from ..judge import Remains, paired
+from ..mechanisms import NOTHING, UNKNOWN, nameless, plainly
 from ..significance import student
 from .judge import disks_of, errors, noise_floor
 from .likelihood import Prediction, WindowLikelihood, Windows
