@@ -62,7 +62,7 @@ def test_a_picture_is_too_large_about_the_place_from_which_bodies_hang():
     scene, camera = term.apply(cases[0].recording.scene, {}, [1.01])
     rod = np.array([0.2, -0.4])
     np.testing.assert_allclose(see(np.array([0.3, 0.8]), **camera), [0.3, 0.8], atol=1e-15)
-    np.testing.assert_allclose(see(rod + [0.3, 0.8], bias=(0.1, 0.0), **camera), 1.01 * rod + [0.4, 0.8], atol=1e-15)
+    np.testing.assert_allclose(see(np.add(rod, (0.3, 0.8)), bias=(0.1, 0.0), **camera), np.add(1.01 * rod, (0.4, 0.8)), atol=1e-15)
     turned = terms["camera_tilt about the anchor"].apply(scene, {}, [0.1])[1]
     np.testing.assert_allclose(see(np.array([0.3, 0.8]), **turned), [0.3, 0.8], atol=1e-15)
     assert "camera_scale about the anchor" not in {t.label for t in camera_terms(prepare_all([pendulum()], ()))}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,6 +14,7 @@ from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import try_candidates
 from granswim_pymunk.inference.tracks.pairs import any_field
+from granswim_pymunk.inference.tracks.settle import reaches_its_end
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
@@ -60,6 +63,11 @@ def test_the_point_and_the_force_are_found(form):
     errors = np.sqrt(np.diag(found.fit.covariance))
     assert np.all(np.abs(found.values - true) < 4 * errors)
     assert all(t.fit.chi2 > found.fit.chi2 + 100 for t in trials if t.mechanism == "distance_force")
+    # with any power, or from anywhere, it would be a smooth field like many others
+    assert not reaches_its_end(found, found.fit, 1.0)
+    for k, free in enumerate(found.term.free[1:], 1):
+        loose = replace(found.fit, limits={k: (free.low, float(found.values[k]) + 1.0)})
+        assert free.name in reaches_its_end(found, loose, 1.0)
 
 
 def test_it_is_no_law_beside_a_force_between_bodies():

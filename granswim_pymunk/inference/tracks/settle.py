@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import distributions as stats
-from ...laws import Law, all_laws
+from ...laws import Law, all_laws, has_role
 from ..candidates import for_bodies, owners, with_numbers
 from ..criteria import current
 from ..hypothesis import Free, Hypothesis, Term
@@ -264,13 +264,15 @@ def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
     """Which strength of a law has an interval that touches a bound of its search (contract 2); empty where none does.
 
     As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature. Nor has
-    one that, at the law's shape, goes from where that is absent to no end: anything would do.
+    one that, at the law's shape, goes from where that is absent to no end: anything would do. Of a force from a point
+    that nobody sees place and shape count too: far away, and with any power, it is a smooth field like many others.
     spread : inflation of variances by what the fit leaves
     """
+    unseen = has_role(trial.mechanism, "source")
     for k, free in enumerate(trial.term.free, fit.hypothesis.rows(trial.label).start):
         ends = zip(fit.interval(k, spread)[1:], (free.low, free.high), strict=True)
-        strength = not (free.inner or free.natural)
-        if strength and any(end == bound != free.neutral and math.isfinite(bound) for end, bound in ends):
+        counts = not free.natural and (unseen or not free.inner)
+        if counts and any(end == bound != free.neutral and math.isfinite(bound) for end, bound in ends):
             return f"the interval of {free.name} reaches where its search ends"
     held = with_shape_held(fit, trial.label) if any(f.inner for f in trial.term.free) else fit
     strengths = [f for f in trial.term.free if not f.inner]
