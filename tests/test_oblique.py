@@ -60,11 +60,11 @@ def test_a_picture_is_too_large_about_the_place_from_which_bodies_hang():
     terms = {t.label: t for t in camera_terms(cases)}
     term = terms["camera_scale about the anchor"]
     scene, camera = term.apply(cases[0].recording.scene, {}, [1.01])
-    rod = np.array([0.2, -0.4])
-    np.testing.assert_allclose(see(np.array([0.3, 0.8]), **camera), [0.3, 0.8], atol=1e-15)
-    np.testing.assert_allclose(see(np.add(rod, (0.3, 0.8)), bias=(0.1, 0.0), **camera), np.add(1.01 * rod, (0.4, 0.8)), atol=1e-15)
+    rod, pivot = np.array([0.2, -0.4]), np.array([0.3, 0.8])
+    np.testing.assert_allclose(see(pivot, **camera), pivot, atol=1e-15)
+    np.testing.assert_allclose(see(pivot + rod, bias=(0.1, 0.0), **camera), pivot + 1.01 * rod + [0.1, 0.0], atol=1e-15)
     turned = terms["camera_tilt about the anchor"].apply(scene, {}, [0.1])[1]
-    np.testing.assert_allclose(see(np.array([0.3, 0.8]), **turned), [0.3, 0.8], atol=1e-15)
+    np.testing.assert_allclose(see(pivot, **turned), pivot, atol=1e-15)
     assert "camera_scale about the anchor" not in {t.label for t in camera_terms(prepare_all([pendulum()], ()))}
 
 
