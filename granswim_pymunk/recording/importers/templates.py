@@ -114,6 +114,8 @@ def parse_law(text: str) -> dict[str, Any]:
     for key in table:
         if key not in ("name", "body", "bodies"):
             declared.parameter(key)
+    if any(p.name in bodies[1:] and p.name not in table for p in declared.parameters):
+        raise wrong  # a parameter without a value, and no body
     return table
 
 
