@@ -276,8 +276,9 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         raise InputError(f"the arc of {name} is too short to tell its radius ({found}): {ask}", where="scene pendulum")
     side = np.array([-below[1], below[0]])
     swing = swing_of(t, _angles(xy - anchor, length, below, side, (0, 1))) if any(gravity) else None
-    told = _period_told(name, swing, math.hypot(*gravity), length, 5 * error, "length" in given)
     refined, how = _swing_fit(t, xy, anchor, length, gravity, free), "its arc"
+    fitted = math.nan if refined is None or "length" in given else refined[1]
+    told = _period_told(name, swing, math.hypot(*gravity), length, 5 * error, "length" in given, fitted=fitted)
     # the rod of another length, as a wrong scale or a bob that is no point makes it, would hang from another place
     agree = "length" in given or (refined is not None and abs(refined[1] / length - 1) < 5 * error)
     if refined is not None and agree:
@@ -293,16 +294,21 @@ def _hung(name: str, anchor: np.ndarray, length: float, given: Mapping[str, Any]
 
 
 def _period_told(
-    name: str, swing: Swing | None, g: float, length: float, error: float, said: bool, *, across: bool = False
-) -> str:
+    name: str, swing: Swing | None, g: float, length: float, error: float, said: bool, *, across: bool = False,
+    fitted: float = math.nan,
+) -> str:  # fmt: skip
     """What is added where the period tells another length than the arc, or than what the user said; empty else.
 
     Another by SWINGS_OFF is told of the recording, whatever template made it.
+    fitted : the length that a fit of the whole course tells, as the amplitude may fade; nan where there is none
     """
     rod = math.nan if swing is None else rod_of(swing, g, across=across)
     if swing is None or not math.isfinite(rod):
         return ""
-    least = max(MARGIN if said else AGREE, error, 6 * swing.error / swing.period)
+    unsure = 6 * swing.error / swing.period
+    if math.isfinite(fitted):
+        rod, unsure = fitted, 0.0  # of a whole course the period is surer than the arc
+    least = max(MARGIN if said else AGREE, error, unsure)
     if abs(rod / length - 1) < least or not 1 / SWINGS_OFF < rod / length < SWINGS_OFF:
         return ""
     told = f"; but its period of {swing.period:.4g} s is that of a point on a rod of {rod:.4g} m"
