@@ -219,7 +219,7 @@ class TestLong:
             ("t,body,x,y\n0,a,1,2\n0,a,1,2\n", {}, "row 3: two rows for body a"),
             ("t,body,x,y\n0,a,1,two\n", {}, "row 2: y should be a number"),
             ("t,body,x,y\n0,a,1,inf\n", {}, "row 2: y should be a number"),
-            ("t,body,x,y\n0,c,1,2\n", {}, "row 2: body 'c' is not in the scene"),
+            ("t,body,x,y\n0,a,1,2\n0,c,1,2\n", {}, "row 3: body 'c' is not in the scene"),
             ("t,body,x,y\n0,a,1\n", {}, "row 2: expected 4 columns, got 3"),
             ("t,body,x,y\n,a,1,2\n", {}, "row 2: t is missing"),
             ("t,body,x,y\n0,a,,\n", {}, "is empty"),

@@ -950,6 +950,19 @@ class TestScenes:
         assert pin["anchor"] == pytest.approx((0.1, 0.4), abs=3e-4)
         assert r.scene.gravity == (0.0, -9.81) and r.scene.adjustable[0].name == "pin.length"
 
+    def test_a_wrong_scale_does_not_displace_the_pivot(self, tmp_path):
+        """The length of the arc is then that of the picture, the period's another one: both are told."""
+        (done,) = import_all(
+            self.swing(tmp_path), tmp_path / "out", bodies=["bob:1cm:50g"], scene="pendulum", fps=60, flip_y=60.0,
+            unit="1.006 cm", picture=False,
+        )  # fmt: skip
+        pin = done.recording.scene.laws_named("pin")[0].values
+        assert pin["length"] == pytest.approx(1.006 * 0.25, rel=5e-4)
+        assert pin["anchor"] == pytest.approx((0.1006, 0.4024), abs=2e-4)
+        (note,) = [n for n in done.notes if "hangs on a rod" in n]
+        told = re.search(r"by its arc; but .* a point on a rod of ([\d.]+) m.* 0\.6\d* % too large \(--unit, times", note)
+        assert told and float(told[1]) == pytest.approx(0.25, rel=1e-3)
+
     def test_a_short_arc_asks_for_the_length(self, tmp_path):
         source = self.swing(tmp_path, start=0.01)
         with pytest.raises(InputError, match="--law 'pin:bob,length"):

@@ -1,15 +1,18 @@
 """Tables of a student laboratory: angles of pendulums, headings of PASCO, one coordinate, a rail that is none."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.inference.hypothesis import adjustable_terms
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.recording.importers import import_all, import_recording
 from granswim_pymunk.recording.importers.base import Options
+from granswim_pymunk.recording.importers.templates import parse_law
 
 T = np.arange(60) / 25
 LEFT, RIGHT = 0.3 * np.cos(4 * T), 0.2 * np.sin(4 * T)  # rad
@@ -353,3 +356,81 @@ def test_a_row_of_units_below_the_names_in_the_comments_above_a_table(tmp_path, 
     (tmp_path / "lab.txt").write_text("\n".join(["#Creator: a bench", "#Time\tPos", units, *rows]))
     (r,) = import_recording(tmp_path / "lab.txt", bodies=["bob:2cm:100g"], scene="cart")
     assert r.xy[:, 0, 0] == pytest.approx(LEFT, abs=1e-6) and r.t == pytest.approx(T)
+
+
+@pytest.mark.parametrize(
+    ("head", "sign"), [("Run #1;\nTime (s);Position (m)", ";"), ("Run #1,,\n3 May,cart,\nt,x,y\ns,m,m", ",")]
+)
+def test_titles_above_the_header_are_none_of_the_table(tmp_path, head, sign):
+    columns = [T, LEFT] if sign == ";" else [T, LEFT, RIGHT]
+    (r,) = import_recording(write(tmp_path, head, *columns, sign=sign), bodies=["cart:3cm:1kg"])
+    np.testing.assert_allclose(r.t, T)
+    np.testing.assert_allclose(r.xy[:, 0, 0], LEFT)
+
+
+def test_rows_that_no_header_follows_are_asked_for(tmp_path):
+    with pytest.raises(InputError, match="--skip-rows N where rows stand above the header"):
+        import_recording(write(tmp_path, "Run #1;3\nfoo;bar", T, LEFT, sign=";"), bodies=["cart:3cm:1kg"])
+
+
+@pytest.mark.parametrize("header", [" ,Label,X,Y,Slice", " ,Label,X,Y,Frame", "index,Track n°,X,Y,Slice n°"])
+def test_y_of_imagej_points_down_and_the_only_body_has_the_name_that_was_said(tmp_path, header):
+    number = np.arange(len(T))
+    rows = [f"{k + 1},puck.avi,{x},{y},{k}" for k, x, y in zip(number.tolist(), LEFT, 2 + RIGHT, strict=True)]
+    (tmp_path / "Results.csv").write_text("\n".join([header, *rows]))
+    said = {"unit": "1mm/px", "fps": 25.0, "bodies": ["puck:4cm:80g"], "picture": False}
+    (done,) = import_all(tmp_path / "Results.csv", tmp_path / "out", **said)
+    assert done.recording.ids == ("puck",)
+    np.testing.assert_allclose(done.recording.xy[:, 0, 1], -1e-3 * (2 + RIGHT))
+    assert any("y points down" in n for n in done.notes) and not any("y is taken" in n for n in done.notes)
+    (r,) = import_recording(tmp_path / "Results.csv", flip_y=False, unit="1mm/px", fps=25.0, bodies=["*:4cm:80g"])
+    assert r.ids == ("puck.avi",) and (r.xy[:, 0, 1] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "table"),
+    [
+        ("rod:a,b,length=0.25", {"name": "rod", "bodies": ["a", "b"], "length": 0.25}),
+        ("rod:a+b,length=0.25", {"name": "rod", "bodies": ["a", "b"], "length": 0.25}),
+        ("pair_spring:a,b:k=1.6", {"name": "pair_spring", "bodies": ["a", "b"], "k": 1.6}),
+        ("pair_spring:k=1.6,f_0=0.4", {"name": "pair_spring", "k": 1.6, "f_0": 0.4}),
+        ("pin:bob, anchor=0 0", {"name": "pin", "body": "bob", "anchor": [0.0, 0.0]}),
+        ("gravity", {"name": "gravity"}),
+    ],
+)
+def test_laws_of_bodies(text, table):
+    assert parse_law(text) == table
+
+
+@pytest.mark.parametrize("text", ["rod:a,length=0.25,b", "rod,length", "pin:bob,length", "pin:bob,length=", ":bob"])
+def test_laws_that_are_none(text):
+    with pytest.raises(InputError, match=r"should be NAME\[:BODY\[,BODY\]\],PARAMETER=VALUE"):
+        parse_law(text)
+
+
+def test_two_bodies_of_a_law_and_a_spring_between_pendulums(tmp_path):
+    """Pendulums that a spring couples have no period of their own, and nothing is asked about it."""
+    t = np.arange(200) / 25
+    angles = 0.3 * np.cos(9 * t), 0.2 * np.sin(9 * t)
+    places = [c for k, a in enumerate(angles) for c in (0.5 * k + 0.6 * np.sin(a), -0.6 * np.cos(a))]
+    source = write(tmp_path, "t,p1_x,p1_y,p2_x,p2_y", t, *places)
+    said = {"bodies": ["*:3cm:1kg"], "scene": "pendulum", "picture": False}
+    (alone,) = import_all(source, tmp_path / "alone", laws=PINS, **said)
+    (both,) = import_all(source, tmp_path / "both", laws=[*PINS, "pair_spring:p1,p2,k=60,f_0=0"], **said)
+    assert both.recording.scene.laws_named("pair_spring")[0].bodies == ("p1", "p2")
+    assert any("swings with a period" in w for w in alone.look.warnings) and not both.look.warnings
+
+
+def test_a_component_of_a_vector_is_adjustable(tmp_path):
+    source = write(tmp_path, "t,x", T, 0.1 + 2 * T - 0.5 * T**2)
+    said = {"bodies": ["cart:4cm:510g"], "scene": "cart", "laws": ["uniform_force:cart,a=-0.95 0.1"]}
+    with pytest.raises(InputError, match=r"its components are uniform_force\.a_x and uniform_force\.a_y"):
+        import_recording(source, adjustables=["uniform_force.a=-1:-0.9"], **said)
+    with pytest.raises(InputError, match="unknown parameter 'a_z'"):
+        import_recording(source, adjustables=["uniform_force.a_z=-1:-0.9"], **said)
+    import_all(source, tmp_path / "out", adjustables=["uniform_force.a_x=-1.1:-0.9"], picture=False, **said)
+    recording = read_recording(tmp_path / "out")
+    (term,) = adjustable_terms([SimpleNamespace(name="a", recording=recording)])
+    assert (term.free[0].first, term.free[0].unit) == (-0.95, "m/s^2")
+    moved, _ = term.apply(recording.scene, {}, [-1.0])
+    assert moved.laws_named("uniform_force")[0].values["a"] == (-1.0, 0.1)

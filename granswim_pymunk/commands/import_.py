@@ -58,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     scene.add_argument(
         "--law", action="append", dest="laws", metavar="LAW",
-        help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25' (granswim laws lists them); once for each",
+        help="a law that is believed, as 'pin:bob,anchor=0 0,length=0.25', 'rod:a,b,length=0.25' (granswim laws lists "
+        "them); once for each",
     )  # fmt: skip
     scene.add_argument(
         "--adjustable", action="append", dest="adjustables", metavar="LAW.PARAMETER=LOW:HIGH",

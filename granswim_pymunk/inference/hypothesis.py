@@ -178,7 +178,7 @@ def adjustable_terms(cases: Sequence[Case]) -> tuple[Term, ...]:
     for case in cases:
         scene = case.recording.scene
         for a in scene.adjustable:
-            parameter = scene.laws_named(a.law)[0].law.parameter(a.parameter)
+            parameter = scene.laws_named(a.law)[0].law.number(a.parameter)
             if parameter.size != 1 or parameter.choices:
                 raise InputError("only a single number can be adjustable", where=f"adjustable {a.name}")
             copies: list[tuple[str, tuple[str, ...] | None, frozenset[str]]]
@@ -205,7 +205,7 @@ def _believed(scene: Scene, number: Adjustable, bodies: tuple[str, ...] | None) 
     """What is believed of an adjustable number, for some bodies or all."""
     for item in scene.laws_named(number.law):
         if bodies is None or item.bodies is None or set(bodies) & set(item.bodies):
-            return float(scene.resolved(item)[number.parameter])
+            return float(scene.number(item, number.parameter))
     raise InputError("no body has it", where=f"adjustable {number.name}")
 
 

@@ -343,6 +343,16 @@ class Law:
         known = ", ".join(p.name for p in self.parameters) or "none"
         raise InputError(f"unknown parameter {name!r}; it has: {known}", where=f"law {self.name}")
 
+    def number(self, name: str) -> Parameter:
+        """A single number: a parameter, or a component of one that is a vector, ``a_x`` of ``a``."""
+        vector = next((p for p in self.parameters if p.size > 1 and name in p.arguments), None)
+        return self.parameter(name) if vector is None else replace(vector, name=name, size=1)
+
+    def components(self, values: Mapping[str, Any]) -> dict[str, float]:
+        """Those of its vectors by their names, ``a_x`` and ``a_y`` of ``a``; not of one that the scene works out."""
+        vectors = [p for p in self.parameters if p.size > 1 and values[p.name] is not AUTOMATIC]
+        return {name: value for p in vectors for name, value in zip(p.arguments, values[p.name], strict=True)}
+
     def check(self, values: Mapping[str, Any], *, file: Any = None) -> dict[str, Any]:
         """Values for every parameter, in the order of declaration, checked and completed by defaults."""
         known = {parameter.name for parameter in self.parameters}

@@ -322,7 +322,8 @@ def _unit_of_adjustable(name: str) -> str:
     """Of ``pin.length`` what the law declares; nothing where the name is no law's."""
     law, _, parameter = name.partition(".")
     declared = all_laws().get(law)
-    return next((unit_shown(p.unit) for p in (declared.parameters if declared else ()) if p.name == parameter), "")
+    parameters = declared.parameters if declared else ()
+    return next((unit_shown(p.unit) for p in parameters if parameter in (p.name, *p.arguments)), "")
 
 
 def _own_table(given: Table) -> str:

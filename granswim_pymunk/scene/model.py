@@ -80,7 +80,7 @@ class Scene:
             uses = [item for item in self.laws if item.name == adjustable.law]
             if not uses:
                 raise InputError("the scene has no such law", where=f"adjustable {adjustable.name}")
-            uses[0].law.parameter(adjustable.parameter)
+            uses[0].law.number(adjustable.parameter)
             if not adjustable.low < adjustable.high:
                 raise InputError("low should be below high", where=f"adjustable {adjustable.name}")
 
@@ -251,6 +251,11 @@ class Scene:
                 if rail.bodies is None or item.bodies[0] in rail.bodies:
                     values["direction"] = rail.values["direction"]
         return values
+
+    def number(self, item: LawUse, name: str) -> Any:
+        """A value of a law, or a component of a vector: ``a_x`` of ``a``."""
+        values = self.resolved(item)
+        return (values | item.law.components(values))[name]
 
     def _automatic(self, item: LawUse, parameter: str) -> Any:
         work_out = AUTOMATIC_VALUES.get(f"{item.name}.{parameter}") or AUTOMATIC_VALUES.get(parameter)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError
-from ..laws import Law, get_law
+from ..laws import AUTOMATIC, Law, get_law
 from ..limits import (
     LARGEST_MASS,
     LARGEST_RADIUS,
@@ -106,6 +106,11 @@ class LawUse:
         return self.law.name
 
     def with_values(self, **values: Any) -> LawUse:
+        """With other values; a component of a vector goes by its own name, ``a_x`` of ``a``."""
+        for p in self.law.parameters:
+            old = self.values[p.name]
+            if p.size > 1 and old is not AUTOMATIC and not values.keys().isdisjoint(p.arguments):
+                values[p.name] = tuple(values.pop(name, part) for name, part in zip(p.arguments, old, strict=True))
         return replace(self, values=self.law.check({**self.values, **values}))
 
     def __str__(self) -> str:
@@ -133,7 +138,10 @@ def use(law: Law | str, *, bodies: Iterable[str] | None = None, **values: Any) -
 
 @dataclass(frozen=True)
 class Adjustable:
-    """A parameter that recalibration may move. ``per``: "all" recordings share it, or "body", "recording"."""
+    """A parameter that recalibration may move, or a component of a vector (``a_x`` of ``a``).
+
+    ``per``: "all" recordings share it, or "body", "recording".
+    """
 
     law: str
     parameter: str

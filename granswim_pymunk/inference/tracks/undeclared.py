@@ -165,7 +165,7 @@ def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter)
 def _widely(free: Free, scene: Scene) -> tuple[float, float]:
     """Where a number is sought outside its bounds: of a size by ratio, of another to both sides."""
     law, _, name = free.name.partition(".")
-    p, far = scene.laws_named(law)[0].law.parameter(name), current().apparatus.outside
+    p, far = scene.laws_named(law)[0].law.number(name), current().apparatus.outside
     if free.low > 0:
         low, high = free.low / far, free.high * far
     else:

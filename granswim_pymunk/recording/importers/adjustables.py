@@ -24,10 +24,12 @@ def adjusted(scene: Scene, texts: Sequence[str]) -> Scene:
             listed = ", ".join(dict.fromkeys(item.name for item in scene.laws)) or "none"
             raise InputError(f"the scene has no law {found.law!r}; it has: {listed}", where=f"adjustable {found.name}")
         for item in uses:
-            item.law.parameter(found.parameter)  # raises where there is no such one
-            value = scene.resolved(item)[found.parameter]
+            names = item.law.number(found.parameter).arguments  # raises where there is no such one
+            value = scene.number(item, found.parameter)
             if not isinstance(value, float):
-                raise InputError(f"is no single number: {value!r}", where=f"adjustable {found.name}")
+                which = f"; its components are {' and '.join(f'{found.law}.{name}' for name in names)}"
+                told = f"is no single number: {value!r}{which if len(names) > 1 else ''}"
+                raise InputError(told, where=f"adjustable {found.name}")
             if not found.low <= value <= found.high:
                 raise InputError(
                     f"{value:g} is believed, which is outside {found.low:g} to {found.high:g}",

@@ -31,8 +31,8 @@ class Options:
     scene : a TOML with bodies, laws, gravity ..., or the name of a template (pendulum, puck, drop, cart, swimmer)
     inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
     hold : whether a command stays until the next row, or is linear between rows; None: as the values look
-    laws : ``name[:body],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
-    adjustables : what recalibration may move, ``law.parameter=low:high`` each
+    laws : ``name[:body[,body]],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]
+    adjustables : what recalibration may move, ``law.parameter=low:high`` each, of a vector a component (``a_x``)
     columns : where t, body, x, y, angle stand, ``{"t": "time", "x": "cx"}`` or "t=time,x=cx"; names, or
         numbers from 1
     unit, time_unit, angle_unit : of the file, a name, SI per unit, or both ("0.1mm/px")

@@ -137,9 +137,24 @@ def _without_unmeasured(
 # ---- bodies that are not told apart, short tracks -----------------------------------------------
 
 
+def _by_its_name(found: Found, options: Options, notes: list[str]) -> Found:
+    """The only body by the name that the user gave it: to the file it is "mass A", "Angle of arm", or a film's name."""
+    names, named = set(found.body or ()), [text.partition(":")[0].strip() for text in options.bodies]
+    if len(names) != 1 or len(named) != 1 or named[0] in ("*", *names):
+        return found
+    (name,), file = names, _template_file(options)
+    listed = _toml(file).get("body", []) if file is not None else []
+    if any(isinstance(b, Mapping) and b.get("id") == name for b in listed):
+        return found
+    if options.column_map().keys() - {"t", "body", "x", "y", "z", "angle"}:
+        return found  # the user called it so
+    notes.append(f"{name!r} is taken for {named[0]}, the only body")
+    return replace(found, body=named * len(found.clock))
+
+
 def _with_body(found: Found, options: Options, source: Path, notes: list[str]) -> Found:
     if found.body is not None:
-        return found
+        return _by_its_name(found, options, notes)
     named = [text.partition(":")[0] for text in options.bodies]
     named = [name for name in named if name != "*"]
     if not named and isinstance(options.scene, str | Path) and Path(options.scene).is_file():

@@ -102,6 +102,15 @@ def is_clock(column: str) -> str | None:
     return next((key for key in ("t", "frame") if name in NAMES[key]), None)
 
 
+def is_from_top(header: Sequence[str]) -> bool:
+    """Whether a table is one of ImageJ (Results, Manual Tracking, MTrackJ), which counts y from the top of a picture.
+
+    Its word for a frame is Slice, that of MTrackJ for a track TID; Results have a nameless column and perhaps a Label.
+    """
+    said = {word for column in header for word in words(column)}
+    return bool(said & {"slice", "tid"}) or (list(header[:1]) == ["index"] and "Label" in header)
+
+
 def _matches(key: str, header: Sequence[str]) -> list[str]:
     """Columns that are a key, best first; those of one rank are of several runs."""
     for wanted in NAMES[key]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import NO_BODY, find_columns, is_clock, is_lone, is_rate, is_third, is_way, words
+from .headings import NO_BODY, find_columns, is_clock, is_from_top, is_lone, is_rate, is_third, is_way, words
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -189,6 +189,7 @@ def read(source: Source, options: Options) -> Found:
         length=known(said_unit(table, found.get("x"), found.get("y")), LENGTHS),
         time=time,
         turn=known(said_unit(table, found.get("angle")), ANGLES),
+        y_down=is_from_top(table.header),
         rows=table.lines,
         unmeasured=only_one(found),
         lone=f"column {found['x']}" if unnamed and only_one(found) else _lone(table, found, given),

@@ -29,6 +29,7 @@ SHARP = 4.0  # times what a stretch is off a fall the bounce changes the way of 
 REBOUND = 0.1  # of that change, by which a body moves towards what it meets, and away from it
 BEYOND = 1.5  # times what gravity changes in that time, and drag or a wrong frame rate with it
 UNUSUAL = 5.0  # times the change of most other stretches
+PULLS = ("body", "pair", "link")  # kinds of laws that pull at a body, where they are no dampings
 HELD = {"pin", "rail", "spring", "drive", "hinge", "rod"}  # laws that turn a body round themselves
 
 
@@ -42,8 +43,11 @@ def doubts(recording: Recording, noise: float) -> list[str]:
     free = all(not item.law.parameters for item in scene.laws) and not scene.walls  # nothing but gravity acts
     said = [_off_rail(recording, k, name, noise) for k, name in enumerate(recording.ids)]
     for k, name in enumerate(recording.ids if gravity else ()):
-        if any(name in (item.bodies or (name,)) for item in scene.laws_named("pin")):
-            said.append(_swing(recording, k, name, gravity))
+        acting = [item.law for item in scene.laws if name in (item.bodies or (name,))]
+        if any(law.name == "pin" for law in acting):
+            # what else pulls at it, as a spring to another pendulum, makes its period another one
+            alone = all(law.name in ("pin", "gravity") or law.damping or law.kind not in PULLS for law in acting)
+            said.append(_swing(recording, k, name, gravity) if alone else "")
         elif free:
             said.append(_fall(recording, k, name, gravity, noise))
     return [s for s in said if s][:1]

@@ -325,6 +325,7 @@ def table_from_rows(
         # what stands above the header has another number of columns: a title, remarks
         start = next(k for k, (_, row) in enumerate(rows) if len(row) == common)
     body = list(rows[start:])
+    body = body[_titles(body, sign) :]
     # no heading is a number, nor a time of day
     bare = all(numeric(cell, sign) or _microseconds(cell) is not None for cell in body[0][1])
     units: dict[str, str] = {}
@@ -352,6 +353,19 @@ def _without_tail(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str
     if all(len(row) > 1 and row[-1] == "" for _, row in rows):
         return [(line, row[:-1]) for line, row in rows]
     return rows
+
+
+def _titles(rows: Sequence[tuple[int, list[str]]], decimal: str) -> int:
+    """How many rows stand above the header that fill fewer cells than it: titles, as ``Run #1;``."""
+    numbers = (k for k, (_, row) in enumerate(rows) if any(numeric(cell, decimal) for cell in row))
+    head = next(numbers, 0) - 1
+    if head > 0 and _is_unit_row(rows[head][1], decimal):
+        head -= 1
+    if head <= 0:
+        return 0
+    *above, filled = (sum(map(bool, row)) for _, row in rows[: head + 1])
+    named = all(re.search(r"[^\W\d_]", cell) and cell.lower() not in MISSING for cell in rows[head][1] if cell)
+    return head if named and max(above) < filled else 0
 
 
 def _is_unit_row(row: Sequence[str], decimal: str) -> bool:

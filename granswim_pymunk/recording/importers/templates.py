@@ -24,7 +24,7 @@ from .plausible import SWINGS_OFF
 
 G = 9.81
 MARGIN = 0.05  # part of a length by which recalibration may move it
-AGREE = 0.02  # to which the lengths that an arc and a period tell agree: a bob is no point
+AGREE = 0.003  # to which the lengths of an arc and a period agree with 9.81 m/s^2 anywhere: g is 9.780 to 9.832
 SWING_LEFT = 0.2  # of what a coordinate alone goes, that a swing which is its course may leave
 
 
@@ -88,27 +88,34 @@ def parse_gravity(text: str | float | Sequence[float]) -> tuple[float, float]:
 
 
 def parse_law(text: str) -> dict[str, Any]:
-    """``pin:bob,anchor=0 0,length=0.25`` as a [[law]] table. Raises InputError; values are checked later."""
-    head, *pairs = [part.strip() for part in text.split(",")]
-    name, _, who = head.partition(":")
-    if not name:
-        raise InputError(f"should be NAME[:BODY],PARAMETER=VALUE,..., got {text!r}", where="law")
+    """``pin:bob,anchor=0 0,length=0.25``, ``rod:a,b,length=0.25`` as a [[law]] table. Raises InputError.
+
+    Parameters may follow the name or the bodies after , or :. Values are checked later.
+    """
+    name, *parts = (part.strip() for part in re.split("[:,]", text))
+    pairs = [part for part in parts if "=" in part]
+    who = parts[: len(parts) - len(pairs)]  # before all parameters
+    wrong = InputError(f"should be NAME[:BODY[,BODY]],PARAMETER=VALUE,..., got {text!r}", where="law")
+    if not name or any("=" in part for part in who) or (who and ":" not in text.partition(",")[0]):
+        raise wrong
     declared = get_law(name)
     table: dict[str, Any] = {"name": name}
-    bodies = [part for part in re.split(r"[+\s]+", who) if part]
+    bodies = [part for item in who for part in re.split(r"[+\s]+", item) if part]
     if len(bodies) == 1:
         table["body"] = bodies[0]
     elif bodies:
         table["bodies"] = bodies
     for pair in pairs:
-        key, sign, value = (part.strip() for part in pair.partition("="))
-        if not sign or not key or not value:
-            raise InputError(f"should be NAME[:BODY],PARAMETER=VALUE,..., got {text!r}", where="law")
+        key, _, value = (part.strip() for part in pair.partition("="))
+        if not key or not value:
+            raise wrong
         table[key] = _value(value)
     declared = get_law(name, given=[key for key in table if key not in ("name", "body", "bodies")])
     for key in table:
         if key not in ("name", "body", "bodies"):
             declared.parameter(key)
+    if any(p.name in bodies[1:] and p.name not in table for p in declared.parameters):
+        raise wrong  # a parameter without a value, and no body
     return table
 
 
@@ -258,20 +265,24 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
     below = np.array(gravity) / (math.hypot(*gravity) or 1.0)
     free = tuple(key for key in ("anchor", "length") if key not in given)
     if "anchor" in given:
-        anchor, error = np.array(given["anchor"], dtype=float), 0.0
-        length = float(np.median(np.hypot(*(xy - anchor).T)))
+        anchor = np.array(given["anchor"], dtype=float)
+        away = np.hypot(*(xy - anchor).T)
+        length = float(np.median(away))
+        error = float(np.std(away)) / math.sqrt(len(away)) / length
     else:
         anchor, length, error = _circle(xy, given.get("length"), below)
     if error > 0.05:
         found = f"{length:.3g} m +- {100 * error:.0f} %"
         raise InputError(f"the arc of {name} is too short to tell its radius ({found}): {ask}", where="scene pendulum")
-    refined = _swing_fit(t, xy, anchor, length, gravity, free)
-    how = "its arc"
-    if refined is not None and abs(refined[1] / length - 1) < max(5 * error, 0.01):
-        (anchor, length), how = refined, "its arc and its period"
     side = np.array([-below[1], below[0]])
     swing = swing_of(t, _angles(xy - anchor, length, below, side, (0, 1))) if any(gravity) else None
-    told = _period_told(name, swing, math.hypot(*gravity), length, 5 * error, "length" in given)
+    refined, how = _swing_fit(t, xy, anchor, length, gravity, free), "its arc"
+    fitted = math.nan if refined is None or "length" in given else refined[1]
+    told = _period_told(name, swing, math.hypot(*gravity), length, 5 * error, "length" in given, fitted=fitted)
+    # the rod of another length, as a wrong scale or a bob that is no point makes it, would hang from another place
+    agree = "length" in given or (refined is not None and abs(refined[1] / length - 1) < 5 * error)
+    if refined is not None and agree:
+        (anchor, length), how = refined, "its arc and its period"
     return _hung(name, anchor, length, given, f"by {how}{told}")
 
 
@@ -283,16 +294,21 @@ def _hung(name: str, anchor: np.ndarray, length: float, given: Mapping[str, Any]
 
 
 def _period_told(
-    name: str, swing: Swing | None, g: float, length: float, error: float, said: bool, *, across: bool = False
-) -> str:
+    name: str, swing: Swing | None, g: float, length: float, error: float, said: bool, *, across: bool = False,
+    fitted: float = math.nan,
+) -> str:  # fmt: skip
     """What is added where the period tells another length than the arc, or than what the user said; empty else.
 
     Another by SWINGS_OFF is told of the recording, whatever template made it.
+    fitted : the length that a fit of the whole course tells, as the amplitude may fade; nan where there is none
     """
     rod = math.nan if swing is None else rod_of(swing, g, across=across)
     if swing is None or not math.isfinite(rod):
         return ""
-    least = max(MARGIN if said else AGREE, error, 6 * swing.error / swing.period)
+    unsure = 6 * swing.error / swing.period
+    if math.isfinite(fitted):
+        rod, unsure = fitted, 0.0  # of a whole course the period is surer than the arc
+    least = max(MARGIN if said else AGREE, error, unsure)
     if abs(rod / length - 1) < least or not 1 / SWINGS_OFF < rod / length < SWINGS_OFF:
         return ""
     told = f"; but its period of {swing.period:.4g} s is that of a point on a rod of {rod:.4g} m"
@@ -302,9 +318,11 @@ def _period_told(
             f"{told}, which is more off the length that was said than the {100 * MARGIN:.0f} % by which it is adjusted "
             f"(--adjustable pin.length={low * (1 - MARGIN):.3g}:{high * (1 + MARGIN):.3g} lets it be either)"
         )
+    large = "large" if length > rod else "small"
     return (
-        f"{told}: is the frame rate wrong (--fps, times {math.sqrt(rod / length):.3g}) or the unit (--unit, times "
-        f"{rod / length:.3g}), or is {name} no point on a rod without a mass?"
+        f"{told}: is the scale of the picture {100 * abs(length / rod - 1):.2g} % too {large} (--unit, times "
+        f"{rod / length:.4g}) or the frame rate wrong (--fps, times {math.sqrt(rod / length):.4g}), or is {name} no "
+        "point on a rod without a mass?"
     )
 
 

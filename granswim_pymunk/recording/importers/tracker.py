@@ -49,7 +49,7 @@ def read(source: Source, options: Options) -> Found:
     decimal = options.decimal or find_decimal([row for _, row in rows], delimiter)
     groups = _groups(header)
     notes: list[str] = []
-    names = _by_its_name(_group_names(lines[:head], delimiter, len(groups)), options, notes)
+    names = _group_names(lines[:head], delimiter, len(groups))
     sentinels = {*MISSING, *(text.strip().lower() for text in options.missing)}
 
     def number(row: list[str], column: int, line: int) -> float:
@@ -109,15 +109,6 @@ def _group_names(above: list[str], delimiter: str, count: int) -> list[str]:
     cells = [cell.strip() for line in above for cell in re.split(cut, line) if cell.strip()]
     names = [cell.replace(" ", "_") for cell in cells if cell.lower().rstrip(":") != "multi"]
     return names if len(names) == count and len(set(names)) == count else [str(k + 1) for k in range(count)]
-
-
-def _by_its_name(names: list[str], options: Options, notes: list[str]) -> list[str]:
-    """The only mass by the name that the user gave it: Tracker calls it "mass A" where nobody does."""
-    named = [text.partition(":")[0].strip() for text in options.bodies]
-    if len(names) != 1 or len(named) != 1 or named[0] in ("*", *names):
-        return names
-    notes.append(f"{names[0]!r} is taken for {named[0]}, the only body")
-    return named
 
 
 IMPORTER = Importer("tracker", "Tracker (Open Source Physics): text export, one mass or several", recognise, read)

@@ -107,16 +107,6 @@ def _looks_like_a_place(table: Table, column: str) -> bool:
     return said_unit(table, column) in ANGLES or any(_LIKE.fullmatch(word) for word in said)
 
 
-def _by_its_name(places: dict[str, dict[str, str]], options: Options, notes: list[str]) -> dict[str, dict[str, str]]:
-    """The columns of the only body by the name that the user gave it, where a heading has another: "Angle of arm"."""
-    named = [text.partition(":")[0].strip() for text in options.bodies]
-    if len(places) != 1 or len(named) != 1 or named[0] in ("*", *places) or options.column_map().keys() - {"t"}:
-        return places
-    ((heading, columns),) = places.items()
-    notes.append(f"{', '.join(columns.values())}: {heading!r} is taken for {named[0]}, the only body")
-    return {named[0]: columns}
-
-
 def recognise(source: Source) -> bool:
     if not source.columns or source.table is None:
         return False
@@ -141,7 +131,7 @@ def read(source: Source, options: Options) -> Found:
         t, counts, unit = clock(table, clocks, options)
     if not places:
         raise InputError(f"has no columns like x1, y1; it has: {', '.join(table.header)}", file=source.path)
-    places = _by_its_name(_joined(places, options, notes), options, notes)
+    places = _joined(places, options, notes)
     notes += _left_over(table, clocks, places)
     size = len(t)
     nothing = np.full(size, np.nan)
