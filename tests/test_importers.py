@@ -960,7 +960,7 @@ class TestScenes:
         assert pin["length"] == pytest.approx(1.006 * 0.25, rel=5e-4)
         assert pin["anchor"] == pytest.approx((0.1006, 0.4024), abs=2e-4)
         (note,) = [n for n in done.notes if "hangs on a rod" in n]
-        told = re.search(r"by its arc; but .* a point on a rod of ([\d.]+) m.* 0\.6\d* % too large \(--unit, times", note)
+        told = re.search(r"by its arc; but .* point on a rod of ([\d.]+) m.* 0\.6\d* % too large \(--unit", note)
         assert told and float(told[1]) == pytest.approx(0.25, rel=1e-3)
 
     def test_a_short_arc_asks_for_the_length(self, tmp_path):
