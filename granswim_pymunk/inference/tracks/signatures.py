@@ -140,10 +140,11 @@ def columns_of(fitter: Fitter, fit: Fit, term: Term) -> tuple[np.ndarray, np.nda
                 step *= criteria.farther if worst < criteria.nothing else min(criteria.aim / worst, criteria.longest)
             else:
                 break
-        if 2 * worst > current().fits.hopeless:
-            column[:] = 0.0  # however little of it: no run that could be compared
+        with np.errstate(over="ignore"):
+            rms = float(np.sqrt(np.mean(column**2)))
+        if 2 * worst > current().fits.hopeless or not math.isfinite(rms):
+            column[:], rms = 0.0, 0.0  # however little of it: no run that could be compared
         columns.append(column)
-        rms = float(np.sqrt(np.mean(column**2)))
         scales.append(1.0 / rms if rms > 0 else abs(step))
     return _beyond_rounding(term, np.column_stack(columns)), np.array(scales)
 
