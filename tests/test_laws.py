@@ -304,7 +304,7 @@ def test_where_laws_can_act():
         where: {law.name for law in all_laws().values() if law.name in MECHANISMS and build()[0].admits(law)}
         for where, build in SCENES.items()
     }
-    always = {"ambient_flow", "quadratic_flow", "added_mass"}
+    always = {"ambient_flow", "quadratic_flow", "added_mass", "point_force", "buried_force"}
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}
