@@ -100,6 +100,8 @@ CASES = [
     ("rolling_resistance", lambda: pressed(use("contact_friction", mu=0.4), use("rolling_resistance", mu_r=0.3))),
     ("cohesion", lambda: pressed(use("cohesion", force=0.1, range=1e-2))),
     ("distance_force", lambda: sliding(use("distance_force", s=1.0, n=2.0))),
+    ("point_force", lambda: sliding(use("point_force", s=0.5, a=(0.1, 0.2), n=2.0))),
+    ("point_force", lambda: sliding(use("buried_force", s=0.5, a=(0.1, 0.2), n=2, b=0.05))),
     ("pair_spring", lambda: carts(use("pair_spring", k=2.0, f_0=0.7))),
     ("pair_lubrication", lambda: pressed(use("pair_lubrication", c=3.0, range=2e-3))),
     ("pin", pendulum),

@@ -16,7 +16,6 @@ from .base import Parameter, law
         Parameter("b", "m", "how deep it lies", low=0.0, default=0.0, typical=1e-3),
     ],
     strength=("s",),
-    candidate="named",
     phrase="a force from a point",
     form_of="point_force",
     form="below the plane",

@@ -15,7 +15,6 @@ from .base import Parameter, law
         Parameter("n", "1", "power of the distance", low=0.0, high=20.0, default=2.0, typical=2.0),
     ],
     strength=("s",),
-    candidate="named",
     phrase="a force from a point",
     role="source",
 )

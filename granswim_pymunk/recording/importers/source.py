@@ -305,7 +305,7 @@ class Source:
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "
                 "which, as --columns t=TIME,x=CX,y=CY,body=NAME (a row per body and frame) or "
-                "t=TIME,A.x=AX,A.y=AY,B.angle=BA (a row per frame); --fps where each row is the next frame, "
+                "t=TIME,A.x=AX,A.y=AY,B.angle=BA (a row per frame); --fps where rows are frames, "
                 "--skip-rows N where rows stand above the header"
             )
         return "is a text, but no table of tracks"
