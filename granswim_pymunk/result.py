@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
-from .inference.mechanisms import NONE_DIFFERS, NOTHING, forms_in_words, nameless, none_differs, parts_of
+from .inference.mechanisms import CLAIMED, NONE_DIFFERS, NOTHING, forms_in_words, nameless, none_differs, parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .inference.result import Diagnosis
 
-CLAIMED = ("missing_physics", "measurement")  # verdicts that name something
 MOST_BODIES = 8  # named one by one
 MOST_NUMBERS = 6  # told one by one in a line
 MORE = 1.5  # noise floors from which a held-out error is said to be more than noise

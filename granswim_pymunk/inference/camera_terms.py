@@ -64,7 +64,7 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
 
 
 def _about_where_they_hang(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:
-    """Scale and tilt of a picture from which the scene has the place that its bodies hang from.
+    """Scale and tilt (``faults``) of a picture from which the scene has the place that its bodies hang from.
 
     The place is where it was seen, whatever the picture: one that is too large does not move bodies away from it.
     None where it is the origin of the picture, or where there are several.
@@ -82,7 +82,7 @@ def _about_where_they_hang(faults: Sequence[Term], cases: Sequence[Case]) -> lis
         return replace(fault, label=f"{fault.label} about the anchor", apply=apply, fixed={"o": (list(about), "m")},
                        expression=fault.expression.replace("true", "(true - o) + o"))  # fmt: skip
 
-    return [there(f) for f in faults if f.mechanism in ("camera_scale", "camera_tilt")]
+    return [there(fault) for fault in faults]
 
 
 def _of_one_recording(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:

@@ -20,6 +20,7 @@ APPARATUS = {
 }
 NONE_DIFFERS = "none of these numbers differs from zero by itself"
 NOTHING = "nothing that was tried"  # what is left looks like that
+CLAIMED = ("missing_physics", "measurement")  # verdicts that name something
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for

@@ -17,6 +17,7 @@ from ..recording import Recording
 from ..scene import Scene, Time
 from .criteria import Criteria, current
 from .hypothesis import NO_CAMERA
+from .mechanisms import CLAIMED
 
 Progress = Callable[[str, float], None]
 FORMAT = "granswim-verdict/2"
@@ -180,7 +181,7 @@ def check_verdict(verdict: Mapping[str, Any]) -> None:
         raise ValueError(f"a verdict needs {', '.join(lacking)}")
     if verdict["verdict"] not in VERDICTS:
         raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}, not {verdict['verdict']!r}")
-    if verdict["verdict"] in ("missing_physics", "measurement") and not verdict["mechanisms"]:
+    if verdict["verdict"] in CLAIMED and not verdict["mechanisms"]:
         raise ValueError(f"{verdict['verdict']} needs an entry in mechanisms")
     for part in ("train", "heldout"):
         if set(verdict["fit"][part]) < set(MODELS):

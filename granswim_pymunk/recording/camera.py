@@ -79,12 +79,11 @@ def see(
     if distortion:
         xy = bent(xy, distortion, middle)
     if any(about):
-        xy = np.asarray(xy) - np.asarray(about)
-    at = np.asarray(bias, dtype=float) + np.asarray(about, dtype=float)
+        xy, bias = np.asarray(xy) - np.asarray(about), (bias[0] + about[0], bias[1] + about[1])
     c, s = scale * math.cos(tilt), scale * math.sin(tilt)
     seen = np.empty_like(xy, dtype=float)
-    seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + at[0]
-    seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + at[1]
+    seen[..., 0] = c * xy[..., 0] - s * xy[..., 1] + bias[0]
+    seen[..., 1] = s * xy[..., 0] + c * xy[..., 1] + bias[1]
     if since is not None and (any(drift) or any(jump)):
         since = np.asarray(since, dtype=float)
         seen += (np.multiply.outer(since, drift) + np.multiply.outer(since >= jumped, jump))[:, None]

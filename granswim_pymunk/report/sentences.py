@@ -7,7 +7,7 @@ from typing import Any
 
 from ..inference.criteria import DEFAULT
 from ..inference.judge import HELD_OUT_OFF
-from ..inference.mechanisms import APPARATUS, NOTHING, forms_in_words
+from ..inference.mechanisms import APPARATUS, CLAIMED, NOTHING, forms_in_words
 from ..inference.pushes import degrees_of_tilt
 from ..inference.result import TOLD, Diagnosis
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
@@ -17,7 +17,6 @@ TWICE = 2.0  # noise floors that a held-out error may reach by the start that it
 FAR = 3.0  # standard errors from what was believed, from which an adjustable has moved
 NEARLY = 0.9  # of a mismatch, from which it needs a word why what explains it is not named
 STANDARD_ERRORS = 3.92  # in the width of a central 95 %
-CLAIMS = ("missing_physics", "measurement")  # verdicts that name something
 BEYOND = 37.0  # z where doubles end
 HOLD_ANOTHER_OUT = (
     "What is open is what held-out data show: film the same apparatus again and hold that film out "
@@ -238,7 +237,7 @@ def _better(d: Diagnosis) -> str:
             "unmodelled": "With a force that has no name" if v["mechanisms"] else "Without any law",
             "recalibrate": "With the new value" + ("s" if len(v["recalibrated"]) > 1 else ""),
         }[v["verdict"]]
-        undecided = part == "held-out" and v["heldout"] == "undecided" and v["verdict"] in CLAIMS
+        undecided = part == "held-out" and v["heldout"] == "undecided" and v["verdict"] in CLAIMED
         if final < 0.9 * naive or undecided:  # that nothing is decided is said at the end
             changes = "falls" if final <= naive else "grows"
             text = f"{way} the {part} error {changes} from {length(naive, unit)} to {shown}."
@@ -256,7 +255,7 @@ def _better(d: Diagnosis) -> str:
             text = f"The {part} error of the scene is {shown}."
     right = d.right_law if part == "held-out" else None
     text += " " + remainder(final, naive, errors["noise_floor"], part, _is_noise(v), right or ())
-    if v["heldout"] == "undecided" and v["verdict"] in CLAIMS:
+    if v["heldout"] == "undecided" and v["verdict"] in CLAIMED:
         text += " The held-out data do not decide whether it predicts better."
     return text
 

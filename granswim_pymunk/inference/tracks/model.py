@@ -40,7 +40,7 @@ from ..judge import (
     not_named,
     remains_of,
 )
-from ..mechanisms import NOTHING, UNKNOWN, plainly
+from ..mechanisms import CLAIMED, NOTHING, UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..noise import LikelyNoise, squares_in_slow_noise
 from ..pipeline import diagnose_by, judged_by_training
@@ -390,7 +390,7 @@ class Tracks(ObservationModel):
         if judged.claim.nameless:
             # numbers of a form are known as well as what it leaves says, not as the names that it stands for
             self.spread = spread_of(judged.claim.fit, self.study.training)
-        if judged.verdict not in ("missing_physics", "measurement"):
+        if judged.verdict not in CLAIMED:
             return judged
         count = len(self.tried.recalibrated.values)
         late = partial(self.study.late, current().budget.settling)
@@ -1085,7 +1085,7 @@ def diagnose_tracks(
 
     again = diagnose_by(Tracks(*freed, minutes=left, seed=seed, progress=once_more), seed)
     told = again.verdict["verdict"]
-    if told not in ("missing_physics", "measurement") or not again.verdict["complete"]:
+    if told not in CLAIMED or not again.verdict["complete"]:
         # a number that brings back a lost scene takes away most by itself, and the rest may be noise or not
         alone = number.lost or (number.likelier and again.verdict["complete"])
         if not alone or told in ("no_mismatch", "unmodelled"):
