@@ -399,8 +399,8 @@ def test_limits_of_numbers_that_are_known_only_together():
     assert not with_limits(fitter, alone, 0, 1.0).limits
 
 
-def test_force_outside_the_library_is_not_given_a_confident_name():
-    """Recordings of disks that are drawn to a point; no law in the list does that."""
+def test_a_force_to_a_point_that_nobody_sees_has_no_name_and_is_told_with_its_place():
+    """Recordings of disks that are drawn to a point: no name of the contract does that, and no field in steps."""
 
     def pull(t, xy, v):
         away = xy - np.array([0.15, 0.2])
@@ -416,7 +416,14 @@ def test_force_outside_the_library_is_not_given_a_confident_name():
     found = diagnose_tracks(records)
     verdict = found.verdict
     assert verdict["verdict"] == "unmodelled"
-    assert [e["name"] for e in verdict["mechanisms"]] in ([], ["unknown"])
+    (entry,) = verdict["mechanisms"]
+    assert entry["name"] == "unknown" and verdict["complete"] and verdict["heldout"] == "holds"
+    told = entry["parameters"]
+    for low, true, high in zip(told["a"]["low"], (0.15, 0.2), told["a"]["high"], strict=True):
+        assert low < true < high
+    assert told["n"]["value"] == 1 and told["b"]["low"] < 0.03 < told["b"]["high"]
+    assert any("at which nothing is seen" in note for note in verdict["notes"])
+    assert not any(r["name"] in ("point_force", "buried_force") for r in verdict["rivals"])
     assert verdict["mismatch"]
 
 

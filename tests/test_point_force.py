@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from granswim_pymunk.inference.candidates import law_terms, named_terms
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import try_candidates
@@ -43,7 +44,7 @@ def pucks(force, seconds: float = 2.0) -> Recording:
 
 
 def from_a_point(case):
-    """Terms of a force from a point, which no diagnosis asks for by itself: of a short film it does what any does."""
+    """Terms of a force from a point, no candidate of itself: of a short film it does what any law does."""
     assert not any(t.mechanism == "point_force" for t in named_terms([case]))
     return [t for law in ("point_force", "buried_force") for t in law_terms(get_law(law), [case], each=False)]
 
@@ -84,3 +85,13 @@ def test_it_is_no_law_beside_a_force_between_bodies():
     point = from_a_point(case)[0]
     assert any_field(point, terms["distance_force"], list(terms.values()))
     assert not any_field(point, terms["linear_drag"], list(terms.values()))
+
+
+def test_held_out_data_ask_for_the_point_where_they_turn_a_name_down():
+    """A force between the pucks follows the short part that is learnt from, and was withdrawn: nothing was told."""
+    found = diagnose([pucks(FORCES[""][0])]).verdict
+    assert found["verdict"] == "unmodelled" and found["heldout"] == "holds"
+    (entry,) = found["mechanisms"]
+    told = entry["parameters"]
+    assert entry["name"] == "unknown" and told["n"]["low"] < 1.5 < told["n"]["high"]
+    assert all(low < at < high for low, at, high in zip(told["a"]["low"], POINT, told["a"]["high"], strict=True))

@@ -452,6 +452,12 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     return terms
 
 
+def unseen_terms(cases: Sequence[Case]) -> list[Term]:
+    """Forces from a place at which nothing is seen, for all bodies alike: asked where nothing that is seen explains."""
+    laws = [law for law in all_laws().values() if law.role == "source" and applies(law, cases)]
+    return [t for law in laws if not out_of_place(law, cases) for t in law_terms(law, cases, each=False)]
+
+
 def _unlevel(term: Term, law: Law, cases: Sequence[Case]) -> Term:
     """The term, if it is what a table does that is not level, with the size up to which nobody notices that."""
     if law.role != "push" or with_gravity(cases):

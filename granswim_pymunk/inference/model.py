@@ -157,6 +157,24 @@ class ObservationModel(ABC):
     def mismatch(self, claim: Claim) -> Mismatch:
         """Whether the scene is off by more than chance, and whether an adjustable moved."""
 
+    def with_unseen(self, told: int) -> ObservationModel | None:
+        """The same with laws of what nobody sees, which are asked where no other explains; None where there is none.
+
+        Of its own, with the first ``told`` notes: what is asked of it, and noted, leaves this one as it was.
+        """
+        return None
+
+    def as_unseen(self, judged: Judgement) -> Judgement | None:
+        """What is named with a law of what nobody sees, as a form without a name; None where there is no such law.
+
+        That law comes first, the others are told in a note; the last note says in words what it is.
+        """
+        return None
+
+    def passes(self, claim: Claim) -> bool:
+        """Whether what a claim leaves of the training part is no more than noise."""
+        return False
+
     def settle(self, judged: Judgement) -> Judgement:
         """The numbers of what is told, as they are written: intervals, runs of the scene as it is handed over."""
         return judged

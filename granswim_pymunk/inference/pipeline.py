@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..laws import has_role
 from .criteria import current
 from .judge import (
     Claim,
@@ -19,7 +20,7 @@ from .judge import (
     withdrawn,
     without_laws,
 )
-from .mechanisms import nameless, plainly
+from .mechanisms import CLAIMED, nameless, plainly
 from .model import Course, HeldOut, ObservationModel, Rival
 from .result import MODELS, Diagnosis, empty_verdict, rival_entries
 
@@ -35,12 +36,16 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     null = model.nulls()  # what the same search finds where nothing is missing
     claim = model.search(null)  # one to three laws that are needed together
     null = model.null_after(null)
+    told = len(model.notes)  # what comes after is of one claim
     judged = first_that_explains(model, claim)  # enough of data that they were not fitted to
+    model, judged, asked = by_what_nobody_sees(model, judged, told)
     held = model.hold_out(judged)  # not looked at before; it may take from a claim, and never makes one
     judged, held = another_of_the_class(model, judged, held)  # ... but it may tell which of a class it is not
     judged, held = names_for_a_form(model, claim, judged, held)
     held = turned_down_if_bent(judged, held)
     judged, held = part_that_stands(model, judged, held)
+    if not asked:
+        model, judged, held = unseen_after_held_out(model, judged, held, told)
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
     left = model.left(judged)
@@ -83,6 +88,64 @@ def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
     # what the model keeps of its last look belongs to the first claim again
     del model.notes[told:]
     return model.settle(judged_by_training(model, claim))
+
+
+def by_what_nobody_sees(
+    model: ObservationModel, judged: Judgement, told: int
+) -> tuple[ObservationModel, Judgement, bool]:
+    """A force from a place at which nothing is seen, where all that is seen leaves more than noise; else all as it was.
+
+    Where it comes from and how it falls off are free, so that it bends to much: it is told where it leaves no more than
+    noise, as a form without a name, and is no rival of a law that does.
+    """
+    left = judged.verdict in CLAIMED and not model.passes(judged.claim)
+    asked = left or judged.verdict == "unmodelled"
+    found = _of_what_nobody_sees(model, judged, told) if asked else None
+    return *(found or (model, judged)), asked
+
+
+def _of_what_nobody_sees(
+    model: ObservationModel, judged: Judgement, told: int
+) -> tuple[ObservationModel, Judgement] | None:
+    """A law from an unseen place that training data name, and that leaves them no more than noise; None for none.
+
+    Beside what is named anyway it takes no name away: a note says what it would be.
+    told : how many notes there were before a claim was judged
+    """
+    further = model.with_unseen(told)
+    if further is None:
+        return None
+    claim = further.search(None)
+    if not claim.laws or not further.mismatch(claim).real:
+        return None
+    found = first_that_explains(further, claim)
+    if found.verdict not in CLAIMED or not further.passes(found.claim):
+        return None
+    form, named = further.as_unseen(found), {law.mechanism for law in judged.claim.laws}
+    if form is None:
+        return None
+    if judged.verdict in CLAIMED and any(law.mechanism in named for law in found.claim.laws):
+        model.notes.append(f"what {judged.claim.label} leaves, {further.notes[-1]}")
+        return None
+    return further, form
+
+
+def unseen_after_held_out(
+    model: ObservationModel, judged: Judgement, held: HeldOut, told: int
+) -> tuple[ObservationModel, Judgement, HeldOut]:
+    """The same where held-out data turn down what training data say, or are off by more than its numbers can leave.
+
+    A few numbers follow a short training part whatever is missing. What takes their place has to leave noise alone
+    there, and of held-out data no more than numbers of the right law do.
+    """
+    off = judged.claim.laws and (held.outcome == "fails" or held.unlike)
+    found = _of_what_nobody_sees(model, judged, told) if off else None
+    if found is None:
+        return model, judged, held
+    after = found[0].hold_out(found[1])
+    if after.outcome != "holds" or after.unlike or not model.predicts_better(held, after):
+        return model, judged, held
+    return *found, after
 
 
 def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
@@ -242,7 +305,8 @@ def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], 
     """Laws that do nearly as well as what was claimed, and names that were not accepted, with their share."""
     beside, closest = model.beside(judged), judged.closest
     if judged.verdict == "unmodelled" and not closest and not judged.withdrawn:
-        best = next((t for t in model.refitted() if not nameless(t.mechanism)), None)
+        named = [t for t in model.refitted() if not (nameless(t.mechanism) or has_role(t.mechanism, "source"))]
+        best = named[0] if named else None
         share = None if best is None else model.share(best)
         closest = () if share is None else ((best, share.share),)
     gains = model.gains(judged, [t for t, _ in closest], [t for t, _ in beside])

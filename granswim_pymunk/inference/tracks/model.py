@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from ... import distributions as stats
 from ...laws import all_laws, has_role
 from ...recording import Recording
 from ...scene import Scene
-from ..candidates import asked_terms, in_contact_alone, names_of
+from ..candidates import asked_terms, in_contact_alone, names_of, unseen_terms
 from ..criteria import current
 from ..data import Case
 from ..driven_terms import as_an_answer
@@ -104,6 +104,7 @@ from .study import (
     search_with,
     study_of,
     tried_alone,
+    tried_besides,
     with_close_joints,
     with_memory,
     without_laws,
@@ -208,6 +209,36 @@ class Tracks(ObservationModel):
         self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         self.study, self.tried = with_memory(*without_outliers(self.study, tried))
+
+    def with_unseen(self, told: int) -> Tracks | None:
+        terms = unseen_terms(self.study.cases)
+        if not terms or self.null is None or self.study.late(current().budget.settling):
+            return None
+        other = copy(self)
+        other.study = replace(self.study, rng=deepcopy(self.study.rng), notes=self.notes[:told])
+        other.notes = other.study.notes
+        other.dropped, other.undeclared, other.beside_names = dict(self.dropped), [], []
+        other._looked_at, other._completeness = set(self._looked_at), dict(self._completeness)
+        other.tried = tried_besides(other.study, self.tried, terms)
+        # bodies that are seen explain too little: beside what nobody sees, what they do to one another is no rival
+        other.chosen = chosen_alone(other.study, other.tried, self.null)
+        return other
+
+    def as_unseen(self, judged: Judgement) -> Judgement | None:
+        laws = judged.claim.laws
+        unseen = [t for t in laws if has_role(t.mechanism, "source")]
+        others = [t for t in laws if not has_role(t.mechanism, "source")]
+        if not unseen:
+            return None
+        told = Told(judged.claim.fit, self.spread, self.study.cases)
+        self.notes += [f"beside it, in the revised scene: {e['name']}: {e['expression']}" for t in others
+                       for e in told.entries(t, None)]  # fmt: skip
+        (entry, *_), phrase = told.entries(unseen[0], None), plainly(unseen[0].mechanism)
+        self.notes.append(f"{phrase} at which nothing is seen, as of a magnet below a table: {entry['expression']}")
+        return replace(judged, verdict="unmodelled", claim=replace(judged.claim, laws=(*unseen, *others)))
+
+    def passes(self, claim: Claim) -> bool:
+        return self.completeness(claim.fit).passes
 
     def nulls(self) -> Null | None:
         self.null, self.chosen = beyond_nulls(self.study, self.tried)

@@ -263,6 +263,26 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     return FittedAlone(naive, recalibrated, terms, bank, alive, untried, forms_alive, best, spread, scores)
 
 
+def tried_besides(study: Study, tried: FittedAlone, terms: Sequence[Term]) -> FittedAlone:
+    """What was fitted alone, and further candidates beside it, each alone."""
+    fitter, plain, before = study.fitter, tried.recalibrated, tried.bank
+    bank = make_bank(fitter, plain, terms)
+    trials = try_candidates(fitter, plain, bank, study.stages, lambda *a: None, study.stop)
+    alive = score_inner(study.inner, [t for t in trials if t.fit is not None])
+    both = replace(
+        before, signatures=(*before.signatures, *bank.signatures), asked=(*before.asked, *bank.asked)
+    )
+    more = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
+    fits = [tried.best, *(t.fit for t in alive if t.fit is not None)]
+    best = min(fits, key=lambda fit: fit.chi2)
+    return replace(
+        tried, terms=[*tried.terms, *more], bank=both, best=best, spread=spread_of(best, study.training),
+        alive=sorted([*tried.alive, *alive], key=lambda t: -t.gain),
+        untried=[*tried.untried, *(t for t in trials if t.fit is None)],
+        inner=tried.inner | {t.term.label: t.inner for t in alive},
+    )  # fmt: skip
+
+
 def _leaves_noise(trial: Trial) -> bool:
     return trial.fit is not None and not trial.fit.excess and not absurd(trial)
 
