@@ -220,9 +220,9 @@ class Tracks(ObservationModel):
         other.dropped, other.undeclared, other.beside_names = dict(self.dropped), [], []
         other._looked_at, other._completeness = set(self._looked_at), dict(self._completeness)
         other.tried = tried_besides(other.study, self.tried, terms)
-        # bodies that are seen explain too little: beside what nobody sees, what they do to one another is no rival
         other.chosen = chosen_alone(other.study, other.tried, self.null)
-        return other
+        # where another law explains more by itself, this one would only stand beside it
+        return other if other.chosen is not None and has_role(other.chosen.mechanism, "source") else None
 
     def as_unseen(self, judged: Judgement) -> Judgement | None:
         laws = judged.claim.laws
