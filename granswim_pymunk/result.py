@@ -244,22 +244,22 @@ def standing(verdict: Mapping[str, Any]) -> list[str]:
 
 
 def law_line(entry: Mapping[str, Any]) -> str:
-    """The expression of a law with its numbers; those of a form without a name with their intervals."""
-    if not nameless(entry["name"]) or not entry["expression"]:
+    """The expression of a law with its numbers and their intervals; of many numbers the first, and how many more."""
+    if not entry["expression"] or not entry["parameters"]:
         return str(entry["expression"])
     # behind the equation stand the numbers, which are given anew
-    equation, *more = entry["expression"].split("; ")
-    told = []
+    said, numbers, told = entry["expression"].split("; "), f"{next(iter(entry['parameters']))} = ", []
+    at = next((k for k, text in enumerate(said) if text.startswith(numbers)), len(said))
     for name, p in entry["parameters"].items():
         unit = p.get("unit") or ""
         for part, value, low, high in parts_of(name, p):
-            if isinstance(value, str | bool):
+            if value is None or isinstance(value, str | bool):
                 told.append(f"{part} = {value}")
             else:
                 told.append(f"{part} = {in_digits(value, low, high)}{'' if unit in ('', '1') else f' {unit}'}")
-    said = [equation, *(text for text in more if " = " not in text)]
-    said += [shortly(told)] if told else []
-    return "; ".join(said + ([NONE_DIFFERS] if none_differs(entry["parameters"]) else []))
+    said[at : at + 1] = [shortly(told)]
+    form = nameless(entry["name"]) and none_differs(entry["parameters"])
+    return "; ".join(said + ([NONE_DIFFERS] if form else []))
 
 
 def adjusted(verdict: Mapping[str, Any], believed: Mapping[str, Sequence[float]]) -> str:

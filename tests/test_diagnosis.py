@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
@@ -196,6 +197,16 @@ def test_nothing_missing_gives_no_mismatch():
     assert verdict["verdict"] == "no_mismatch"
     assert verdict["mechanisms"] == []
     assert verdict["null"]["p_false_alarm"] >= 1 / (verdict["null"]["replicates"] + 1)
+
+
+def test_a_null_says_how_large_what_was_not_seen_may_be():
+    """A drag of three standard errors of the film: nothing is named, and the bound that is told holds it."""
+    truth = replace(table(), laws=(*table().laws, use("linear_drag", c=2e-5)))
+    found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(5))])
+    assert found.verdict["verdict"] == "no_mismatch"
+    (note,) = [n for n in found.verdict["notes"] if n.startswith("with 95 % confidence no more")]
+    told = float(re.search(r"linear_drag.c = ([0-9.e-]+) kg/s", note)[1])
+    assert 2e-5 < told < 2e-3
 
 
 def test_lossy_collision_is_restitution():

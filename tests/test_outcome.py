@@ -131,9 +131,21 @@ def test_a_form_without_a_name_is_printed_with_its_intervals(found):
     idle = {**entry, "parameters": {**entry["parameters"], "c3": entry["parameters"]["c1"]}}
     for form, told in ((idle, "4 numbers fitted; none of these numbers differs"), (more, "4 numbers fitted</p>")):
         assert told in page(replace(found, verdict={**found.verdict, "mechanisms": [form]}), {})
-    # a law with a name is printed as it stands
-    named = found.verdict["mechanisms"][0]
-    assert law_line(named) == named["expression"]
+
+
+def test_a_law_is_printed_with_the_intervals_of_its_numbers():
+    parameters = {"torque": (5.09e-4, 5.05e-4, 5.13e-4, "N m"), "p": (0, None, None, "1")}
+    said = "torque on b = -M w/|w|; w = w_b - w_a; torque = 0.000509 N m, p = 0"
+    entry = mechanism_entry("joint_friction", said, ["a"], parameters, 0.9, None)
+    told = "torque on b = -M w/|w|; w = w_b - w_a; torque = 0.0005090 (0.0005050 to 0.0005130) N m, p = 0"
+    assert law_line(entry) == told
+    push = {"a": ([0.1, 0.0], [0.09, None], [0.11, None], "m/s^2"), "form": ("tilt", None, None, "")}
+    said = "F = m a; a = [0.1, 0] m/s^2, form = tilt; 0.58 degrees"
+    entry = mechanism_entry("uniform_force", said, ["0"], push, 1, 1)
+    assert law_line(entry) == (
+        "F = m a; a[0] = 0.100 (0.090 to 0.110) m/s^2, a[1] = 0 m/s^2, form = tilt; 0.58 degrees"
+    )
+    assert law_line({**entry, "parameters": {}}) == entry["expression"]
 
 
 def test_words_and_figures_read_the_criteria_of_their_result(found, monkeypatch):

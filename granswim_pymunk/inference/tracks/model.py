@@ -112,7 +112,7 @@ from .study import (
     without_single_ones,
 )
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
-from .verdict import Told, as_a_push, as_a_spring, as_the_picture, at_its_bound, revised_scene, used
+from .verdict import Told, as_a_push, as_a_spring, as_the_picture, at_its_bound, below, revised_scene, used
 
 BENDS_AS_WELL = "more than noise is left, and a picture or a clock that is off looks like a little of anything"
 MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
@@ -991,6 +991,8 @@ class Tracks(ObservationModel):
             notes.append(left_out(failures))
         notes += [f"{b}: not named, {why}" for b, why in self.dropped.items()]
         laws = course.judged.claim.laws
+        if course.judged.verdict in ("no_mismatch", "recalibrate"):
+            notes += below(self.tried.alive, self.spread)
         notes += as_well_in_place(self.exchanged, [t.mechanism for t in laws])
         if laws and course.held.outcome == "undecided" and all(in_contact_alone(t.term) for t in laws):
             if not any(meets_when_scored(c) for c in self.study.cases):

@@ -37,6 +37,25 @@ def at_its_bound(number: Free, value: float) -> str:
     )
 
 
+def below(trials: Sequence[Trial], spread: float) -> list[str]:
+    """How large a law of one strength may be where none was found, by its 95 % interval.
+
+    trials : laws that were fitted alone, each told once;  spread : inflation of their variances
+    """
+    told: dict[str, str] = {}
+    for trial in trials:
+        fit, (free, *more) = trial.fit, trial.term.free
+        if fit is None or more or free.inner or trial.mechanism in told or trial.term.law not in all_laws():
+            continue
+        _, low, high = fit.interval(fit.hypothesis.rows(trial.label).start, spread)
+        most = max(abs(low - free.neutral), abs(high - free.neutral))
+        if free.neutral == 0 and math.isfinite(most) and low < free.high and (high < free.high or free.natural):
+            unit = "" if free.unit in ("", "1") else f" {free.unit}"
+            told[trial.mechanism] = f"{trial.mechanism}.{free.name.rpartition('.')[2]} = {most:.2g}{unit}"
+    most_of = ", ".join(told.values())
+    return [f"with 95 % confidence no more than this may be there, each alone: {most_of}"] if told else []
+
+
 def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
     """What a push along gravity is the same as: a picture of another scale, of another frame rate, or upside down.
 
