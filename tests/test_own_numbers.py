@@ -11,12 +11,14 @@ from scipy.integrate import solve_ivp
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.result import mechanism_entry
 from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.name import Trial, refit
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.inference.tracks.undeclared import instead_of
+from granswim_pymunk.inference.tracks.verdict import beside_its_own
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -109,3 +111,21 @@ def test_a_form_is_plainer_than_a_lens_beside_other_laws(monkeypatch):
 
     assert plainer(1030.0, lens, drag, push) == "a power" == plainer(1000.0, lens, drag)
     assert plainer(1060.0, lens, drag, push) == plainer(1030.0, drag, push) == ""
+
+
+def test_a_law_that_the_scene_has_already_is_told_with_both_together():
+    """A coupling 20 % too weak was a second spring, and nobody read that the first one is 1.92 N/m in place of 1.6."""
+    carts = tuple(Body(name, "free", 0.02, 0.1) for name in "ab")
+    spring = use("pair_spring", k=1.6, f_0=0.4)
+    scene = Scene(carts, (use("rail", direction=(1.0, 0.0)), spring))
+    t, xy = np.arange(40) / 20, np.zeros((40, 2, 2))
+    xy[:, :, 0] = [[0.0, 0.25]] + 0.01 * np.sin(5 * t[:, None])
+    record = Recording("carts", scene, t, ("a", "b"), xy, sampling=20.0, position_noise=1e-4)
+    case = prepare(record, held_out=False, split=True)
+    numbers = {"k": (0.32, 0.31, 0.33, "N/m"), "f_0": (0.08, 0.07, 0.09, "N")}
+    entry = mechanism_entry("pair_spring", "F_n = f_0 - k d", ["a", "b"], numbers, 1.0, 1.0)
+    told = "pair_spring stands in the scene already, with k = 1.6 N/m, f_0 = 0.4 N: together k = 1.92 N/m, f_0 = 0.48 N"
+    assert beside_its_own([entry], [case]) == [told]
+    assert beside_its_own([{**entry, "bodies": ["a"]}], [case]) == []
+    drag = mechanism_entry("linear_drag", "F = -c v", ["a", "b"], {"c": (1.0, 0.9, 1.1, "kg/s")}, 1.0, 1.0)
+    assert beside_its_own([drag], [case]) == []

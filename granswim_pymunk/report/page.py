@@ -229,7 +229,7 @@ def _error_text(d: Diagnosis) -> str:
     if d.right_law is not None:
         text += " Where its numbers, too, are found from the training part of such recordings, more is left."
     if any(u.estimated for u in d.used):
-        text += " The noise was not given for all recordings; it is estimated from how rough the tracks are."
+        text += " Where noise was not given, or the tracks show another, it is estimated from how rough they are."
     return f'<p class="note">{text}</p>'
 
 

@@ -112,7 +112,17 @@ from .study import (
     without_single_ones,
 )
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
-from .verdict import Told, as_a_push, as_a_spring, as_the_picture, at_its_bound, below, revised_scene, used
+from .verdict import (
+    Told,
+    as_a_push,
+    as_a_spring,
+    as_the_picture,
+    at_its_bound,
+    below,
+    beside_its_own,
+    revised_scene,
+    used,
+)
 
 BENDS_AS_WELL = "more than noise is left, and a picture or a clock that is off looks like a little of anything"
 MAY_BE_ABSENT = "noise, or a table that is not quite level, may be all of it"
@@ -999,6 +1009,7 @@ class Tracks(ObservationModel):
                 shows = "show" if len(laws) > 1 else "shows"
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
         entries = self.mechanisms(course)
+        notes += beside_its_own(entries, self.study.cases)
         notes += as_the_picture(entries, self.study.cases)
         notes += as_a_push(entries, self.study.cases, {t.term.law for t in laws})
         if course.judged.claim.nameless:

@@ -56,6 +56,31 @@ def below(trials: Sequence[Trial], spread: float) -> list[str]:
     return [f"with 95 % confidence no more than this may be there, each alone: {most_of}"] if told else []
 
 
+def beside_its_own(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
+    """That a law which is named is one that the scene has already: how strong both are together.
+
+    Forces of one law add up where its strengths alone differ, and what else it takes is the same in both.
+    """
+    notes, scenes = [], [case.recording.scene for case in cases]
+    for entry in entries:
+        law, numbers = all_laws().get(str(entry["name"])), entry["parameters"]
+        own = [item for item in scenes[0].laws_named(str(entry["name"]))] if law is not None else []
+        if law is None or len(own) != 1 or any(scene.laws != scenes[0].laws for scene in scenes):
+            continue
+        values, bodies = scenes[0].resolved(own[0]), own[0].bodies or names_of(cases)
+        others = [name for name in numbers if name not in law.strength]
+        told = {name: numbers[name]["value"] for name in law.strength if name in numbers}
+        if set(bodies) != set(entry["bodies"]) or any(numbers[name]["value"] != values.get(name) for name in others):
+            continue
+        if not told or any(isinstance(value, list) or name not in values for name, value in told.items()):
+            continue
+        units = {name: "" if (unit := numbers[name]["unit"]) in ("", "1") else f" {unit}" for name in told}
+        both = ", ".join(f"{name} = {values[name] + value:.4g}{units[name]}" for name, value in told.items())
+        before = ", ".join(f"{name} = {values[name]:.4g}{units[name]}" for name in told)
+        notes.append(f"{law.name} stands in the scene already, with {before}: together {both}")
+    return notes
+
+
 def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[str]:
     """What a push along gravity is the same as: a picture of another scale, of another frame rate, or upside down.
 
