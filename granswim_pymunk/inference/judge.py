@@ -99,7 +99,7 @@ def remains_of(scores: Scores, times: Sequence[np.ndarray], looks_like: str) -> 
     block = max(by_block, key=lambda b: float(np.mean(by_block[b])))
     t = times[block]
     return Remains(
-        float(np.sqrt(np.mean(values**2))), float(np.sqrt(scores.mean / max(floor, 1e-12))), bodies,
+        float(np.sqrt(np.mean(values**2))) if len(values) else None, float(np.sqrt(scores.mean / max(floor, 1e-12))), bodies,
         (float(t[0]), float(t[-1])), None, looks_like,
     )  # fmt: skip
 

@@ -28,8 +28,10 @@ from .segments import find_impacts, make_segments
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square of seen minus predicted over all measured numbers [m or rad], and by recording.
+    """Root mean square of seen minus predicted [m or rad], and by recording.
 
+    Over positions where a recording has any, in m: a rad is no m, and angles beside them count in ``scored`` alone,
+    each over its own noise.
     ``whole``: where starts were fitted to whole held-out recordings, reported beside it.
     ``values``: for a held-out recording with numbers of its own, all numbers (p,) as it was scored with.
     """
@@ -146,16 +148,17 @@ def own_numbers(hypothesis: Hypothesis, values: np.ndarray, case: Case) -> tuple
 
 def training_errors(fit: Fit, cases: Sequence[Case]) -> Errors:
     """Errors on the training part, from the innovations of a fit."""
-    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations})
+    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations}, cases)
 
 
-def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
+def _pool(errors: Mapping[str, np.ndarray], cases: Sequence[Case]) -> Errors:
     by_case = {}
     squares, count = 0.0, 0
-    for name, array in errors.items():
+    for case in (c for c in cases if c.name in errors):
+        array = errors[case.name][:, case.in_unit]
         used = array[np.isfinite(array)]
         if len(used):
-            by_case[name] = float(np.sqrt(np.mean(used**2)))
+            by_case[case.name] = float(np.sqrt(np.mean(used**2)))
             squares += float(used @ used)
             count += len(used)
     return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
@@ -250,8 +253,8 @@ def held_out_errors(
             if into is errors:
                 predicted[case.name] = seen
                 sizes[case.name] = array / case.sigma
-    pooled = _pool(errors)
-    all_frames = _pool(everything)
+    pooled = _pool(errors, cases)
+    all_frames = _pool(everything, cases)
     return replace(
         pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
         scored=sizes, window=window,
@@ -382,7 +385,7 @@ def window_errors(
             fit = fitter.fit(
                 hypothesis, values, None, fixed=True, stages=how.block_stages, evaluations=how.block
             )  # fmt: skip
-            left = (case.values - fitter.predict(fit, case, first | rest))[rest]
+            left = (case.values - fitter.predict(fit, case, first | rest))[np.ix_(rest, case.in_unit)]
         except Failed:
             found.append(np.nan)
             continue
@@ -414,7 +417,7 @@ def noise_floor(
                 continue
             error = replicate.values - seen
             for key, mask in (("train", case.training), ("heldout", case.scored)):
-                used = error[mask]
+                used = error[np.ix_(mask, case.in_unit)]
                 used = used[np.isfinite(used)]
                 squares[key][0] += float(used @ used)
                 squares[key][1] += len(used)
