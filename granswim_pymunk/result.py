@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
 from .inference.mechanisms import CLAIMED, NONE_DIFFERS, NOTHING, forms_in_words, nameless, none_differs, parts_of
+from .inference.result import not_tried
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +34,7 @@ SPOKEN = {
     "unmodelled": "something is missing that no known law explains",
     "measurement": "the camera, the clock or the tracker is off",
 }
+OPEN = "something is missing; the time was up before all known laws were tried"
 LARGEST_VERDICT = 50_000_000  # bytes
 
 
@@ -100,7 +102,7 @@ class Result(Mapping[str, Any]):
         """
         v = self.verdict
         sections = [
-            ("Verdict", [f"{v['verdict']}: {SPOKEN.get(v['verdict'], '')}".rstrip(": ")]),
+            ("Verdict", [f"{v['verdict']}: {_spoken(v)}".rstrip(": ")]),
             ("Laws", [line for entry in v["mechanisms"] for line in _law_lines(entry)]),
             ("Explained", standing(v)),
             ("Recalibrated", _parameter_lines(v.get("recalibrated") or {})),
@@ -133,7 +135,7 @@ class Result(Mapping[str, Any]):
         table = f"<table>{head}{''.join(rows)}</table>" if rows else ""
         said = "".join(f"<li>{escaped(line)}</li>" for line in (*standing(v), *_rival_lines(v["rivals"])))
         return (
-            f"<div><p><b>{escaped(v['verdict'])}</b>: {escaped(SPOKEN.get(v['verdict'], ''))}</p>{table}"
+            f"<div><p><b>{escaped(v['verdict'])}</b>: {escaped(_spoken(v))}</p>{table}"
             f"{f'<ul>{said}</ul>' if said else ''}</div>"
         )
 
@@ -322,6 +324,12 @@ def _bodies(names: Sequence[str]) -> str:
 
 def _on(names: Sequence[str]) -> str:
     return f" on {_bodies(names)}" if names else ""
+
+
+def _spoken(verdict: Mapping[str, Any]) -> str:
+    """The verdict in words; that it is open where nothing stands and not all was tried."""
+    told = str(verdict["verdict"])
+    return OPEN if told == "unmodelled" and not_tried(verdict) else SPOKEN.get(told, "")
 
 
 def _law_lines(entry: Mapping[str, Any]) -> list[str]:

@@ -136,6 +136,12 @@ class Case:
     def unit(self) -> str:
         return "rad rms" if all(channel.kind == "angle" for channel in self.channels) else "m rms"
 
+    @property
+    def in_unit(self) -> np.ndarray:
+        """(c,) which channels are in the unit that errors are told in: angles only where there are no positions."""
+        angles = np.array([channel.kind == "angle" for channel in self.channels], dtype=bool)
+        return angles if angles.all() else ~angles
+
 
 def with_gravity(cases: Sequence[Case]) -> bool:
     """Whether gravity acts in the scene of any of the recordings."""

@@ -17,7 +17,8 @@ class Scores:
     """Squared residuals of unseen blocks in units of their expected spread.
 
     sums, counts : by (block, body, stretch of its time): sum of squares and how many numbers
-    residuals : by block (T_rest, c) seen minus predicted [unit of the channel], not whitened, NaN where not seen
+    residuals : by block (T_rest, c) seen minus predicted [m or rad], not whitened, NaN where not seen and of
+        angles beside positions
     floor : (draws, units) the same sums for noise alone, in the order of ``sums``
     """
 

@@ -98,8 +98,9 @@ def remains_of(scores: Scores, times: Sequence[np.ndarray], looks_like: str) -> 
     bodies = tuple(b for b, m in means.items() if m - floor > least) or tuple(means)
     block = max(by_block, key=lambda b: float(np.mean(by_block[b])))
     t = times[block]
+    rms = float(np.sqrt(np.mean(values**2))) if len(values) else None
     return Remains(
-        float(np.sqrt(np.mean(values**2))), float(np.sqrt(scores.mean / max(floor, 1e-12))), bodies,
+        rms, float(np.sqrt(scores.mean / max(floor, 1e-12))), bodies,
         (float(t[0]), float(t[-1])), None, looks_like,
     )  # fmt: skip
 

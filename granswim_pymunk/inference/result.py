@@ -24,6 +24,8 @@ FORMAT = "granswim-verdict/2"
 VERDICTS = ("no_mismatch", "recalibrate", "missing_physics", "unmodelled", "measurement")
 MODELS = ("naive", "recalibrated", "revised", "noise_floor")
 TOLD = ("missing_physics", "measurement", "unmodelled")  # verdicts that say that something is missing or off
+NOT_TRIED = "not tried, the time was up: "  # how a note begins that names candidates which the time did not suffice for
+PAIRS = "pairs of laws"
 TRAINING, PARTLY, HELD_OUT = "training", "part held out", "held out"
 
 
@@ -193,6 +195,12 @@ def check_verdict(verdict: Mapping[str, Any]) -> None:
     for entry in verdict["mismatch"]:
         if not entry["bodies"] and not entry["where"].get("region"):
             raise ValueError("a mismatch needs the bodies, or the region, where it is")
+
+
+def not_tried(verdict: Mapping[str, Any]) -> list[str]:
+    """Candidates that the time did not suffice for, as the notes name them: where nothing else stands, all is open."""
+    told = [note.removeprefix(NOT_TRIED) for note in verdict["notes"] if note.startswith(NOT_TRIED)]
+    return list(dict.fromkeys(name for text in told for name in text.split(", ")))
 
 
 def plain_numbers(value: Any) -> Any:

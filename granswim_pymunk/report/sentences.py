@@ -9,7 +9,7 @@ from ..inference.criteria import DEFAULT
 from ..inference.judge import HELD_OUT_OFF
 from ..inference.mechanisms import APPARATUS, CLAIMED, NOTHING, forms_in_words
 from ..inference.pushes import degrees_of_tilt
-from ..inference.result import TOLD, Diagnosis
+from ..inference.result import PAIRS, TOLD, Diagnosis, not_tried
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
 
 NOISE = 1.3  # an error below this many noise floors is called noise
@@ -85,6 +85,10 @@ def headline(d: Diagnosis) -> str:
         return f"The measurement is off, not the physics: {listed(_named(d, True))}."
     if v["verdict"] == "unmodelled":
         text = "Something is missing from the scene, and no law known here describes it"
+        if untried := not_tried(v):
+            names = listed([spoken(name) for name in untried])
+            text = f"Something is missing from the scene, and what it is is open: the time was up before {names} "
+            text += f"{'was' if len(untried) == 1 and untried[0] != PAIRS else 'were'} tried"
         near = next((r for r in v["rivals"] if r.get("share") is not None), None)
         if near is not None:
             text += f"; what comes closest, {spoken(near['name'])}, explains {percent(near['share'])} of it"

@@ -261,7 +261,7 @@ def score(
         if len(floor) == told:
             failed.append(f"{block.case.name}: no body is followed from a start as well as it is known")
             continue
-        residuals[b] = raw * block.case.sigma
+        residuals[b] = np.where(block.case.in_unit, raw * block.case.sigma, np.nan)
     return Scores(sums, counts, residuals, np.array(floor).T.reshape(criteria.draws, len(floor)), tuple(failed))
 
 

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...scene import Scene
 from ..criteria import current
@@ -18,18 +19,21 @@ from ..judge import Remains, paired
 from ..linear import errors_of
 from ..mechanisms import NOTHING
 from ..noise import Noise, drawn_noises
+from ..start import StartBody
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import seen_by, tells_noise, white_sizes
 from .kicks import shown_later
-from .segments import find_impacts, make_segments
+from .segments import Follow, find_impacts, is_followed, make_segments
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square of seen minus predicted over all measured numbers [m or rad], and by recording.
+    """Root mean square of seen minus predicted [m or rad], and by recording.
 
+    Over positions where a recording has any, in m: a rad is no m, and angles beside them count in ``scored`` alone,
+    each over its own noise.
     ``whole``: where starts were fitted to whole held-out recordings, reported beside it.
     ``values``: for a held-out recording with numbers of its own, all numbers (p,) as it was scored with.
     """
@@ -146,16 +150,17 @@ def own_numbers(hypothesis: Hypothesis, values: np.ndarray, case: Case) -> tuple
 
 def training_errors(fit: Fit, cases: Sequence[Case]) -> Errors:
     """Errors on the training part, from the innovations of a fit."""
-    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations})
+    return _pool({c.name: fit.innovations[c.name] * c.sigma for c in cases if c.name in fit.innovations}, cases)
 
 
-def _pool(errors: Mapping[str, np.ndarray]) -> Errors:
+def _pool(errors: Mapping[str, np.ndarray], cases: Sequence[Case]) -> Errors:
     by_case = {}
     squares, count = 0.0, 0
-    for name, array in errors.items():
+    for case in (c for c in cases if c.name in errors):
+        array = errors[case.name][:, case.in_unit]
         used = array[np.isfinite(array)]
         if len(used):
-            by_case[name] = float(np.sqrt(np.mean(used**2)))
+            by_case[case.name] = float(np.sqrt(np.mean(used**2)))
             squares += float(used @ used)
             count += len(used)
     return Errors(float(np.sqrt(squares / count)) if count else None, by_case)
@@ -206,12 +211,14 @@ def held_out_errors(
     whole: bool = True,
     memory: float = np.inf,
     followed: Collection[str] = (),
+    lost: Mapping[str, int] | None = None,
 ) -> Errors:
     """Score the held-out frames with the parameters of the training fit.
 
     A split recording runs on from its training part. A held-out recording gets its start, and the adjustables
     that belong to it alone, from its first 20 % and the rest is scored; ``whole`` also fits the start to all of it.
-    ``memory``: see ``fading``;  ``followed``: recordings that are run on although they are cut into segments.
+    ``memory``: see ``fading``;  ``followed``: recordings that are run on although they are cut into segments;
+    ``lost``: those that are not, although they are not cut, and how many windows of each are, see ``is_lost``.
     """
     errors: dict[str, np.ndarray] = {}
     sizes: dict[str, np.ndarray] = {}
@@ -222,7 +229,7 @@ def held_out_errors(
     for case in cases:
         if not case.scored.any():
             continue
-        windows = [] if case.name in followed else _windows(case)
+        windows = [] if case.name in followed else _windows(case, lost)
         if windows:
             seen, length = _by_windows(training, case, windows, predictor, stop)
             if seen is None:
@@ -250,8 +257,8 @@ def held_out_errors(
             if into is errors:
                 predicted[case.name] = seen
                 sizes[case.name] = array / case.sigma
-    pooled = _pool(errors)
-    all_frames = _pool(everything)
+    pooled = _pool(errors, cases)
+    all_frames = _pool(everything, cases)
     return replace(
         pooled, whole=all_frames.rms, whole_by_case=all_frames.by_case, predicted=predicted, values=used,
         scored=sizes, window=window,
@@ -277,26 +284,102 @@ def carried_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Genera
     """
     if case.held_out or not case.scored.any() or case.name not in fit.jacobian:
         return math.inf
-    fitter = Fitter([case], predictor, {case.name: case.training})
-    fitter.segments = {case.name: fit.segments[case.name]}
-    p = len(fit.values)
-    errors = errors_of(np.hstack(fit.jacobian[case.name]))
-    low, high = fit.hypothesis.bounds
     try:
-        runs = [fitter.predict(fit, case, case.scored)[case.scored]]
-        for _ in range(current().left.starts):
-            off = errors @ rng.normal(size=len(errors))
-            values = np.clip(fit.values + off[:p], low, high)
-            drawn = replace(fit, values=values, starts={case.name: fit.starts[case.name] + off[p:]})
-            runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
+        runs = _drawn_on(fit, case, predictor, rng)
     except Failed:
         return math.inf
-    return float(np.nanmean(((np.array(runs[1:]) - runs[0]) / case.sigma) ** 2))
+    return float(np.nanmean(((runs[1:] - runs[0]) / case.sigma) ** 2))
+
+
+def is_lost(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> bool:
+    """Whether what is not known of numbers and starts carries a run as far off as the motion is wide, and farther.
+
+    Two runs of a chaotic scene that have lost each other are apart by twice the variance of its motion, mean square,
+    and one is off the mean of all by once that: there a run from one start says nothing of a law, whatever it is, and
+    held-out frames are followed in windows with starts of their own. Asked of pieces of them: one is enough, since the
+    largest errors are all that counts in a sum of squares. False where what is seen hardly moves, or nothing can be
+    said; nor of recordings that are cut at impacts, of which held-out frames are cut into windows anyway.
+    """
+    if _windows(case):
+        return False
+    try:
+        every, narrow = np.arange(len(case.t)), current().segments.narrow
+        if is_followed(case, every, _follower(fit, case, predictor), narrow):
+            return False  # not chaotic: numbers that are not known are no fault of the run
+        runs = _drawn_on(fit, case, predictor, rng)
+    except (Failed, np.linalg.LinAlgError):
+        return False
+    wide = np.nanvar(case.values / case.sigma, axis=0)[case.in_unit]
+    if wide.sum() < current().signatures.far ** 2 * len(wide):
+        return False
+    apart = ((runs[1:] - runs[0])[..., case.in_unit] / case.sigma[case.in_unit]) ** 2
+    pieces = np.array_split(np.nanmean(apart, axis=0), current().blocks.held_out)
+    return any(float(np.nanmean(piece)) > float(wide.mean()) for piece in pieces if np.isfinite(piece).any())
+
+
+def windows_of_lost(fit: Fit, case: Case, predictor: Predictor) -> int:
+    """How many windows the held-out frames of a recording that ``is_lost`` are cut into, 0 where nothing can be said.
+
+    As few as have starts that are found: twice as many until each is followed through the frames that its start is
+    fitted on as well as that is known before, or is as short as a block may be.
+    """
+    criteria, frames = current().blocks, int(case.scored.sum())
+    count = criteria.windows
+    follow = _follower(fit, case, predictor)
+    while 2 * count * criteria.frames <= frames:
+        try:
+            firsts = [np.flatnonzero(first) for first, _ in _windows(case, {case.name: count})]
+            if all(is_followed(case, rows, follow) for rows in firsts):
+                return count
+        except Failed:
+            return 0
+        count *= 2
+    return count
+
+
+def _follower(fit: Fit, case: Case, predictor: Predictor) -> Follow:
+    """What follows a recording from any start, with the numbers of a fit."""
+
+    def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return predictor(fit.hypothesis, case, fit.values, starts, numbers, float(t[0]), t)
+
+    return follow
+
+
+def _drawn_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> np.ndarray:
+    """Runs (n, T_scored, c) of the held-out frames, first that of a fit, then those of numbers and starts drawn.
+
+    Drawn from what the frames that they were found from leave open, (J'J)^-1. Raises Failed, or LinAlgError.
+    """
+    low, high = fit.hypothesis.bounds
+    fitter = Fitter([case], predictor, {case.name: case.start if case.held_out else case.training})
+    p = len(fit.values)
+    if case.held_out:
+        found, own = _with_its_start(fitter, fit, case)
+        values = fit.values.copy()
+        if len(own):
+            values[own] = found.values
+        size, axes = np.linalg.eigh(fit.covariance)
+        numbers = axes * np.sqrt(np.maximum(size, 0.0))
+        numbers[own] = 0.0  # no training recording says anything of them
+        errors = block_diag(numbers, errors_of(found.jacobian[case.name][1]))
+        fit = replace(fit, values=values, starts=found.starts)
+    else:
+        fitter.segments = {case.name: fit.segments[case.name]}
+        errors = errors_of(np.hstack(fit.jacobian[case.name]))
+    runs = [fitter.predict(fit, case, case.scored)[case.scored]]
+    for _ in range(current().left.starts):
+        off = errors @ rng.normal(size=errors.shape[1])
+        starts = {case.name: fit.starts[case.name] + off[p:]}
+        drawn = replace(fit, values=np.clip(fit.values + off[:p], low, high), starts=starts)
+        runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
+    return np.array(runs)
 
 
 def worse_by_chance(
-    training: Fit, case: Case, apart: np.ndarray, predictor: Predictor, rng: np.random.Generator
-) -> float:
+    training: Fit, case: Case, apart: np.ndarray, predictor: Predictor, rng: np.random.Generator,
+    lost: Mapping[str, int] | None = None,
+) -> float:  # fmt: skip
     """By how much the right law may do worse than none in windows of held-out frames, in chi2, in one of twenty films.
 
     With an error d of its prediction, by the starts of the windows and by the numbers of the training fit, and with
@@ -311,7 +394,7 @@ def worse_by_chance(
     along = np.zeros(current().blocks.draws)
     drawn = rng.multivariate_normal(training.values, training.covariance, size=len(along))
     try:
-        for first, rest in _windows(case):
+        for first, rest in _windows(case, lost):
             fitter = Fitter([case], predictor, {case.name: first})
             fit = fitter.started(training, training.values, current().evaluations.start)
             here = fitter.predict(fit, case, rest)[rest]
@@ -326,15 +409,16 @@ def worse_by_chance(
     return 2 * math.sqrt(current().left.within * (float(np.mean(along**2)) + size)) - size
 
 
-def _windows(case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
+def _windows(case: Case, lost: Mapping[str, int] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
     """Windows of held-out frames with starts of their own, (frames of the start, the rest), where a run would part.
 
     None where the recording can be followed from one start: then the run goes on.
+    lost : those that cannot, though they are not cut, and into how many windows each is then
     """
-    criteria = current().blocks
-    if len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
+    criteria, lost = current().blocks, lost or {}
+    if case.name not in lost and len(make_segments(case, np.ones(len(case.t), dtype=bool))) == 1:
         return []
-    return cut(case.t, np.flatnonzero(case.scored), criteria.windows, criteria.start)
+    return cut(case.t, np.flatnonzero(case.scored), lost.get(case.name, criteria.windows), criteria.start)
 
 
 def _by_windows(
@@ -382,7 +466,7 @@ def window_errors(
             fit = fitter.fit(
                 hypothesis, values, None, fixed=True, stages=how.block_stages, evaluations=how.block
             )  # fmt: skip
-            left = (case.values - fitter.predict(fit, case, first | rest))[rest]
+            left = (case.values - fitter.predict(fit, case, first | rest))[np.ix_(rest, case.in_unit)]
         except Failed:
             found.append(np.nan)
             continue
@@ -414,7 +498,7 @@ def noise_floor(
                 continue
             error = replicate.values - seen
             for key, mask in (("train", case.training), ("heldout", case.scored)):
-                used = error[mask]
+                used = error[np.ix_(mask, case.in_unit)]
                 used = used[np.isfinite(used)]
                 squares[key][0] += float(used @ used)
                 squares[key][1] += len(used)
@@ -424,7 +508,7 @@ def noise_floor(
 
 def right_law_errors(
     training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
-    repeats: int | None = None, followed: Collection[str] = (),
+    repeats: int | None = None, followed: Collection[str] = (), lost: Mapping[str, int] | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Held-out errors (repeats,) [m or rad, rms] where the law is right and its numbers are found as these were.
 
@@ -432,12 +516,13 @@ def right_law_errors(
     that is a little off has carried the bodies away. Their noise is as large, and as slow, as the film shows it, and
     known no better than that. Repeats that fail are left out.
     """
-    return errors_of_repeats([training], cases, predictor, stop, rng, repeats, followed)[:, 0]
+    return errors_of_repeats([training], cases, predictor, stop, rng, repeats, followed, lost)[:, 0]
 
 
 def errors_of_repeats(
     fits: Sequence[Fit], cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool],
     rng: np.random.Generator, repeats: int | None = None, followed: Collection[str] = (),
+    lost: Mapping[str, int] | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Held-out errors (repeats, fits) [m or rad, rms] of fits to films in which what the first says is true.
 
@@ -467,7 +552,8 @@ def errors_of_repeats(
                 fit = again.refitted(fit, evaluations=enough, near=near[k] if near else None)
             except Failed:
                 return [], []
-            rms = held_out_errors(fit, replicates, predictor, own.stop, whole=False, followed=followed).rms
+            how = replicates, predictor, own.stop
+            rms = held_out_errors(fit, *how, whole=False, followed=followed, lost=lost).rms
             if rms is None:
                 return [], []
             errors.append(rms)

@@ -60,6 +60,7 @@ from .held_out import (
     carried_on,
     errors_of_repeats,
     held_out_errors,
+    is_lost,
     largest_when,
     learn_memory,
     left_of_held_out,
@@ -68,6 +69,7 @@ from .held_out import (
     paired_verdict,
     right_law_errors,
     training_errors,
+    windows_of_lost,
     worse_by_chance,
 )
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
@@ -135,6 +137,10 @@ SHOWS_LATER = (
 MASSES_OFF = "masses and radii are farther off than was stated"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
+LOST = (
+    "a run from one start is lost before its end, whatever the law: held-out frames are scored in windows with starts"
+    " of their own"
+)
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
 
@@ -202,6 +208,9 @@ class Tracks(ObservationModel):
         self.windows: WindowMap | None = None
         # recordings with impacts that a run goes on through, and what the start of it adds to the noise there
         self.followed: dict[str, float] = {}
+        # recordings that no run from one start follows to their ends, with how many windows are; and whether asked
+        self.lost: dict[str, int] = {}
+        self._asked_lost = False
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
         self.beside_more: Fit | None = None  # what is claimed, with the intervals that it has beside one more law
@@ -632,6 +641,7 @@ class Tracks(ObservationModel):
         rng = self._draws_for(judged.claim.label)
         spreads = {c.name: carried_on(revised, c, study.predictor, rng) for c in cut}
         self.followed = {name: spread for name, spread in spreads.items() if spread < 1}
+        self._find_lost(revised)
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised, study.cases, study.predictor, study.stop, rng
@@ -640,7 +650,7 @@ class Tracks(ObservationModel):
         # beyond the floor there may be the errors of the numbers that were found, too
         beyond = rms is not None and floor and rms > current().left.asked * floor
         asked = beyond and not study.late(current().budget.experiment)
-        self.right = right_law_errors(*how, followed=self.followed) if asked else np.zeros(0)
+        self.right = right_law_errors(*how, followed=self.followed, lost=self.lost) if asked else np.zeros(0)
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], rng)
@@ -657,6 +667,18 @@ class Tracks(ObservationModel):
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
             self._more_held_out(bends(judged)), self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
+
+    def _find_lost(self, fit: Fit) -> None:
+        """Which recordings are scored in windows, as a run from one start says nothing there: of all claims alike."""
+        if self._asked_lost:
+            return
+        self._asked_lost, study = True, self.study
+        asked = [c for c in study.cases if c.scored.any() and c.name not in self.followed]
+        # random numbers of its own: what is drawn after it is as it would be
+        rng, run = deepcopy(study.rng), study.predictor
+        windows = {c.name: windows_of_lost(fit, c, run) for c in asked if is_lost(fit, c, run, rng)}
+        self.lost = {name: count for name, count in windows.items() if count}
+        self.notes += [f"{name}: {LOST}" for name in self.lost]
 
     def _draws_for(self, label: str) -> np.random.Generator:
         """Random numbers that are the same for every claim that is held out: laws are compared in the same noise.
@@ -690,7 +712,7 @@ class Tracks(ObservationModel):
         without. True where recordings are cut into segments, or cannot be followed to their ends.
         """
         fitter = self._fitter_of(claim.fit)
-        if fitter.segmented:
+        if fitter.segmented or self.lost:
             return True
         whole, used = fitter.of_all_frames(self.study.cases), sum(t.used for t in claim.laws)
         try:
@@ -713,7 +735,7 @@ class Tracks(ObservationModel):
             allowed = within * self.followed.get(case.name, 0.0) * int(np.isfinite(left[case.name]).sum())
             if worse > allowed and case.name not in self.followed and after.window is not None:
                 apart = left[case.name] - scored[case.name]
-                allowed = worse_by_chance(revised, case, apart, study.predictor, study.rng.spawn(1)[0])
+                allowed = worse_by_chance(revised, case, apart, study.predictor, study.rng.spawn(1)[0], self.lost)
             if worse > allowed:
                 return False
         return True
@@ -739,7 +761,7 @@ class Tracks(ObservationModel):
         if not before or after is None or study.late(current().budget.experiment):
             return False
         how = study.cases, study.predictor, study.stop, study.rng.spawn(1)[0]
-        films = errors_of_repeats([revised, plain], *how, followed=self.followed)
+        films = errors_of_repeats([revised, plain], *how, followed=self.followed, lost=self.lost)
         if len(films) < current().left.repeats:
             return False
         return as_large_by_chance(after / before, films[:, 0] / films[:, 1]) > current().verdict.absent
@@ -750,7 +772,8 @@ class Tracks(ObservationModel):
         if any(c.held_out for c in study.cases) and spread_of(fit, study.training) > 1:
             memory = learn_memory(fit, study.cases, study.predictor, study.stop)
         return held_out_errors(
-            fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory, followed=self.followed
+            fit, study.cases, study.predictor, study.stop, whole=whole, memory=memory, followed=self.followed,
+            lost=self.lost,
         )  # fmt: skip
 
     def _gain(self, errors: Errors) -> float | None:
@@ -855,7 +878,7 @@ class Tracks(ObservationModel):
             return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
-        if alike and any(case.scored.any() for case in self.study.cases):
+        if alike and not self.lost and any(case.scored.any() for case in self.study.cases):
             whole = fitter.of_all_frames(self.study.cases)
             alike = left_standing(alike, claim.laws, claim.fit, first, whole, self.spread)
         told = [(a.ahead, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]

@@ -182,6 +182,18 @@ def cut_by_growth(
     return tuple(segments)
 
 
+def is_followed(case: Case, rows: np.ndarray, follow: Follow, narrow: float = 1.0) -> bool:
+    """Whether the answer to an error of the start is in proportion to it over all frames ``rows`` of a recording.
+
+    narrow : the error, over what the first frames leave open of a start: where it is as large a fit of the start finds
+        its way;  other arguments as of ``cut_by_growth``
+    """
+    mask = np.zeros(len(case.t), dtype=bool)
+    mask[rows] = True
+    criteria = replace(current().segments, narrow=narrow)
+    return _followed_for(case, rows, describe_starts(case, mask), follow, criteria) >= len(rows)
+
+
 def _followed_for(
     case: Case, rows: np.ndarray, starts: tuple[StartBody, ...], follow: Follow, criteria: SegmentCriteria
 ) -> int:

@@ -14,8 +14,9 @@ from ..criteria import current
 from ..data import Case, left_out, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
 from ..noise import Noise, left_alone, single_ones
-from ..result import Progress
+from ..result import NOT_TRIED, PAIRS, Progress
 from ..significance import Null, at_alarm, price
+from ..simpler import by_chance
 from .believed import believed_terms, shown_terms
 from .choose import absurd, choose, left_over, prune, score_inner, worth
 from .closer import joined_closely
@@ -25,7 +26,7 @@ from .fitted import Fit
 from .innovations import leaves_noise, memory_of, tells_noise
 from .jumps import jump_terms, scored_before_jumps
 from .kicks import cut_at_kicks
-from .name import InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
+from .name import TOO_LATE, InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import (
     Exchange,
@@ -213,6 +214,7 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     """Each candidate alone, and the laws without a name beside them."""
     fitter, late, progress = study.fitter, study.late, study.progress
     named = named_terms(study.cases) + jump_terms(study.training)
+    earlier: list[Trial] = []
     for _ in range(current().refits.rounds):
         progress("signatures of the candidates", 0.1)
         bank = make_bank(fitter, recalibrated, named)
@@ -226,7 +228,8 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
             lambda text, k, n: progress(f"refitting {text}", 0.12 + 0.4 * k / n),
             lambda: late(current().budget.candidates),
         )
-        free, trials = unstuck(fitter, recalibrated, trials)
+        free, trials = unstuck(fitter, recalibrated, _or_earlier(trials, earlier, recalibrated))
+        earlier = trials
         # through segments a search is dear, and what moves no law's gain by more than is left out anyway is no matter
         ahead = max((t.gain for t in trials), default=0.0) if fitter.segmented else 0.0
         least = max(price(len(named), 1), current().refits.near * ahead)
@@ -244,8 +247,7 @@ def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
     # where a law leaves noise alone, a form can only do the same, and through segments its end is far
     shortly = fitter.segmented and any(_leaves_noise(t) for t in trials)
     flexible_trials = try_candidates(fitter, recalibrated, forms, (1.0,), lambda *a: None, ahead=ahead, shortly=shortly)
-    if any(t.reason.startswith("not refitted") for t in trials):
-        study.notes.append("some candidates were only compared to first order: the time was up")
+    study.notes += _not_tried(trials)
     alive = [t for t in trials if t.fit is not None]
     forms_alive = [t for t in flexible_trials if t.fit is not None]
 
@@ -281,6 +283,29 @@ def tried_besides(study: Study, tried: FittedAlone, terms: Sequence[Term]) -> Fi
         untried=[*tried.untried, *(t for t in trials if t.fit is None)],
         inner=tried.inner | {t.term.label: t.inner for t in alive},
     )  # fmt: skip
+
+
+def _or_earlier(trials: Sequence[Trial], earlier: Sequence[Trial], base: Fit) -> list[Trial]:
+    """The trials, with fits of an earlier round where the time did not suffice for another: none of them is lost."""
+    best = {t.label: t for t in sorted(earlier, key=lambda t: t.gain) if t.fit is not None}
+
+    def kept(t: Trial) -> Trial:
+        had = best.get(t.label) if t.reason == TOO_LATE else None
+        return t if had is None or had.fit is None else replace(had, gain=base.chi2 - had.fit.chi2)
+
+    return sorted(map(kept, trials), key=lambda t: -t.gain)
+
+
+def _not_tried(trials: Sequence[Trial]) -> list[str]:
+    """Notes on candidates that were only compared to first order, and which of them may gain more than by chance."""
+    late = [t for t in trials if t.reason == TOO_LATE]
+    if not late:
+        return []
+    refitted = {t.mechanism for t in trials if t.fit is not None}
+    gains = [t for t in late if t.mechanism not in refitted and not by_chance(t.signature.gain, t.numbers)]
+    names = dict.fromkeys(t.mechanism for t in sorted(gains, key=lambda t: -t.signature.gain))
+    notes = ["some candidates were only compared to first order: the time was up"]
+    return [*notes, f"{NOT_TRIED}{', '.join(names)}"] if names else notes
 
 
 def _leaves_noise(trial: Trial) -> bool:
@@ -516,7 +541,7 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
         found = [] if kept is None else [kept]
         revised = recalibrated if kept is None or kept.fit is None else kept.fit
     if not in_time:
-        study.notes.append("pairs were not tried: the time was up")
+        study.notes.append(f"{NOT_TRIED}{PAIRS}")
         return Explanation(found, revised, dropped)
     # a poor first law, or none although the innovations are not noise: perhaps two are needed together
     now = scores.get(label_of(*found), found[0].inner) if found else np.inf

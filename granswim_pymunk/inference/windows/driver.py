@@ -18,6 +18,7 @@ from ..judge import Remains
 from ..kept import Store
 from ..mechanisms import NOTHING
 from ..places import Place
+from ..result import NOT_TRIED
 from ..simpler import special_cases
 from .candidates import LawAdder, PictureScale, bed_terms, check_bed, nameless_terms, picture_scale
 from .chance import Chance, as_in_replicates, chance, share_of_most
@@ -199,7 +200,7 @@ def signatures_in_time(search: Search, terms: Sequence[Term], notes: list[str]) 
         else:
             signatures.append(signature)
     if untried:
-        notes.append(f"not tried, the time was up: {', '.join(untried)}")
+        notes.append(f"{NOT_TRIED}{', '.join(untried)}")
     return signatures
 
 
