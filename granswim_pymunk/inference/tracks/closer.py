@@ -53,19 +53,48 @@ def joined_closely(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> tuple[Fi
     return fitter, base
 
 
+def shows_one_more(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Fitter | None:
+    """The fitter with steps at impacts so narrow that a scene with laws shows one more that it lacks, None for none.
+
+    A strong law, as a drag, is told through loose joints, which hide what an impact shows beside it as they do in a
+    scene without any (``joined_closely``); and where that loses its way without the strong law, its joints stay loose.
+    With the law it can be joined more closely. Where chi2 then rises by more than chance, and one more law of impacts
+    or one drag takes that away, its price paid for having been looked for among all ``terms``, joints that close show
+    it, and the laws are compared with these.
+    """
+    taken = {t.mechanism for t in fit.hypothesis.terms}
+    rivals = [t for t in terms if (_of_impacts(t) or is_damping(t)) and t.mechanism not in taken]
+    for share in current().segments.closer if fit.ties and rivals else ():
+        if fitter.stop():
+            break
+        if share >= fitter.closeness:
+            continue
+        closer = fitter.tightened(share / fitter.closeness)
+        again = closer.refitted(fit, evaluations=current().evaluations.joints)
+        if again.chi2 - fit.chi2 <= fit.allowed_rise:
+            continue
+        lost = again.chi2 > current().signatures.far ** 2 * again.count
+        return closer if not lost and _explained_by_one(closer, again, fit, rivals, len(terms)) else None
+    return None
+
+
 def _of_impacts(term: Term) -> bool:
     """Whether a law of one number or two acts on bodies only where they are near each other."""
     law = all_laws().get(term.law)
     return (in_contact_alone(term) or (law is not None and law.kind == "pair")) and len(term.free) <= 2
 
 
-def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term]) -> bool:
+def _explained_by_one(
+    closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Term], looked: int | None = None
+) -> bool:
     """Whether with one of the laws chi2 rises no further than allowed, and falls by its price below that without it.
 
+    looked : how many laws the price is one of, the ``rivals`` alone where not given
     Where the scene without them is caught, first order ranks none: laws of contacts alone are then tried first.
     """
     signatures = sorted(make_bank(closer, base, rivals).signatures, key=lambda s: -s.gain)
-    rise, least = loose.allowed_rise, price(len(rivals), 1)
+    looked = len(rivals) if looked is None else looked
+    rise, least = loose.allowed_rise, price(looked, 1)
     if caught := _promised(closer, base) > max(rise, least):
         signatures.sort(key=lambda s: not in_contact_alone(s.term))
     for signature in signatures[: current().segments.rivals]:
@@ -73,7 +102,7 @@ def _explained_by_one(closer: Fitter, base: Fit, loose: Fit, rivals: Sequence[Te
             break
         found = refit(closer, base, signature, (1.0,))
         fell = base.chi2 - found.chi2
-        if found.chi2 - loose.chi2 <= rise and fell > price(len(rivals), len(signature.term.free)):
+        if found.chi2 - loose.chi2 <= rise and fell > price(looked, len(signature.term.free)):
             return True
     return False
 

@@ -19,7 +19,7 @@ from ..significance import Null, at_alarm, price
 from ..simpler import by_chance
 from .believed import believed_terms, shown_terms
 from .choose import absurd, choose, left_over, prune, score_inner, worth
-from .closer import joined_closely
+from .closer import joined_closely, shows_one_more
 from .deleted import followed_sighting
 from .fit import Fitter
 from .fitted import Fit
@@ -208,6 +208,24 @@ def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
         return study, recalibrated
     inner = InnerSplit.make(study.training, study.predictor, study.stop, fitter.closeness)
     return replace(study, fitter=fitter, inner=inner), fit
+
+
+def with_closer_joints(
+    study: Study, tried: FittedAlone, fitter: Fitter, revised: Fit
+) -> tuple[Study, FittedAlone]:  # fmt: skip
+    """The study with segments joined so closely that the ``revised`` scene shows a law it lacks, all fitted again.
+
+    Both as they were where none shows.  fitter : with which the revised scene was fitted, as closely as it follows
+    """
+    if study.late(current().budget.candidates):
+        return study, tried
+    closer = shows_one_more(fitter, revised, tried.terms)
+    if closer is None:
+        return study, tried
+    study.progress("joining segments more closely", 0.6)
+    inner = InnerSplit.make(study.training, study.predictor, study.stop, closer.closeness)
+    study = replace(study, fitter=closer, inner=inner)
+    return study, _all_again(study, tried)
 
 
 def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
