@@ -12,7 +12,7 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.start import first_numbers
 from granswim_pymunk.inference.tracks import diagnose_tracks
-from granswim_pymunk.inference.tracks.believed import believed_terms
+from granswim_pymunk.inference.tracks.believed import believed_terms, chance_of_errors
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.intervals import with_believed_errors
 from granswim_pymunk.inference.tracks.segments import make_segments
@@ -180,6 +180,37 @@ def test_a_radius_that_is_off_is_no_physics_and_not_complete():
     assert any("radii are off" in note for note in verdict["notes"])
     right = diagnose_tracks([met(MEETING)]).verdict
     assert right["verdict"] == "no_mismatch" and right["complete"] is True
+
+
+@pytest.mark.parametrize(
+    ("off", "errors", "told"),
+    [((1.015, 1.01), {"radius_error": 0.02}, "as far off as was stated"),
+     ((1.008, 1.01), {}, "as far off as is usual")],
+    ids=["radii stated, masses not", "nothing stated"],
+)  # fmt: skip
+def test_radii_off_as_is_believed_lack_nothing(off, errors, told):
+    """Of disks that met masses are numbers too, whether or not anything was said of them."""
+    bodies = tuple(replace(b, radius=b.radius * r) for b, r in zip(MEETING.bodies, off, strict=True))
+    verdict = diagnose_tracks([met(replace(MEETING, bodies=bodies), **errors)]).verdict
+    assert verdict["verdict"] == "no_mismatch" and verdict["complete"] is True
+    assert any(told in note for note in verdict["notes"])
+
+
+def test_errors_are_unlikely_as_often_as_is_said():
+    """Of estimates that a prior draws to itself; what nobody saw neither hides nor adds anything."""
+    rng, priors = np.random.default_rng(5), np.array([0.01, 0.01, 0.02])
+    sees = np.array([[1.0, 1.0, 0.0], [1.0, -0.5, 0.0]]) / 0.002  # two directions of three numbers
+    covariance = np.linalg.inv(sees.T @ sees + np.diag(priors**-2))
+    drawn = priors * rng.normal(size=(4000, 3))
+    found = (drawn @ sees.T + rng.normal(size=(4000, 2))) @ sees @ covariance
+    p = np.array([chance_of_errors(one, priors, covariance) for one in found])
+    assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.01) and np.mean(p < 0.5) == pytest.approx(0.5, abs=0.03)
+    far, known = np.array([0.035, 0.0]), np.diag([1e-6, 1e-6])
+    alone = chance_of_errors(far, priors[:2], known)
+    many = np.diag([1e-6, 1e-6, *[0.9e-4] * 20])
+    assert alone < 0.005
+    assert chance_of_errors(np.r_[far, np.zeros(20)], np.full(22, 0.01), many) == pytest.approx(alone)
+    assert chance_of_errors(np.full(2, 0.01), priors[:2], np.diag(priors[:2] ** 2)) == 1.0
 
 
 def test_of_equals_what_laboratories_are_off_by_is_named():

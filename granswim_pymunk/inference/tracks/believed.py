@@ -13,7 +13,7 @@ that show in the motion are numbers of every fit as well, whatever of the scene 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -105,34 +105,73 @@ def _error_term(cases: Sequence[Case], what: str, body: Body, error: float) -> T
     return Term(f"{what}_error", free.name, (free,), _Off(what, body.id), (body.id,), free.name)
 
 
-def off_belief(fitter: Fitter, fit: Fit) -> tuple[dict[str, float], bool]:
-    """By which shares masses and radii are off where the data refute what is believed of them, empty where they do not.
+@dataclass(frozen=True)
+class OffBelief:
+    """Masses and radii that the data refute: by which ``shares`` they are off, empty where they refute none.
 
-    Also whether they are off no further than was stated: all were, and together they are as far from what is believed
-    as such errors are by chance.
+    as_believed : together they are as far off as such errors are by chance
+    stated : of all that are told, the experimenter said how far off they may be; of others that is what is usual
+    """
+
+    shares: Mapping[str, float]
+    as_believed: bool = True
+    stated: bool = True
+
+    @property
+    def farther(self) -> bool:
+        """Whether some are off by more than was stated, or is usual where nothing was."""
+        return bool(self.shares) and not self.as_believed
+
+    def __str__(self) -> str:
+        told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in self.shares.items())
+        within = f"as far off as {'was stated' if self.stated else 'is usual'} explain it"
+        how = within if self.as_believed else "are off"
+        return f"the scene as believed leaves more than noise: masses and radii {how}, {told}"
+
+
+def off_belief(fitter: Fitter, fit: Fit) -> OffBelief:
+    """By which shares masses and radii are off where the data refute what is believed of them.
 
     With all of them held to what is believed chi2 rises by more than as many numbers gain by chance (a likelihood
     ratio; what the priors take of it makes it the more careful). Those are told whose 95 %
     intervals leave out what is believed.
     """
-    rows = fit.hypothesis.believed
-    if not len(rows) or not np.any(fit.values[list(rows)]):
-        return {}, False
+    rows = list(fit.hypothesis.believed)
+    if not len(rows) or not np.any(fit.values[rows]):
+        return OffBelief({})
     values = fit.values.copy()
-    values[list(rows)] = [fit.hypothesis.free[k].neutral for k in rows]
+    values[rows] = [fit.hypothesis.free[k].neutral for k in rows]
     held = fitter.fit(fit.hypothesis, values, fit.starts, held=tuple(rows), evaluations=current().intervals.refit)
     level = max(fit.chi2 / max(fit.count - fit.numbers, 1), 1.0)
     if (held.chi2 - fit.chi2) / level < stats.chi2.isf(current().noise.alarm, len(rows)):
-        return {}, False
-    names, errors = [fit.hypothesis.free[k].name for k in rows], np.sqrt(np.diag(fit.covariance)[list(rows)])
-    shares = fit.values[list(rows)]
+        return OffBelief({})
+    names, errors = [fit.hypothesis.free[k].name for k in rows], np.sqrt(np.diag(fit.covariance)[rows])
+    shares = fit.values[rows]
     away = np.abs(shares) / np.maximum(errors, np.finfo(float).tiny)
     told = away >= min(stats.norm.isf(current().verdict.absent / 2), away.max())
-    priors = np.array([fit.hypothesis.free[k].prior for k in rows])
-    stated = {free.name for term in stated_terms(fitter.cases, ()) for free in term.free}
-    usual = np.sum((shares / priors) ** 2) < stats.chi2.isf(current().noise.alarm, len(rows))
     off = {name: float(share) for name, share, tell in zip(names, shares, told, strict=True) if tell}
-    return off, bool(stated.issuperset(names) and usual)
+    priors = np.array([fit.hypothesis.free[k].prior for k in rows])
+    likely = chance_of_errors(shares, priors, fit.covariance[np.ix_(rows, rows)]) >= current().noise.alarm
+    stated = {free.name for term in stated_terms(fitter.cases, ()) for free in term.free}
+    return OffBelief(off, likely, stated.issuperset(off))
+
+
+def chance_of_errors(shares: np.ndarray, priors: np.ndarray, covariance: np.ndarray) -> float:
+    """p of errors as far from what is believed, all together, where they are drawn from what is believed of them.
+
+    Estimates that the prior P draws to itself have the covariance P - C, with C (p, p) that of what the data and the
+    prior leave open: their squares over it are chi2. Counted along directions that the data know better than the prior
+    does, C < P/2; what nobody saw stays where it is believed, and must not speak for the others. Of two disks that
+    met once that is the sum of their radii. Source: Box 1980, J. R. Stat. Soc. A 143, 383 (prior predictive checks).
+
+    shares, priors : (p,) relative errors that were found, and their standard deviations as believed
+    """
+    known, directions = np.linalg.eigh(np.eye(len(shares)) - covariance / np.outer(priors, priors))
+    counts = known > 1 / 2
+    if not counts.any():
+        return 1.0
+    along = directions.T @ (shares / priors)
+    return float(stats.chi2.sf(float(np.sum(along[counts] ** 2 / known[counts])), int(counts.sum())))
 
 
 def error_name(what: str, body: str) -> str:

@@ -135,7 +135,7 @@ SHOWS_LATER = (
     "held-out data are off by more than the scene as it is can leave: something is missing that what was learnt from"
     " does not show; all of a recording is learnt from where another one of the same apparatus is held out (--hold-out)"
 )
-MASSES_OFF = "masses and radii are farther off than was stated"
+MASSES_OFF = "masses and radii are farther off than was stated, or is usual"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
 LOST = (
@@ -662,7 +662,7 @@ class Tracks(ObservationModel):
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised, study.cases, study.predictor, study.stop, rng
-        self.floor = noise_floor(*how)
+        self.floor = noise_floor(*how, followed=self.followed)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
         beyond = rms is not None and floor and rms > current().left.asked * floor
@@ -828,13 +828,11 @@ class Tracks(ObservationModel):
             return Left(False, remains_of_kicks(kicked)), False
         complete = quiet and not kicked
         complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
-        off, as_stated = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
-        if off:
-            told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in off.items())
-            how = "as far off as was stated explain it" if as_stated else "are off"
-            self.notes.append(f"the scene as believed leaves more than noise: masses and radii {how}, {told}")
-        more = complete and (not off or as_stated) and self._more_to_see(judged.claim.fit)
-        complete = complete and (not off or as_stated) and not more
+        off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
+        if off.shares:
+            self.notes.append(str(off))
+        more = complete and not off.farther and self._more_to_see(judged.claim.fit)
+        complete = complete and not off.farther and not more
         if not named and self._more_held_out() and self._beyond_the_right_law():
             # held-out data make no claim: they only say that more is there
             self.notes.append(SHOWS_LATER)
@@ -848,8 +846,7 @@ class Tracks(ObservationModel):
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None), False
         remains = self._remains(judged.claim)
-        masses = bool(off) and not as_stated
-        return Left(False, remains and self._with_why(remains, judged, off=masses, more=more)), True
+        return Left(False, remains and self._with_why(remains, judged, off=off.farther, more=more)), True
 
     def _with_why(self, remains: Remains, judged: Judgement, *, off: bool, more: bool) -> Remains:
         """What is left, with all that says that it is no noise, where its size does not say so."""
