@@ -54,7 +54,7 @@ from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
 from .experiment import propose, with_clock
 from .fit import Fitter, joined
 from .fitted import Fit
-from .forms import forms_as_good, left_standing
+from .forms import Alike, fitted_as_good, forms_as_good, left_standing
 from .held_out import (
     Errors,
     carried_on,
@@ -77,6 +77,7 @@ from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
 from .pairs import Exchange, as_well_in_place, two_alike
+from .rivalled import as_simple, predicts_better
 from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
@@ -123,6 +124,7 @@ SHOWS_LATER = (
 )
 MASSES_OFF = "masses and radii are farther off than was stated"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
+PREDICTED_BETTER = "with no more numbers, held-out data are predicted better with"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
 AS_BELIEVED = "masses and radii as far off as was stated do the same"
 
@@ -522,7 +524,8 @@ class Tracks(ObservationModel):
             search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
             pairs = two_alike(search, self.tried.alive, winner, numbers)
             pairs = [p for p in pairs if not any(absurd(t) for t in p)]
-            claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
+            two = [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
+            claims = _with_two(claims, two, self.spread)
         return claims
 
     def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:
@@ -614,8 +617,40 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
-            self._more_held_out(bends(judged)), self._beyond_the_right_law(), self.held["revised"],
+            self._unlike(judged), self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
+
+    def _unlike(self, judged: Judgement) -> bool:
+        """Whether held-out data are off by more than the claim leaves where it is right.
+
+        Of a special fault of the apparatus also where something as simple predicts them better.
+        """
+        bent = bends(judged)
+        if self._more_held_out(bent) or not bent:
+            return self._more_held_out(bent)
+        rival = self._predicted_better(judged.claim, current().verdict.absent)
+        if rival:
+            self.notes.append(f"{PREDICTED_BETTER} {rival} than with {judged.claim.label}")
+        return bool(rival)
+
+    def _predicted_better(self, claim: Claim, chance: float) -> str:
+        """What has no more numbers than a claim and predicts held-out data better, in words; empty where nothing does.
+
+        chance : with which the claim, if it is true, is as far behind
+        """
+        study, mine = self.study, self.held["revised"]
+        if mine.rms is None or not self._matters(mine.rms) or study.late(current().budget.experiment):
+            return ""
+        plain, tried = self.tried.recalibrated, [*self.tried.alive, *self.tried.forms]
+        rivals = as_simple(claim.laws, claim.fit, plain, tried, self.spread)
+        how = study.cases, study.predictor, study.stop, study.rng.spawn(1)[0]
+
+        def films(fits: Sequence[Fit]) -> np.ndarray:
+            return errors_of_repeats(fits, *how, followed=self.followed)
+
+        errors = partial(self._held_out, whole=False)
+        best = predicts_better(claim.fit, mine, rivals, errors, films, study.rng.spawn(1)[0], chance)
+        return "" if best is None else plainly(best.mechanism)
 
     def _draws_for(self, label: str) -> np.random.Generator:
         """Random numbers that are the same for every claim that is held out: laws are compared in the same noise.
@@ -761,6 +796,11 @@ class Tracks(ObservationModel):
         if complete and judged.claim.laws and self._beyond_the_right_law():
             left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1], judged.claim.nameless)
             return Left(False, replace(left, why=(HELD_OUT_OFF,))), False
+        if complete and judged.claim.laws and not judged.claim.nameless:
+            if rival := self._predicted_better(judged.claim, current().left.chance):
+                left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])
+                why = f"{PREDICTED_BETTER} {rival}"
+                return Left(False, replace(left, looks_like=rival, why=(why,))), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
             return Left(False, remains and replace(remains, alike=alike)), False
@@ -814,14 +854,33 @@ class Tracks(ObservationModel):
             return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
-        if alike and any(case.scored.any() for case in self.study.cases):
-            whole = fitter.of_all_frames(self.study.cases)
+        scored = any(case.scored.any() for case in self.study.cases)
+        whole = fitter.of_all_frames(self.study.cases) if scored else fitter
+        if alike and scored:
             alike = left_standing(alike, claim.laws, claim.fit, first, whole, self.spread)
-        told = [(a.ahead, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]
-        ahead = tuple(dict.fromkeys(names for gain, names in told if gain >= 0))
+        if len(claim.laws) == 1 and not claim.nameless:
+            alike += self._fitted_as_good(claim, whole)
+        told = [(a.counts, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]
+        ahead = tuple(dict.fromkeys(names for counts, names in told if counts))
         for form, law, _ in dict.fromkeys(names for _, names in told if names not in ahead):
             self.notes.append(f"nearly as little is left with {plainly(form)} in place of {plainly(law)}")
         return ahead
+
+    def _fitted_as_good(self, claim: Claim, whole: Fitter) -> list[Alike]:
+        """Forms that do as well as a law when they are fitted in its place, and do so on all frames together."""
+        (law,) = claim.laws
+        forms = fitted_as_good(law, claim.fit, self.tried.forms, self.spread)
+        if not forms:
+            return []
+        labels = {a.form.label for a in forms}
+        named = [t for t in self.tried.forms if t.fit is not None and t.label in labels]
+        try:
+            again = whole.refitted(claim.fit)
+            fits = [whole.refitted(t.fit) for t in named if t.fit is not None]
+        except Failed:
+            return forms
+        those = [replace(t, fit=fit) for t, fit in zip(named, fits, strict=True)]
+        return fitted_as_good(law, again, those, self.spread)
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
@@ -1117,6 +1176,27 @@ def _in_order(
         # of another form of the winner, too, which stands for this one in such an apparatus
         found.append(of_the_apparatus(best, others, spread))
     return [Claim((t,), t.fit) for t in found]
+
+
+def _with_two(one: Sequence[Claim], two: Sequence[Claim], spread: float) -> list[Claim]:
+    """Claims of one law and of two in the order in which they are asked: two stand after one that does as well.
+
+    Before the first of which training data prefer them, by more than they leave open and with no more numbers: a stream
+    that takes the part of a drag and of a wrong scale is no simpler than these two. Numbers are paid for (AIC).
+    """
+    order = list(one)
+
+    def used(claim: Claim) -> int:
+        return sum(t.used for t in claim.laws)
+
+    def paid(claim: Claim) -> float:
+        return float(claim.fit.chi2 / spread + 2 * used(claim))
+
+    for pair in two:
+        behind = (c for c in one if used(c) >= used(pair) and paid(c) - paid(pair) > current().verdict.same)
+        first = next(behind, None)
+        order.insert(len(order) if first is None else next(k for k, c in enumerate(order) if c is first), pair)
+    return order
 
 
 def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:
