@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granswim_pymunk.inference import diagnose
+from granswim_pymunk.inference import diagnose, pipeline
 from granswim_pymunk.inference.criteria import current
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis, Term
 from granswim_pymunk.inference.judge import Judgement
-from granswim_pymunk.inference.model import Claim
+from granswim_pymunk.inference.model import Claim, HeldOut
 from granswim_pymunk.inference.tracks import model, pairs, rivalled
 from granswim_pymunk.inference.tracks.forms import fitted_as_good
 from granswim_pymunk.inference.tracks.held_out import Errors
@@ -80,6 +80,42 @@ def test_a_form_that_was_fitted_itself_counts_with_no_more_numbers():
     assert [(a.form.label, a.ahead, a.counts) for a in found] == [("across", 3.0, True)]
     near = fitted_as_good(spring, spring.fit, [law("speed", 3, 202.0), law("across", 1, 206.0)], 1.0)
     assert [(a.form.label, a.counts) for a in near] == [("speed", False), ("across", True)]
+
+
+def test_where_all_of_a_class_is_refuted_slower_noise_is_asked_as_well(monkeypatch):
+    """A stream and the same told as a drag and a push are both refuted: what slow noise leaves open is asked then."""
+    stream, same, other = (claim(law(name, 3, 190.0)) for name in ("stream", "drag and push", "square drag"))
+    unlike = {"stream": True, "drag and push": True, "square drag": False}
+
+    def held(of: Claim) -> HeldOut:
+        return HeldOut({}, {}, "holds", 5.0, of, None, unlike=unlike[of.label], beyond=unlike[of.label])
+
+    monkeypatch.setattr(pipeline, "judge", lambda of, *a: Judgement("missing_physics", of, None))
+    stub = SimpleNamespace(
+        notes=[], plain=None, alike=lambda judged: [same], alike_in_slow_noise=lambda judged: [other],
+        weigh=lambda of: None, mismatch=lambda of: None, settle=lambda judged: judged,
+        hold_out=lambda judged: held(judged.claim), predicts_better=lambda a, b: a is not b,
+    )  # fmt: skip
+    first = Judgement("missing_physics", stream, None)
+
+    def stands() -> str:
+        return pipeline.another_of_the_class(stub, first, held(stream))[0].claim.label  # type: ignore[arg-type]
+
+    monkeypatch.setattr(stub, "predicts_better", lambda a, b: a.claim is stream)
+    assert stands() == "square drag"
+    # where those are refuted as well the class itself goes first
+    unlike["square drag"] = True
+    assert stands() == "drag and push"
+
+
+def test_two_laws_are_as_far_behind_one_as_they_are_in_the_noise_that_is_asked(monkeypatch):
+    stream, drag, push = law("stream", 3, 190.0), law("drag", 1, 0.0), law("push", 2, 0.0)
+    fit = SimpleNamespace(chi2=197.0)
+    monkeypatch.setattr(pairs, "_beside_each", lambda *args, **how: [(drag.signature, push.signature, fit)])
+    monkeypatch.setattr(pairs, "_in_place_of", lambda *args: [])
+    search = SimpleNamespace(spread=lambda fit: 1.0, scored=lambda fit, laws: [t.label for t in laws])
+    assert pairs.two_alike(search, [], stream, 3) == []  # type: ignore[arg-type]
+    assert pairs.two_alike(search, [], stream, 3, lambda fit: 0.3) == [["drag", "push"]]  # type: ignore[arg-type]
 
 
 def errors(size: float, seed: int = 0) -> Errors:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -520,16 +520,21 @@ class Tracks(ObservationModel):
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         claims = _in_order(same, winner, alive, self.spread, least, len(self.tried.terms))
         numbers = max(t.used for t in (winner, *same))
-        if numbers > 1 and not self.study.late(current().budget.pairs):
-            search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
-            pairs = two_alike(search, self.tried.alive, winner, numbers)
-            pairs = [p for p in pairs if not any(absurd(t) for t in p)]
-            two = [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
-            claims = _with_two(claims, two, self.spread)
-        return claims
+        if numbers < 2 or self.study.late(current().budget.pairs):
+            return claims
+        return _with_two(claims, self._two_alike(judged, numbers), self.spread)
+
+    def _two_alike(
+        self, judged: Judgement, numbers: int, behind: Callable[[Fit], float] | None = None
+    ) -> list[Claim]:
+        """Claims of two laws with no more numbers in place of the one that is claimed, see ``two_alike``."""
+        search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
+        pairs = two_alike(search, self.tried.alive, judged.claim.laws[0], numbers, behind)
+        pairs = [p for p in pairs if not any(absurd(t) for t in p)]
+        return [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
 
     def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:
-        """Laws that would be told from the claim in white noise alone, where no slow part of the noise was found.
+        """Laws, and two of them, that would be told from the claim in white noise alone, where no slow part was found.
 
         Few frames hide one: each fit has taken the slowest noise away. Two laws differ in something slow, and noise
         that is correlated over as long may leave open which it is.
@@ -539,17 +544,31 @@ class Tracks(ObservationModel):
             return []
         alive, same = _that_stand(self.tried.alive, winner, self.spread), current().verdict.same
         mine, _ = squares_in_slow_noise(seen_by(winner.fit, training))
+
+        def behind(fit: Fit) -> float:
+            its, may_be = squares_in_slow_noise(seen_by(fit, training))
+            return float(np.min((its - mine)[may_be]) / self.spread)
+
         found = []
         for t in alive:
             gained = worth(t, self.spread)
             in_the_class = t is winner or worth(winner, self.spread) - gained < same
             if in_the_class or t.fit is None or t.special or gained <= current().verdict.noticed:
                 continue
-            its, may_be = squares_in_slow_noise(seen_by(t.fit, training))
-            if np.min((its - mine)[may_be]) / self.spread - 2 * (winner.used - t.used) < same:
+            if behind(t.fit) - 2 * (winner.used - t.used) < same:
                 found.append(t)
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
-        return _in_order(found, winner, alive, self.spread, least, len(self.tried.terms))
+        claims = _in_order(found, winner, alive, self.spread, least, len(self.tried.terms))
+        if winner.used < 2 or self.study.late(current().budget.pairs):
+            return claims
+        single = winner.fit
+
+        def newly_behind(fit: Fit) -> float:
+            more = len(fit.values) - len(single.values)
+            asked = (fit.chi2 - single.chi2) / self.spread + 2 * more < same  # with the class itself
+            return math.inf if asked else behind(fit)
+
+        return _with_two(claims, self._two_alike(judged, winner.used, newly_behind), self.spread)
 
     def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
         """The laws with another one in place of one of them, which training data cannot tell from it.

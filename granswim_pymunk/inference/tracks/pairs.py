@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -181,19 +181,30 @@ def two_for_one(
     return (pair, pair[0].fit or best) if pair else (found, revised)
 
 
-def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: int) -> list[list[Trial]]:
+def two_alike(
+    search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: int,
+    behind: Callable[[Fit], float] | None = None,
+) -> list[list[Trial]]:  # fmt: skip
     """Two simple laws with no more ``numbers``, which training data cannot tell from one, best first.
 
     A stream along a rail is a drag about a middle speed. So are friction and a drag with the square of the speed, until
     the body has become slow. A wind up along a fall is a drag in a picture whose scale is off.
+    behind : by how much of chi2 over the spread a fit is behind the law; in the noise as it was found where not given
     """
     assert law.fit is not None
-    least = law.fit.chi2 + current().verdict.same * search.spread(law.fit)
-    best = dict[frozenset[str], tuple[float, Signature, Signature, Fit]]()
+    single, spread = law.fit, search.spread(law.fit)
+
+    def as_found(fit: Fit) -> float:
+        return float(fit.chi2 - single.chi2) / spread
+
+    behind = behind or as_found
+    same, best = current().verdict.same, dict[frozenset[str], tuple[float, Signature, Signature, Fit]]()
     for a, b, fit in (*_beside_each(search, alive, numbers=numbers), *_in_place_of(search, law, numbers)):
-        left = fit.chi2 + 2 * (len(a.term.free) + len(b.term.free) - law.used)
+        if a.term.special or b.term.special:
+            continue
+        left = behind(fit) + 2 * (len(a.term.free) + len(b.term.free) - law.used)
         labels = frozenset((a.term.label, b.term.label))
-        if left < min(least, best[labels][0] if labels in best else least) and not (a.term.special or b.term.special):
+        if left < min(same, best[labels][0] if labels in best else same):
             best[labels] = left, a, b, fit
     nearest = sorted(best.values(), key=lambda f: f[0])[: current().verdict.instead]
     return [search.scored(fit, [Trial.untried(a), Trial.untried(b)]) for _, a, b, fit in nearest]
