@@ -157,17 +157,18 @@ def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldO
     where more is missing, so that there is none, the one that predicts held-out data best. Where errors are only
     larger than in every repeat with the law, which chance does in one of a dozen films, those of another have to be
     none such, and smaller; where those of all are such, more is missing, and smaller is enough. The one that
-    predicts best stands. Where none of the class does, those are asked that slower noise than was found leaves
-    open. Otherwise all is as it was.
+    predicts best stands. Where none of the class does, or more is missing with all of them, those are asked that
+    slower noise than was found leaves open. Otherwise all is as it was.
     """
     fails = held.outcome == "fails"
     sure = fails or held.unlike
     if not (sure or held.beyond) or not judged.claim.laws or judged.claim.nameless:
         return judged, held
     better, last = _better_of(model, judged, held, model.alike(judged))
-    if not better:
-        better, after = _better_of(model, judged, held, model.alike_in_slow_noise(judged))
+    if all(found.unlike for _, found, _ in better):
+        more, after = _better_of(model, judged, held, model.alike_in_slow_noise(judged))
         last = last if after is judged else after
+        better = [entry for entry in more if not entry[1].unlike] or better or more
     if not better:
         # what the model keeps of its last look belongs to the first claim again
         return judged, held if last is judged else model.hold_out(judged)

@@ -34,12 +34,19 @@ class Alike:
 
     better : it has more numbers than the law and earns them
     ahead : chi2 by which it leaves less than the law, its further numbers paid for; below 0 the law is nearer
+    fewer : it has fewer numbers than the law, and of what cannot be told apart that with fewest goes first
     """
 
     form: Term
     law: Trial
     better: bool
     ahead: float
+    fewer: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether the form of the law is not told beside it."""
+        return self.ahead >= 0 or self.fewer
 
 
 def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, spread: float) -> list[Alike]:
@@ -74,6 +81,18 @@ def forms_as_good(found: Sequence[Trial], fit: Fit, first: int, fitter: Fitter, 
             if columns.any() and ahead > (verdict.same if more > 0 else -verdict.alike):
                 told.append(Alike(term, trial, more > 0, ahead))
     return told
+
+
+def fitted_as_good(law: Trial, fit: Fit, forms: Sequence[Trial], spread: float) -> list[Alike]:
+    """Forms, fitted themselves in place of the one law, that do as well as it with no more numbers than it has.
+
+    A law that lies far off along a bent valley, as a spring whose other end is a radius of curvature away, has no
+    columns that say what it does: only a fit of the form tells that a force across the motion is enough.
+    """
+    criteria = current().verdict
+    ahead = [(t, (fit.chi2 - t.fit.chi2) / spread + 2 * (law.used - t.used)) for t in forms if t.fit is not None]
+    near = [(t, a) for t, a in ahead if t.used <= law.used and a > -criteria.alike]
+    return [Alike(t.term, law, False, a, t.used < law.used) for t, a in near]
 
 
 def left_standing(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -54,7 +54,7 @@ from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
 from .experiment import propose, with_clock
 from .fit import Fitter, joined
 from .fitted import Fit
-from .forms import forms_as_good, left_standing
+from .forms import Alike, fitted_as_good, forms_as_good, left_standing
 from .held_out import (
     Errors,
     carried_on,
@@ -79,6 +79,7 @@ from .kicks import told as told_of
 from .line import strongest_line
 from .name import Trial, spread_of
 from .pairs import Exchange, as_well_in_place, two_alike
+from .rivalled import as_simple, predicts_better
 from .score_test import chance_of_more
 from .settle import (
     apparatus_beside,
@@ -137,6 +138,7 @@ SHOWS_LATER = (
 )
 MASSES_OFF = "masses and radii are farther off than was stated, or is usual"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
+PREDICTED_BETTER = "with no more numbers, held-out data are predicted better with"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
 LOST = (
     "a run from one start is lost before its end, whatever the law: held-out frames are scored in windows with starts"
@@ -585,15 +587,21 @@ class Tracks(ObservationModel):
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
         claims = _in_order(same, winner, alive, self.spread, least, len(self.tried.terms))
         numbers = max(t.used for t in (winner, *same))
-        if numbers > 1 and not self.study.late(current().budget.pairs):
-            search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
-            pairs = two_alike(search, self.tried.alive, winner, numbers)
-            pairs = [p for p in pairs if not any(absurd(t) for t in p)]
-            claims += [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
-        return claims
+        if numbers < 2 or self.study.late(current().budget.pairs):
+            return claims
+        return _with_two(claims, self._two_alike(judged, numbers), self.spread)
+
+    def _two_alike(
+        self, judged: Judgement, numbers: int, behind: Callable[[Fit], float] | None = None
+    ) -> list[Claim]:
+        """Claims of two laws with no more numbers in place of the one that is claimed, see ``two_alike``."""
+        search = search_with(self.study, self.tried, self._fitter_of(judged.claim.fit))
+        pairs = two_alike(search, self.tried.alive, judged.claim.laws[0], numbers, behind)
+        pairs = [p for p in pairs if not any(absurd(t) for t in p)]
+        return [Claim(tuple(p), p[0].fit) for p in pairs if p[0].fit is not None]
 
     def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:
-        """Laws that would be told from the claim in white noise alone, where no slow part of the noise was found.
+        """Laws, and two of them, that would be told from the claim in white noise alone, where no slow part was found.
 
         Few frames hide one: each fit has taken the slowest noise away. Two laws differ in something slow, and noise
         that is correlated over as long may leave open which it is.
@@ -603,17 +611,31 @@ class Tracks(ObservationModel):
             return []
         alive, same = _that_stand(self.tried.alive, winner, self.spread), current().verdict.same
         mine, _ = squares_in_slow_noise(seen_by(winner.fit, training))
+
+        def behind(fit: Fit) -> float:
+            its, may_be = squares_in_slow_noise(seen_by(fit, training))
+            return float(np.min((its - mine)[may_be]) / self.spread)
+
         found = []
         for t in alive:
             gained = worth(t, self.spread)
             in_the_class = t is winner or worth(winner, self.spread) - gained < same
             if in_the_class or t.fit is None or t.special or gained <= current().verdict.noticed:
                 continue
-            its, may_be = squares_in_slow_noise(seen_by(t.fit, training))
-            if np.min((its - mine)[may_be]) / self.spread - 2 * (winner.used - t.used) < same:
+            if behind(t.fit) - 2 * (winner.used - t.used) < same:
                 found.append(t)
         least = self.tried.inner["recalibrated"] + self.study.inner.slack
-        return _in_order(found, winner, alive, self.spread, least, len(self.tried.terms))
+        claims = _in_order(found, winner, alive, self.spread, least, len(self.tried.terms))
+        if winner.used < 2 or self.study.late(current().budget.pairs):
+            return claims
+        single = winner.fit
+
+        def newly_behind(fit: Fit) -> float:
+            more = len(fit.values) - len(single.values)
+            asked = (fit.chi2 - single.chi2) / self.spread + 2 * more < same  # with the class itself
+            return math.inf if asked else behind(fit)
+
+        return _with_two(claims, self._two_alike(judged, winner.used, newly_behind), self.spread)
 
     def _alike_in_sets(self, laws: Sequence[Trial]) -> list[Claim]:
         """The laws with another one in place of one of them, which training data cannot tell from it.
@@ -682,7 +704,7 @@ class Tracks(ObservationModel):
         return HeldOut(
             train, held, outcome, self._gain(self.held["revised"]), judged.claim, judged.explained,
             self.held["revised"].window, {name: e.whole for name, e in self.held.items()},
-            self._more_held_out(bends(judged)), self._beyond_the_right_law(), self.held["revised"],
+            self._unlike(judged), self._beyond_the_right_law(), self.held["revised"],
         )  # fmt: skip
 
     def _find_lost(self, fit: Fit) -> None:
@@ -696,6 +718,38 @@ class Tracks(ObservationModel):
         windows = {c.name: windows_of_lost(fit, c, run) for c in asked if is_lost(fit, c, run, rng)}
         self.lost = {name: count for name, count in windows.items() if count}
         self.notes += [f"{name}: {LOST}" for name in self.lost]
+
+    def _unlike(self, judged: Judgement) -> bool:
+        """Whether held-out data are off by more than the claim leaves where it is right.
+
+        Of a special fault of the apparatus also where something as simple predicts them better.
+        """
+        bent = bends(judged)
+        if self._more_held_out(bent) or not bent:
+            return self._more_held_out(bent)
+        rival = self._predicted_better(judged.claim, current().verdict.absent)
+        if rival:
+            self.notes.append(f"{PREDICTED_BETTER} {rival} than with {judged.claim.label}")
+        return bool(rival)
+
+    def _predicted_better(self, claim: Claim, chance: float) -> str:
+        """What has no more numbers than a claim and predicts held-out data better, in words; empty where nothing does.
+
+        chance : with which the claim, if it is true, is as far behind
+        """
+        study, mine = self.study, self.held["revised"]
+        if mine.rms is None or not self._matters(mine.rms) or study.late(current().budget.experiment):
+            return ""
+        plain, tried = self.tried.recalibrated, [*self.tried.alive, *self.tried.forms]
+        rivals = as_simple(claim.laws, claim.fit, plain, tried, self.spread)
+        how = study.cases, study.predictor, study.stop, study.rng.spawn(1)[0]
+
+        def films(fits: Sequence[Fit]) -> np.ndarray:
+            return errors_of_repeats(fits, *how, followed=self.followed, lost=self.lost)
+
+        errors = partial(self._held_out, whole=False)
+        best = predicts_better(claim.fit, mine, rivals, errors, films, study.rng.spawn(1)[0], chance)
+        return "" if best is None else plainly(best.mechanism)
 
     def _draws_for(self, label: str) -> np.random.Generator:
         """Random numbers that are the same for every claim that is held out: laws are compared in the same noise.
@@ -840,6 +894,11 @@ class Tracks(ObservationModel):
         if complete and judged.claim.laws and self._beyond_the_right_law():
             left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1], judged.claim.nameless)
             return Left(False, replace(left, why=(HELD_OUT_OFF,))), False
+        if complete and judged.claim.laws and not judged.claim.nameless:
+            if rival := self._predicted_better(judged.claim, current().left.chance):
+                left = left_of_held_out(self.held["revised"], self.study.cases, self.floor[1])
+                why = f"{PREDICTED_BETTER} {rival}"
+                return Left(False, replace(left, looks_like=rival, why=(why,))), False
         if complete and judged.claim.laws and (alike := self._forms_as_good(judged.claim)):
             remains = self._remains(judged.claim)
             return Left(False, remains and replace(remains, alike=alike)), False
@@ -892,14 +951,33 @@ class Tracks(ObservationModel):
             return ()
         first, fitter = len(self.tried.recalibrated.values), self._fitter_of(claim.fit)
         alike = forms_as_good(claim.laws, claim.fit, first, fitter, self.spread)
-        if alike and not self.lost and any(case.scored.any() for case in self.study.cases):
-            whole = fitter.of_all_frames(self.study.cases)
+        scored = not self.lost and any(case.scored.any() for case in self.study.cases)
+        whole = fitter.of_all_frames(self.study.cases) if scored else fitter
+        if alike and scored:
             alike = left_standing(alike, claim.laws, claim.fit, first, whole, self.spread)
-        told = [(a.ahead, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]
-        ahead = tuple(dict.fromkeys(names for gain, names in told if gain >= 0))
+        if len(claim.laws) == 1 and not claim.nameless:
+            alike += self._fitted_as_good(claim, whole)
+        told = [(a.counts, (a.form.mechanism, a.law.mechanism, a.better)) for a in alike]
+        ahead = tuple(dict.fromkeys(names for counts, names in told if counts))
         for form, law, _ in dict.fromkeys(names for _, names in told if names not in ahead):
             self.notes.append(f"nearly as little is left with {plainly(form)} in place of {plainly(law)}")
         return ahead
+
+    def _fitted_as_good(self, claim: Claim, whole: Fitter) -> list[Alike]:
+        """Forms that do as well as a law when they are fitted in its place, and do so on all frames together."""
+        (law,) = claim.laws
+        forms = fitted_as_good(law, claim.fit, self.tried.forms, self.spread)
+        if not forms:
+            return []
+        labels = {a.form.label for a in forms}
+        named = [t for t in self.tried.forms if t.fit is not None and t.label in labels]
+        try:
+            again = whole.refitted(claim.fit)
+            fits = [whole.refitted(t.fit) for t in named if t.fit is not None]
+        except Failed:
+            return forms
+        those = [replace(t, fit=fit) for t, fit in zip(named, fits, strict=True)]
+        return fitted_as_good(law, again, those, self.spread)
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
@@ -1198,6 +1276,27 @@ def _in_order(
         # of another form of the winner, too, which stands for this one in such an apparatus
         found.append(of_the_apparatus(best, others, spread))
     return [Claim((t,), t.fit) for t in found]
+
+
+def _with_two(one: Sequence[Claim], two: Sequence[Claim], spread: float) -> list[Claim]:
+    """Claims of one law and of two in the order in which they are asked: two stand after one that does as well.
+
+    Before the first of which training data prefer them, by more than they leave open and with no more numbers: a stream
+    that takes the part of a drag and of a wrong scale is no simpler than these two. Numbers are paid for (AIC).
+    """
+    order = list(one)
+
+    def used(claim: Claim) -> int:
+        return sum(t.used for t in claim.laws)
+
+    def paid(claim: Claim) -> float:
+        return float(claim.fit.chi2 / spread + 2 * used(claim))
+
+    for pair in two:
+        behind = (c for c in one if used(c) >= used(pair) and paid(c) - paid(pair) > current().verdict.same)
+        first = next(behind, None)
+        order.insert(len(order) if first is None else next(k for k, c in enumerate(order) if c is first), pair)
+    return order
 
 
 def _below_tolerance(fit: Fit, training: Sequence[Case]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -147,7 +147,7 @@ def two_for_one(
     there takes speed as a cushion and its friction do. A law beside it then has little left to explain, though two
     simple ones explain more. With as many numbers they have to be ahead by what a
     further law earns and predict better; with fewer they give the name where the data cannot tell (contract 2), and
-    with as many that of a special fault, which hardly any laboratory has (as ``choose``).
+    with as many that of a special fault, alone or beside another law, which hardly any laboratory has (as ``choose``).
     """
     used = sum(t.used for t in found)
     most = current().sets.numbers
@@ -159,39 +159,52 @@ def two_for_one(
     score = search.scores.get(label_of(*found), found[0].inner)
     best, pair = revised, list[Trial]()
     earned, same = price(len(search.terms)), current().verdict.same
-    fault = len(found) == 1 and found[0].special
+    fault, bent = len(found) == 1 and found[0].special, any(t.special for t in found)
     # what two laws leave together is far from what first order says beside one that leaves much
     below = math.inf if fault or len(found) > 1 else revised.chi2 - earned
     for a, b, fit in _beside_each(search, alive, numbers=used, below=below):
-        if fault and (a.term.special or b.term.special):
+        bends_too = a.term.special or b.term.special
+        if fault and bends_too:
             continue
         fewer = used - len(a.term.free) - len(b.term.free) if fault or len(found) > 1 else 0
+        plainer = fewer > 0 or (bent and not bends_too)
         # over what the better fit leaves: the other's spread is that of what it does not follow
         level = search.spread(min(revised, fit, key=lambda f: f.chi2))
-        least = -same - 2 * fewer if fault or fewer > 0 else earned
+        least = -same - 2 * fewer if plainer else earned
         if (revised.chi2 - fit.chi2) / level < least or (pair and fit.chi2 > best.chi2):
             continue
         now, _ = search.inner.score(fit)
-        if now < score + (search.inner.slack if fault or fewer > 0 else 0.0):
+        if now < score + (search.inner.slack if plainer else 0.0):
             best, score, pair = fit, now, search.scored(fit, [Trial.untried(a), Trial.untried(b)], now)
     if pair:
         pair = _partners(search, pair)
     return (pair, pair[0].fit or best) if pair else (found, revised)
 
 
-def two_alike(search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: int) -> list[list[Trial]]:
+def two_alike(
+    search: SetSearch, alive: Sequence[Trial], law: Trial, numbers: int,
+    behind: Callable[[Fit], float] | None = None,
+) -> list[list[Trial]]:  # fmt: skip
     """Two simple laws with no more ``numbers``, which training data cannot tell from one, best first.
 
     A stream along a rail is a drag about a middle speed. So are friction and a drag with the square of the speed, until
     the body has become slow. A wind up along a fall is a drag in a picture whose scale is off.
+    behind : by how much of chi2 over the spread a fit is behind the law; in the noise as it was found where not given
     """
     assert law.fit is not None
-    least = law.fit.chi2 + current().verdict.same * search.spread(law.fit)
-    best = dict[frozenset[str], tuple[float, Signature, Signature, Fit]]()
+    single, spread = law.fit, search.spread(law.fit)
+
+    def as_found(fit: Fit) -> float:
+        return float(fit.chi2 - single.chi2) / spread
+
+    behind = behind or as_found
+    same, best = current().verdict.same, dict[frozenset[str], tuple[float, Signature, Signature, Fit]]()
     for a, b, fit in (*_beside_each(search, alive, numbers=numbers), *_in_place_of(search, law, numbers)):
-        left = fit.chi2 + 2 * (len(a.term.free) + len(b.term.free) - law.used)
+        if a.term.special or b.term.special:
+            continue
+        left = behind(fit) + 2 * (len(a.term.free) + len(b.term.free) - law.used)
         labels = frozenset((a.term.label, b.term.label))
-        if left < min(least, best[labels][0] if labels in best else least) and not (a.term.special or b.term.special):
+        if left < min(same, best[labels][0] if labels in best else same):
             best[labels] = left, a, b, fit
     nearest = sorted(best.values(), key=lambda f: f[0])[: current().verdict.instead]
     return [search.scored(fit, [Trial.untried(a), Trial.untried(b)]) for _, a, b, fit in nearest]
