@@ -1,6 +1,7 @@
 """How closely segments are joined once a law was found, and what impacts then show beside it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.judge import Claim
+from granswim_pymunk.inference.tracks import model as tracks
 from granswim_pymunk.inference.tracks.believed import believed_terms
 from granswim_pymunk.inference.tracks.closer import shows_one_more
 from granswim_pymunk.inference.tracks.fit import Fitter, joined
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, Wall, use
 
@@ -59,3 +63,26 @@ def test_a_drag_does_not_hide_a_restitution():
     assert found["restitution"]["restitution"]["value"] == pytest.approx(0.86, abs=0.003)
     assert found["quadratic_drag"]["c"]["value"] == pytest.approx(DRAG, rel=0.03)
     assert verdict["heldout"] == "holds"
+
+
+@pytest.mark.parametrize(
+    "found, passes, stands", [(2, False, True), (1, True, True), (1, False, False), (0, True, False)]
+)
+def test_what_closer_joints_show_stands_where_it_is_more(monkeypatch, found, passes, stands):
+    """With more laws, or where noise alone is left; a search that close joints lead astray leaves all as it was."""
+    before, after = ("study", "tried"), ("closer study", "closer")
+    model, asked = Tracks.__new__(Tracks), []
+    model.study, model.tried, model.fitter = *before, None
+
+    def search_again(study, tried):
+        asked.append((study, tried))
+        return Claim(("law",) * (found if study == after[0] else 1), study)
+
+    monkeypatch.setattr(tracks, "with_closer_joints", lambda *a: after)
+    monkeypatch.setattr(model, "_search_again", search_again, raising=False)
+    monkeypatch.setattr(model, "completeness", lambda fit: SimpleNamespace(passes=passes), raising=False)
+    first = Claim(("law",), "loose")
+    claim = model._joined_more_closely(first)
+    assert asked == ([after] if stands else [after, before]) and claim.fit == asked[-1][0]
+    monkeypatch.setattr(tracks, "with_closer_joints", lambda *a: before)
+    assert model._joined_more_closely(first) is first
