@@ -313,7 +313,7 @@ def is_lost(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator
     if wide.sum() < current().signatures.far ** 2 * len(wide):
         return False
     apart = ((runs[1:] - runs[0])[..., case.in_unit] / case.sigma[case.in_unit]) ** 2
-    pieces = np.array_split(np.nanmean(apart, axis=0), current().blocks.held_out)
+    pieces = np.array_split(apart.mean(axis=0), current().blocks.held_out)
     return any(float(np.nanmean(piece)) > float(wide.mean()) for piece in pieces if np.isfinite(piece).any())
 
 
