@@ -304,9 +304,10 @@ def is_lost(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator
         return False
     try:
         every, narrow = np.arange(len(case.t)), current().segments.narrow
-        if is_followed(case, every, _follower(fit, case, predictor), narrow):
-            return False  # not chaotic: numbers that are not known are no fault of the run
-        runs = _drawn_on(fit, case, predictor, rng)
+        if is_followed(case, every, _follower(Hypothesis(), np.zeros(0), case, predictor), narrow):
+            return False  # the scene is not chaotic: numbers that are not known are no fault of the run
+        # a fit that leaves more than noise knows its numbers as well as what it leaves says
+        runs = _drawn_on(fit, case, predictor, rng, math.sqrt(max(fit.chi2 / fit.count, 1.0)))
     except (Failed, np.linalg.LinAlgError):
         return False
     wide = np.nanvar(case.values / case.sigma, axis=0)[case.in_unit]
@@ -325,7 +326,7 @@ def windows_of_lost(fit: Fit, case: Case, predictor: Predictor) -> int:
     """
     criteria, frames = current().blocks, int(case.scored.sum())
     count = criteria.windows
-    follow = _follower(fit, case, predictor)
+    follow = _follower(fit.hypothesis, fit.values, case, predictor)
     while 2 * count * criteria.frames <= frames:
         try:
             firsts = [np.flatnonzero(first) for first, _ in _windows(case, {case.name: count})]
@@ -337,19 +338,22 @@ def windows_of_lost(fit: Fit, case: Case, predictor: Predictor) -> int:
     return count
 
 
-def _follower(fit: Fit, case: Case, predictor: Predictor) -> Follow:
-    """What follows a recording from any start, with the numbers of a fit."""
+def _follower(hypothesis: Hypothesis, values: np.ndarray, case: Case, predictor: Predictor) -> Follow:
+    """What follows a recording from any start, with these numbers of a hypothesis."""
 
     def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
-        return predictor(fit.hypothesis, case, fit.values, starts, numbers, float(t[0]), t)
+        return predictor(hypothesis, case, values, starts, numbers, float(t[0]), t)
 
     return follow
 
 
-def _drawn_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator) -> np.ndarray:
+def _drawn_on(
+    fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator, widened: float = 1.0
+) -> np.ndarray:
     """Runs (n, T_scored, c) of the held-out frames, first that of a fit, then those of numbers and starts drawn.
 
-    Drawn from what the frames that they were found from leave open, (J'J)^-1. Raises Failed, or LinAlgError.
+    Drawn from what the frames that they were found from leave open, (J'J)^-1, ``widened`` times as far off. Raises
+    Failed, or LinAlgError.
     """
     low, high = fit.hypothesis.bounds
     fitter = Fitter([case], predictor, {case.name: case.start if case.held_out else case.training})
@@ -369,7 +373,7 @@ def _drawn_on(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generat
         errors = errors_of(np.hstack(fit.jacobian[case.name]))
     runs = [fitter.predict(fit, case, case.scored)[case.scored]]
     for _ in range(current().left.starts):
-        off = errors @ rng.normal(size=errors.shape[1])
+        off = widened * (errors @ rng.normal(size=errors.shape[1]))
         starts = {case.name: fit.starts[case.name] + off[p:]}
         drawn = replace(fit, values=np.clip(fit.values + off[:p], low, high), starts=starts)
         runs.append(fitter.predict(drawn, case, case.scored)[case.scored])
