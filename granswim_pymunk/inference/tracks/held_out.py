@@ -480,12 +480,12 @@ def window_errors(
 
 def noise_floor(
     training: Fit, cases: Sequence[Case], predictor: Predictor, stop: Callable[[], bool], rng: np.random.Generator,
-    repeats: int = 3, followed: Collection[str] = (),
+    repeats: int = 3, followed: Collection[str] = (), lost: Mapping[str, int] | None = None,
 ) -> tuple[float | None, float | None]:  # fmt: skip
     """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise.
 
-    Of held-out frames in which bodies meet the error is scored as that of the data is, in windows with starts of their
-    own but for recordings that are ``followed``: disks spread neighbouring paths at each impact (Sinai 1970), and a
+    Of held-out frames in which bodies meet, or that are ``lost``, the error is scored as that of the data is, in windows
+    with starts of their own but for recordings that are ``followed``: disks spread neighbouring paths at each impact (Sinai 1970), and a
     run from the training part leaves their distance there, however well all is known. Of repeats the median counts,
     as one that misses an impact is off in all that comes after it (Huber 1981, Robust Statistics, ch. 1). Of squares
     of k numbers it lies two thirds of one below the mean (Wilson & Hilferty 1931), which among hundreds is nothing.
@@ -496,7 +496,8 @@ def noise_floor(
             truth, fit, alone = _as_explained(training, case, predictor, stop)
         except Failed:
             continue
-        frames, meets = case.start if case.held_out else case.training, meets_when_scored(case)
+        frames = case.start if case.held_out else case.training
+        meets = case.name in (lost or {}) or meets_when_scored(case)
         means, later = list[float](), 0
         # a number found from few frames moves the floor more than noise does
         for _ in range(4 * repeats if alone else repeats):
@@ -509,7 +510,7 @@ def noise_floor(
             except Failed:
                 continue
             ends: np.ndarray | None = seen
-            if meets and case.name not in followed and (windows := _windows(replicate)):
+            if meets and case.name not in followed and (windows := _windows(replicate, lost)):
                 ends, _ = _by_windows(found, replicate, windows, predictor, stop)
             for key, mask, there in (("train", case.training, seen), ("heldout", case.scored, ends)):
                 used = np.zeros(0) if there is None else (replicate.values - there)[np.ix_(mask, case.in_unit)]

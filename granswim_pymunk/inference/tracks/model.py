@@ -684,7 +684,7 @@ class Tracks(ObservationModel):
         self.held = {name: self._held_out(fit) for name, fit in fits.items()}
         study.progress("noise floor", 0.86)
         how = revised, study.cases, study.predictor, study.stop, rng
-        self.floor = noise_floor(*how, followed=self.followed)
+        self.floor = noise_floor(*how, followed=self.followed, lost=self.lost)
         rms, floor = self.held["revised"].rms, self.floor[1]
         # beyond the floor there may be the errors of the numbers that were found, too
         beyond = rms is not None and floor and rms > current().left.asked * floor
