@@ -79,7 +79,7 @@ def test_a_repeat_that_misses_an_impact_is_not_the_floor(monkeypatch):
     """Of three repeats one is off by 30 mm; where nothing meets in held-out frames all count, as before."""
     case = SimpleNamespace(
         name="r", held_out=False, t=np.arange(30) * 0.1, training=np.arange(30) < 20, scored=np.arange(30) >= 20,
-        values=np.zeros((30, 2)),
+        values=np.zeros((30, 2)), in_unit=np.ones(2, dtype=bool),
     )  # fmt: skip
     seen = iter([np.full((30, 2), size) for size in (1e-4, 3e-2, 1e-4)] * 2)
     inner = SimpleNamespace(refitted=lambda *a, **k: None, predict=lambda *a: next(seen))

@@ -484,11 +484,12 @@ def noise_floor(
 ) -> tuple[float | None, float | None]:  # fmt: skip
     """Training and held-out error when the physics is known exactly: simulated repeats with fresh noise.
 
-    Of held-out frames in which bodies meet, or that are ``lost``, the error is scored as that of the data is, in windows
-    with starts of their own but for recordings that are ``followed``: disks spread neighbouring paths at each impact (Sinai 1970), and a
-    run from the training part leaves their distance there, however well all is known. Of repeats the median counts,
-    as one that misses an impact is off in all that comes after it (Huber 1981, Robust Statistics, ch. 1). Of squares
-    of k numbers it lies two thirds of one below the mean (Wilson & Hilferty 1931), which among hundreds is nothing.
+    Of held-out frames in which bodies meet, or that are ``lost``, the error is scored as that of the data is, in
+    windows with starts of their own but for recordings that are ``followed``: disks spread neighbouring paths at each
+    impact (Sinai 1970), and a run from the training part leaves their distance there, however well all is known. Of
+    repeats the median counts, as one that misses an impact is off in all that comes after it (Huber 1981, Robust
+    Statistics, ch. 1). Of squares of k numbers it lies two thirds of one below the mean (Wilson & Hilferty 1931), which
+    among hundreds is nothing.
     """
     squares = {"train": [0.0, 0], "heldout": [0.0, 0]}
     for case in cases:
