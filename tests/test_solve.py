@@ -149,6 +149,8 @@ def test_numbers_of_laws_without_a_shape_stay_as_they_are():
     assert np.allclose(straight.bounds[0], [-9.0, -np.inf, 0.5]) and straight.bounds[1][1] == np.log(50.0)
     assert np.array_equal(Straight.of(POWER, np.array([0.0, 0.0, 2.0]), at).sign, np.zeros(3))
     assert np.array_equal(Straight.of(POWER, x, at, plainly=True).begin, x)
+    # a step that is far too long asks for a strength beyond all numbers, which is no warning
+    assert np.isfinite(straight.values(np.array([-0.5, 800.0, 2.0]))).all()
 
 
 @pytest.mark.parametrize(("again", "stands"), [(100.8, "before"), (99.0, "again"), (150.0, "whole")])

@@ -155,8 +155,9 @@ class Straight:
         return cls(sign, begin, (least, most))
 
     def values(self, part: np.ndarray) -> np.ndarray:
-        """(k,) the numbers themselves."""
-        return np.where(self.sign != 0, self.sign * np.exp(np.where(self.sign != 0, part, 0.0)), part)
+        """(k,) the numbers themselves; a search that is lost may ask for a strength beyond all numbers."""
+        most = math.log(np.finfo(float).max)
+        return np.where(self.sign != 0, self.sign * np.exp(np.where(self.sign != 0, np.minimum(part, most), 0.0)), part)
 
     def gone(self, part: np.ndarray) -> bool:
         """Whether a strength has nearly vanished on the way."""
