@@ -259,14 +259,21 @@ def set_camera(key: str) -> Apply:
 
 def equation_with(expression: str, numbers: Iterable[tuple[str, Any, str]]) -> str:
     """An equation with its numbers: (name, value, unit) each."""
+    shown = with_units(numbers)
+    return f"{expression}; {shown}" if shown else expression
+
+
+def with_units(numbers: Iterable[tuple[str, Any, str]]) -> str:
+    """Numbers in a line: (name, value, unit) each."""
 
     def said(value: Any) -> str:
         if isinstance(value, list | tuple):
             return "[" + ", ".join(said(v) for v in value) + "]"
         return f"{value:.4g}" if isinstance(value, float) else str(value)
 
-    shown = [f"{name} = {said(value)}" + (f" {unit}" if unit not in ("1", "") else "") for name, value, unit in numbers]
-    return f"{expression}; {', '.join(shown)}" if shown else expression
+    return ", ".join(
+        f"{name} = {said(value)}" + (f" {unit}" if unit not in ("1", "") else "") for name, value, unit in numbers
+    )
 
 
 FLEW_OFF = "a body is not within"  # how a failure begins that says so

@@ -116,7 +116,7 @@ def _of_what_nobody_sees(
     if further is None:
         return None
     claim = further.search(None)
-    if not claim.laws or not further.mismatch(claim).real:
+    if not claim.laws:
         return None
     found = first_that_explains(further, claim)
     if found.verdict not in CLAIMED or not further.passes(found.claim):
@@ -306,8 +306,8 @@ def rivals_of(model: ObservationModel, judged: Judgement) -> tuple[list[Rival], 
     """Laws that do nearly as well as what was claimed, and names that were not accepted, with their share."""
     beside, closest = model.beside(judged), judged.closest
     if judged.verdict == "unmodelled" and not closest and not judged.withdrawn:
-        named = [t for t in model.refitted() if not (nameless(t.mechanism) or has_role(t.mechanism, "source"))]
-        best = named[0] if named else None
+        named = (t for t in model.refitted() if not (nameless(t.mechanism) or has_role(t.mechanism, "source")))
+        best = next(named, None)
         share = None if best is None else model.share(best)
         closest = () if share is None else ((best, share.share),)
     gains = model.gains(judged, [t for t, _ in closest], [t for t, _ in beside])

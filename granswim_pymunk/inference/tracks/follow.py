@@ -18,7 +18,7 @@ from ..start import StartBody, first_numbers, number_scales
 from ..threads import ContextPool
 from .bearing import bearing, coloured, looks_around, together
 from .fitted import Fit
-from .segments import Segment, cut_by_growth, make_segments
+from .segments import Segment, cut_by_growth, follower, make_segments
 
 POOL = ContextPool(max_workers=cores(), thread_name_prefix="granswim")
 COUPLED = ("pivot", "bar", "pendulum", "tether")  # two of them and more in one scene may swing chaotically
@@ -129,11 +129,7 @@ class Follower:
         links = scene.laws_as(*COUPLED)
         if whole or len(segments) > 1 or len(links) < 2 or frames.sum() <= criteria.ahead:
             return segments
-        naive = Hypothesis()
-
-        def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
-            return self.predictor(naive, case, np.zeros(0), starts, numbers, float(t[0]), t)
-
+        follow = follower(Hypothesis(), np.zeros(0), case, self.predictor)
         try:
             return cut_by_growth(case, frames, follow, criteria)
         except Failed:

@@ -19,13 +19,12 @@ from ..judge import Remains, paired
 from ..linear import errors_of
 from ..mechanisms import NOTHING
 from ..noise import Noise, drawn_noises
-from ..start import StartBody
 from .blocks import cut
 from .fit import Fitter, side_by_side
 from .fitted import Fit
 from .innovations import seen_by, tells_noise, white_sizes
 from .kicks import shown_later
-from .segments import Follow, find_impacts, is_followed, make_segments
+from .segments import find_impacts, follower, is_followed, make_segments
 
 
 @dataclass(frozen=True)
@@ -304,7 +303,7 @@ def is_lost(fit: Fit, case: Case, predictor: Predictor, rng: np.random.Generator
         return False
     try:
         every, narrow = np.arange(len(case.t)), current().segments.narrow
-        if is_followed(case, every, _follower(Hypothesis(), np.zeros(0), case, predictor), narrow):
+        if is_followed(case, every, follower(Hypothesis(), np.zeros(0), case, predictor), narrow):
             return False  # the scene is not chaotic: numbers that are not known are no fault of the run
         # a fit that leaves more than noise knows its numbers as well as what it leaves says
         runs = _drawn_on(fit, case, predictor, rng, math.sqrt(max(fit.chi2 / fit.count, 1.0)))
@@ -326,7 +325,7 @@ def windows_of_lost(fit: Fit, case: Case, predictor: Predictor) -> int:
     """
     criteria, frames = current().blocks, int(case.scored.sum())
     count = criteria.windows
-    follow = _follower(fit.hypothesis, fit.values, case, predictor)
+    follow = follower(fit.hypothesis, fit.values, case, predictor)
     while 2 * count * criteria.frames <= frames:
         try:
             firsts = [np.flatnonzero(first) for first, _ in _windows(case, {case.name: count})]
@@ -336,15 +335,6 @@ def windows_of_lost(fit: Fit, case: Case, predictor: Predictor) -> int:
             return 0
         count *= 2
     return count
-
-
-def _follower(hypothesis: Hypothesis, values: np.ndarray, case: Case, predictor: Predictor) -> Follow:
-    """What follows a recording from any start, with these numbers of a hypothesis."""
-
-    def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
-        return predictor(hypothesis, case, values, starts, numbers, float(t[0]), t)
-
-    return follow
 
 
 def _drawn_on(
@@ -516,12 +506,12 @@ def noise_floor(
             for key, mask, there in (("train", case.training, seen), ("heldout", case.scored, ends)):
                 used = np.zeros(0) if there is None else (replicate.values - there)[np.ix_(mask, case.in_unit)]
                 used = used[np.isfinite(used)]
-                if key == "heldout" and meets and len(used):
-                    means.append(float(np.mean(used**2)))
-                    later += len(used)
-                elif key == "train" or not meets:
+                if key == "train" or not meets:
                     squares[key][0] += float(used @ used)
                     squares[key][1] += len(used)
+                elif len(used):
+                    means.append(float(np.mean(used**2)))
+                    later += len(used)
         if later:
             squares["heldout"][0] += later * float(np.median(means))
             squares["heldout"][1] += later

@@ -727,8 +727,9 @@ class Tracks(ObservationModel):
         Of a special fault of the apparatus also where something as simple predicts them better.
         """
         bent = bends(judged)
-        if self._more_held_out(bent) or not bent:
-            return self._more_held_out(bent)
+        more = self._more_held_out(bent)
+        if more or not bent:
+            return more
         rival = self._predicted_better(judged.claim, current().verdict.absent)
         if rival:
             self.notes.append(f"{PREDICTED_BETTER} {rival} than with {judged.claim.label}")
@@ -1294,10 +1295,13 @@ def _with_two(one: Sequence[Claim], two: Sequence[Claim], spread: float) -> list
     def paid(claim: Claim) -> float:
         return float(claim.fit.chi2 / spread + 2 * used(claim))
 
+    def behind(claim: Claim, pair: Claim) -> bool:
+        ahead = paid(claim) - paid(pair) > current().verdict.same
+        return len(claim.laws) == 1 and used(claim) >= used(pair) and ahead
+
     for pair in two:
-        behind = (c for c in one if used(c) >= used(pair) and paid(c) - paid(pair) > current().verdict.same)
-        first = next(behind, None)
-        order.insert(len(order) if first is None else next(k for k, c in enumerate(order) if c is first), pair)
+        at = next((k for k, claim in enumerate(order) if behind(claim, pair)), len(order))
+        order.insert(at, pair)
     return order
 
 

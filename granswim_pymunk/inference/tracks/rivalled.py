@@ -55,6 +55,4 @@ def predicts_better(
     if paired_verdict(mine, its, rng) != "holds":
         return None
     drawn = films([fit, best.fit])
-    if len(drawn) < current().left.repeats:
-        return None
     return best if as_large_by_chance(mine.rms / its.rms, drawn[:, 0] / drawn[:, 1]) < chance else None

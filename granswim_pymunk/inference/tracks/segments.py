@@ -19,6 +19,7 @@ from ...scene import Scene
 from ...walls import gap_to_wall
 from ..criteria import SegmentCriteria, current
 from ..data import Case
+from ..hypothesis import Hypothesis, Predictor
 from ..start import StartBody, describe_starts, first_numbers, number_scales
 
 
@@ -149,6 +150,15 @@ def cut_in_pieces(case: Case, frames: np.ndarray, pieces: int) -> tuple[Segment,
 
 
 Follow = Callable[[tuple[StartBody, ...], np.ndarray, np.ndarray], np.ndarray]
+
+
+def follower(hypothesis: Hypothesis, values: np.ndarray, case: Case, predictor: Predictor) -> Follow:
+    """What follows a recording from any start, with these numbers of a hypothesis."""
+
+    def follow(starts: tuple[StartBody, ...], numbers: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return predictor(hypothesis, case, values, starts, numbers, float(t[0]), t)
+
+    return follow
 
 
 def cut_by_growth(

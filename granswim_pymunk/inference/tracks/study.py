@@ -212,7 +212,7 @@ def with_close_joints(study: Study, recalibrated: Fit) -> tuple[Study, Fit]:
 
 def with_closer_joints(
     study: Study, tried: FittedAlone, fitter: Fitter, revised: Fit
-) -> tuple[Study, FittedAlone]:  # fmt: skip
+) -> tuple[Study, FittedAlone]:
     """The study with segments joined so closely that the ``revised`` scene shows a law it lacks, all fitted again.
 
     Both as they were where none shows.  fitter : with which the revised scene was fitted, as closely as it follows
@@ -289,9 +289,7 @@ def tried_besides(study: Study, tried: FittedAlone, terms: Sequence[Term]) -> Fi
     bank = make_bank(fitter, plain, terms)
     trials = try_candidates(fitter, plain, bank, study.stages, lambda *a: None, study.stop)
     alive = score_inner(study.inner, [t for t in trials if t.fit is not None])
-    both = replace(
-        before, signatures=(*before.signatures, *bank.signatures), asked=(*before.asked, *bank.asked)
-    )
+    both = replace(before, signatures=(*before.signatures, *bank.signatures), asked=(*before.asked, *bank.asked))
     more = [scaled_like(t, s.term) for t, s in zip(terms, bank.signatures, strict=True)]
     fits = [tried.best, *(t.fit for t in alive if t.fit is not None)]
     best = min(fits, key=lambda fit: fit.chi2)

@@ -16,7 +16,7 @@ from ...scene.parts import STANDARD_GRAVITY
 from ..candidates import distinct_bodies, joints_by_body, names_of, owners, weighed
 from ..criteria import current
 from ..data import Case, with_gravity
-from ..hypothesis import Free, Term, clock, equation_with
+from ..hypothesis import Free, Term, clock, equation_with, with_units
 from ..mechanisms import nameless
 from ..pushes import told_as, with_form
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
@@ -64,7 +64,7 @@ def beside_its_own(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
     notes, scenes = [], [case.recording.scene for case in cases]
     for entry in entries:
         law, numbers = all_laws().get(str(entry["name"])), entry["parameters"]
-        own = [item for item in scenes[0].laws_named(str(entry["name"]))] if law is not None else []
+        own = scenes[0].laws_named(str(entry["name"]))
         if law is None or len(own) != 1 or any(scene.laws != scenes[0].laws for scene in scenes):
             continue
         values, bodies = scenes[0].resolved(own[0]), own[0].bodies or names_of(cases)
@@ -74,9 +74,8 @@ def beside_its_own(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
             continue
         if not told or any(isinstance(value, list) or name not in values for name, value in told.items()):
             continue
-        units = {name: "" if (unit := numbers[name]["unit"]) in ("", "1") else f" {unit}" for name in told}
-        both = ", ".join(f"{name} = {values[name] + value:.4g}{units[name]}" for name, value in told.items())
-        before = ", ".join(f"{name} = {values[name]:.4g}{units[name]}" for name in told)
+        before = with_units((name, values[name], numbers[name]["unit"]) for name in told)
+        both = with_units((name, values[name] + value, numbers[name]["unit"]) for name, value in told.items())
         notes.append(f"{law.name} stands in the scene already, with {before}: together {both}")
     return notes
 
