@@ -219,7 +219,7 @@ def _errors(d: Diagnosis) -> str:
 
 def _error_text(d: Diagnosis) -> str:
     window = d.verdict["fit"]["window"]
-    text = f"Root mean square of seen minus predicted, in {unit_of(d)}, over all measured numbers"
+    text = f"Root mean square of seen minus predicted, over all numbers measured in {unit_of(d)}"
     text += f" of windows of {length(window, 's')}. " if window else ". "
     if d.held_out:
         text += f"Held out: {counted(len(d.held_out), 'whole recording')}. "
