@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from granswim_pymunk.proof import bed_cases, prove, real_beds, real_life, window
 from granswim_pymunk.proof.bed_cases import drawn_number
 from granswim_pymunk.proof.beds import draw_bed, packed
 from granswim_pymunk.proof.conceal import conceal, real_kind
-from granswim_pymunk.proof.ideal import Errors, Response, Truth
+from granswim_pymunk.proof.ideal import EXACT, Errors, Response, Truth
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced, table_text
 from granswim_pymunk.proof.real_beds import real_bed_case
 from granswim_pymunk.proof.real_life import disturbed, draw_errors, real_bodies_case
@@ -48,7 +49,7 @@ class TestIdeal:
         setup = slider(duration=2.0)
         truth = Truth(setup, first=Effect("uniform_force", {"a": (0.0, 0.02)}))
         r = response(truth)
-        sigma = r.left(r.strength("first"), prior=False)
+        sigma = r.left(r.strength("first"), by=EXACT)
         assert sigma == pytest.approx(0.02 / (1e-4 * np.sqrt(720 / (100 * 2.0**5))), rel=0.03)
         # a tilt of unknown size up to 0.5 mm/m hides a force below it
         assert r.sigma("first") == pytest.approx(0.02 / (9.81 * 5e-4), rel=0.05)
@@ -68,7 +69,7 @@ class TestIdeal:
 
         def sigma(errors: Errors) -> float:
             r = response(truth, errors)
-            return r.left(r.strength("first"), prior=False)
+            return r.left(r.strength("first"), by=EXACT)
 
         clean = sigma(Errors(1e-4))
         slow = sigma(Errors(1e-4, slow=1e-4, frames=20.0))
@@ -104,6 +105,16 @@ class TestIdeal:
         assert left[""] > left["first"] > left["first+second"] > left["first+second+tilt"]
         assert left["first+scale+second+tilt"] == 0.0
         assert left["first+second+tilt"] < 1e-6  # a wrong scale is nothing to free flight with drag
+
+    def test_a_stated_error_is_fitted_before_anything_is_left(self) -> None:
+        """Contract: ``mass_error`` and ``radius_error`` are nuisances of the fit; what is not stated is exact."""
+        setup = pucks(np.random.default_rng(1))
+        off = {name: 1.0 + 0.01 * (-1) ** k for k, name in enumerate(setup.mobile)}
+        truth = Truth(setup, mass=off)
+        r = response(truth, part=0.5)
+        held, stated, other = (r.remains(m, s)[""] for m, s in ((None, None), (0.02, None), (None, 0.02)))
+        # half a standard deviation each is all that a prior of 2 % leaves, of any number of masses
+        assert held > 10 and stated <= 0.5 * math.sqrt(len(setup.mobile)) + 1e-6 and other > 3 * stated
 
     def test_numbers_are_those_in_the_believed_masses(self) -> None:
         truth = Truth(slider(), first=Effect("linear_drag", {"c": 0.01, "p": 0}), mass={"a": 1.02})

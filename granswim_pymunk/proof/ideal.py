@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -27,6 +28,18 @@ from .world import Effect, World
 MASSES = RADII = 0.02  # relative, how well they are known: drawn between 1 and 3 %
 SCALE = 0.005
 TILT = 5e-4  # m/m, or rad of the picture where gravity is in it
+
+
+class Priors(NamedTuple):
+    """How well an apparatus is known, one standard deviation each: relative, but for the tilt; 0 is exact."""
+
+    mass: float = 0.0
+    radius: float = 0.0
+    scale: float = 0.0
+    tilt: float = 0.0
+
+
+KNOWN, EXACT = Priors(MASSES, RADII, SCALE, TILT), Priors()
 SLOW_FRAMES = 30.0  # correlation that passes for noise, with a size up to the white part's
 TRAINING = 0.6  # of the time
 FOLLOWED = 3.0  # times the noise, above which the believed scene does not follow a film
@@ -341,27 +354,24 @@ class Response:
     def free(self) -> np.ndarray:
         return np.hstack([self.starts(), self.adjustables()])
 
-    def known(self) -> np.ndarray:
-        """Masses, radii, scale and tilt in units of how well they are known."""
-        tilt = TILT if has_gravity(self.setup) else 9.81 * TILT
-        return np.hstack([MASSES * self.masses(), RADII * self.radii(), SCALE * self.scale(), tilt * self.tilt()])
+    def known(self, by: Priors) -> np.ndarray:
+        """Masses, radii, scale and tilt in units of how well they are known (N, k); none of what is exact."""
+        tilt = by.tilt * (1.0 if has_gravity(self.setup) else 9.81)
+        parts = ((by.mass, self.masses), (by.radius, self.radii), (by.scale, self.scale), (tilt, self.tilt))
+        return np.hstack([self.free()[:, :0], *(error * columns() for error, columns in parts if error)])
 
-    def _taken(self, prior: bool) -> np.ndarray:
-        """Orthonormal columns of all that is fitted in any case; with ``prior`` a row for each known number follows."""
-
-        name = f"taken {prior}"
+    def _taken(self, by: Priors) -> np.ndarray:
+        """Orthonormal columns of all that is fitted in any case; below them a row for each of the known numbers."""
+        name = f"taken {by}"
         if name not in self._kept:
-            columns = self.free()
-            if prior:
-                known = self.known()
-                below = np.zeros((known.shape[1], columns.shape[1]))
-                columns = np.block([[columns, known], [below, np.eye(known.shape[1])]])
-            self._kept[name] = _basis(columns)
+            columns, known = self.free(), self.known(by)
+            below = np.zeros((known.shape[1], columns.shape[1]))
+            self._kept[name] = _basis(np.block([[columns, known], [below, np.eye(known.shape[1])]]))
         return self._kept[name]
 
-    def left(self, change: np.ndarray, free: Iterable[np.ndarray] = (), prior: bool = True) -> float:
+    def left(self, change: np.ndarray, free: Iterable[np.ndarray] = (), by: Priors = KNOWN) -> float:
         """Length of a change when starts, adjustables and ``free`` are fitted, and what is known moves in its prior."""
-        taken = self._taken(prior)
+        taken = self._taken(by)
         columns = np.hstack([change.reshape(-1, 1), *free])
         columns = np.vstack([columns, np.zeros((len(taken) - len(columns), columns.shape[1]))])
         sizes = np.linalg.norm(columns, axis=0)
@@ -382,7 +392,7 @@ class Response:
 
         A mass that is known to 2 % hides an added mass of 10 %: it would be said to be weak, and moves the film most.
         """
-        return self.left(self.strength(place), prior=False)
+        return self.left(self.strength(place), by=EXACT)
 
     def rivals(self, place: str, names: Iterable[str]) -> dict[str, float]:
         """d' of each rival: the standard errors that are left when it is fitted in place of the effect."""
@@ -414,8 +424,13 @@ class Response:
                 found[what] = columns() @ off, columns()
         return found
 
-    def remains(self) -> dict[str, float]:
-        """Standard errors of all that was drawn and not named, for every set of names: "first+scale" -> length."""
+    def remains(self, mass_error: float | None = None, radius_error: float | None = None) -> dict[str, float]:
+        """Standard errors of all that was drawn and not named, for every set of names: "first+scale" -> length.
+
+        Masses and radii whose relative error is stated are fitted within it, as the contract asks of a diagnosis;
+        others are taken for exact.
+        """
+        by = Priors(mass_error or 0.0, radius_error or 0.0)
         parts = self.components()
         result = {}
         for count in range(len(parts) + 1):
@@ -423,7 +438,7 @@ class Response:
                 rest = [change for name, (change, _) in parts.items() if name not in named]
                 if rest:
                     fitted = [parts[name][1] for name in named]
-                    result["+".join(named)] = self.left(np.sum(rest, axis=0), fitted, prior=False)
+                    result["+".join(named)] = self.left(np.sum(rest, axis=0), fitted, by)
                 else:
                     result["+".join(named)] = 0.0
         return result
@@ -448,7 +463,7 @@ class Response:
         """
         places = self.truth.places
         own = [self.numbers(p) for p in places]
-        known, columns = self.known(), np.hstack([*own, self.free()])
+        known, columns = self.known(KNOWN), np.hstack([*own, self.free()])
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
         # about the truth: the film is met where nothing moves, and the priors where what is known goes back to it

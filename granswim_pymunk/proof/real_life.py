@@ -9,7 +9,7 @@ standard errors (``ideal``), and the numbers that count are those in the masses,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -275,7 +275,7 @@ def real_bodies_case(seed: int, secret: bytes, effect: str | None = None) -> Cas
     said = stated_errors(generator(secret, kind, seed, "statements"), drawn.errors)
     recording = with_statements(recording, stated_noise(drawn), said, setup.angles)
     sealed_truth = {
-        **told(kind, seed, setup.name, truth, response, sigma, second),
+        **told(kind, seed, setup.name, truth, response, sigma, second, said),
         "errors": asdict(drawn.errors), "stated": drawn.stated, "frames": len(t), "bodies_in_all": len(setup.mobile),
     }  # fmt: skip
     return Case((recording,), plain(sealed_truth))
@@ -294,7 +294,8 @@ def _believed(setup: Setup, values: np.ndarray, rng: np.random.Generator):
 
 
 def told(
-    kind: str, seed: int, setup: str, truth: Truth, response: Response, sigma: float, second: float
+    kind: str, seed: int, setup: str, truth: Truth, response: Response, sigma: float, second: float,
+    said: Mapping[str, float | None],
 ) -> dict[str, Any]:
     """What is sealed of a case of bodies, but for the noise."""
     places = truth.places
@@ -311,7 +312,8 @@ def told(
         "radii": {b.id: b.radius for b in truth.setup.scene.bodies if b.id in truth.setup.mobile},
         "rivals": rivals.get("first", {}), "second_rivals": rivals.get("second", {}),
         "mass": dict(truth.mass), "radius": dict(truth.radius), "scale": truth.scale,
-        "tilt": truth.tilt, "gravity": has_gravity(truth.setup), "left": allowed.remains(),
+        "tilt": truth.tilt, "gravity": has_gravity(truth.setup),
+        "left": allowed.remains(said["mass_error"], said["radius_error"]), "left_held": allowed.remains(),
         "pin_length": pin_length(truth.setup),
         "bodies": sorted({b for e in effects for b in (e.bodies or truth.setup.mobile)}),
     }  # fmt: skip

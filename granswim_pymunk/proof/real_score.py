@@ -28,7 +28,9 @@ class RealRow:
 
     drawn : nuisances that were drawn;  sigma, second_sigma : ideal standard errors;  complete : as the verdict says
     strange : names that were neither drawn nor equivalent;  entries : how many names there are
-    left : ideal standard errors of what was drawn and not named, None where that is not known
+    left : ideal standard errors of what was drawn and not named, None where that is not known; masses and radii are
+        fitted within what the recording states of them
+    left_held : the same with masses and radii as they are believed, whatever is stated
     covered : for each number with an interval, whether it holds the truth;  ideal : whether it holds what an ideal
         analyst finds (``ideal.Response.ideal``), None where the seal does not say
     alone : no second effect, or it is named
@@ -58,6 +60,7 @@ class RealRow:
     seconds: float
     failed: str = ""
     ideal: tuple[bool, ...] | None = None
+    left_held: float | None = None
 
     @property
     def bed(self) -> bool:
@@ -84,6 +87,7 @@ class RealRow:
             "named": "+".join(self.named), "right_name": int(self.right_name), "right_class": int(self.right_class),
             "complete": "" if self.complete is None else int(self.complete), "share": short(self.share),
             "strange": "+".join(self.strange), "entries": self.entries, "left": short(self.left),
+            "left_held": short(self.left_held),
             "numbers": len(self.covered), "covered": sum(self.covered),
             "ideal": "" if self.ideal is None else sum(self.ideal), "alone": int(self.alone),
             "heldout": self.heldout, "seconds": short(self.seconds), "failed": self.failed,
@@ -109,6 +113,19 @@ def _near(name: str, rivals: Mapping[str, float | None], truth: Mapping[str, Any
     return {*standing(name, truth), *(k for k, v in rivals.items() if v is not None and v < APART)}
 
 
+def _near_each(truth: Mapping[str, Any]) -> list[set[str]]:
+    """Of each effect the names that are as good as its own."""
+    rivals = (truth["rivals"], truth.get("second_rivals", {}))
+    return [_near(e["name"], by, truth) for e, by in zip(truth["effects"], rivals, strict=False)]
+
+
+def components_named(truth: Mapping[str, Any], named: Sequence[str]) -> list[str]:
+    """What was drawn and has a name that is right for it: ``first``, ``second``, ``tilt``, ``scale``, ``mass``."""
+    names = set(named)
+    effects = [p for p, near in zip(("first", "second"), _near_each(truth), strict=False) if near & names]
+    return effects + [p for p, right in nuisances(truth).items() if set(right) & names]
+
+
 def score_real(result: Mapping[str, Any]) -> RealRow:
     """Score one result: ``truth`` (opened), ``verdict`` (verdict.json, or None where the diagnosis failed)."""
     truth, verdict = result["truth"], result["verdict"] or {}
@@ -123,7 +140,7 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
     rival, d_prime = min(rivals.items(), key=lambda item: item[1], default=("", math.inf))
     positive = kind in ("missing_physics", "measurement")
     drawn = nuisances(truth)
-    near = [_near(n, truth["rivals"] if k == 0 else truth.get("second_rivals", {}), truth) for k, n in enumerate(names)]
+    near = _near_each(truth)
     if names:
         right = positive and bool(standing(names[0], truth) & set(named))
         in_class = right or (positive and bool(near[0] & set(named) or (named and standing(names[0], truth) & alike)))
@@ -136,9 +153,8 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
     strange = strange if positive else ()
     if not names:
         right = in_class = not strange and kind != "failed"
-    parts = [p for p, n in zip(("first", "second"), near, strict=False) if n & set(named)]
-    parts += [p for p, n in drawn.items() if set(n) & set(named)]
-    left = truth.get("left", {}).get("+".join(sorted(parts)))
+    parts = components_named(truth, named)
+    left, held = (truth.get(key, {}).get("+".join(sorted(parts))) for key in ("left", "left_held"))
     covered, ideal = (_covered(truth, mechanisms, by) for by in ("believed", "ideal"))
     fit = verdict.get("explained") or {}
     return RealRow(
@@ -146,7 +162,7 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
         sigma=_number(truth["sigma"]), second_sigma=_number(truth.get("second_sigma")), rival=rival, d_prime=d_prime,
         verdict=kind, named=named if positive else (), right_name=bool(right), right_class=bool(in_class),
         complete=verdict.get("complete"), share=fit.get("share"), strange=strange,
-        entries=len(named) if positive else 0, left=left, covered=covered or (), ideal=ideal,
+        entries=len(named) if positive else 0, left=left, left_held=held, covered=covered or (), ideal=ideal,
         alone=len(names) < 2 or "second" in parts, heldout=str(verdict.get("heldout") or ""),
         seconds=result["seconds"], failed=result.get("failed", ""),
     )  # fmt: skip
@@ -232,6 +248,7 @@ def _row(line: Mapping[str, str]) -> RealRow:
         share=float(line["share"]) if line["share"] else None, strange=names("strange"), entries=int(line["entries"]),
         left=float(line["left"]) if line["left"] else None, covered=(True,) * hits + (False,) * (numbers - hits),
         ideal=(True,) * int(line["ideal"]) + (False,) * (numbers - int(line["ideal"])) if line.get("ideal") else None,
+        left_held=float(line["left_held"]) if line.get("left_held") else None,
         alone=line["alone"] == "1", heldout=line["heldout"], seconds=float(line["seconds"] or 0), failed=line["failed"],
     )  # fmt: skip
 
