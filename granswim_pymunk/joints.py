@@ -48,8 +48,10 @@ def angles_of(scene: Scene, xy: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, 
     Those of a body in a hinge follow from where the hinge is, which is known in the world, at the centre of a body, and
     on a body whose own angle is known; all others are zero.
     """
-    rows = {body.id: k for k, body in enumerate(scene.bodies)}
     angle, spin = np.zeros(xy.shape[:-1]), np.zeros(xy.shape[:-1])
+    if not scene.laws_named("hinge"):
+        return angle, spin
+    rows = {body.id: k for k, body in enumerate(scene.bodies)}
     ends = [end for end in _ends(scene) if math.hypot(*end[1]) > 0]
     known: set[str] = set()
     while True:

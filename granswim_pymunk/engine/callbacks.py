@@ -328,6 +328,7 @@ def _joint_text(law: Law) -> str:
     """A law of joints, whose bodies lie in the first block."""
     read, names = _parameter_locals(law)
     call = _call(law, {"t": "t", "rate": "rate", "bend": "bend", **names})
+    bends = "bend" in law.arguments  # an arctangent takes as long as all the rest
     lines = [
         "o = uses[u, 1]",
         *read,
@@ -340,16 +341,16 @@ def _joint_text(law: Law) -> str:
         "        dy = state[j, Y] - joint_at[q, 1]",
         "        square = dx * dx + dy * dy",
         "        rate = (dx * state[j, VY] - dy * state[j, VX]) / square",
-        "        bend = math.atan2(dx, -dy)",
+        *(["        bend = math.atan2(dx, -dy)"] if bends else []),
         f"        torque = {call}",
         "        state[j, FX] -= torque / square * dy",
         "        state[j, FY] += torque / square * dx",
         "    else:",
         "        rate = state[j, SPIN] if j >= 0 else 0.0",
-        "        bend = state[j, ANGLE] if j >= 0 else 0.0",
+        *(["        bend = state[j, ANGLE] if j >= 0 else 0.0"] if bends else []),
         "        if i >= 0:",
         "            rate -= state[i, SPIN]",
-        "            bend -= state[i, ANGLE]",
+        *(["            bend -= state[i, ANGLE]"] if bends else []),
         f"        torque = {call}",
         "        if j >= 0:",
         "            state[j, TORQUE] += torque",

@@ -65,15 +65,8 @@ class Scene:
         if any(self.gravity) and not any(item.name == "gravity" for item in self.laws):
             # whoever says how strong it is means that it acts
             object.__setattr__(self, "laws", (use("gravity"), *self.laws))
-        known = set(ids)
         for item in self.laws:
-            for name in item.bodies or ():
-                if name not in known:
-                    raise InputError(f"acts on body {name!r}, which the scene does not have", where=f"law {item.name}")
-            if item.law.kind == "constraint" and item.name in ("pin", "drive") and item.bodies is None:
-                raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
-            if item.law.kind == "link":
-                self._check_link(item)
+            self._check_law(item)
         if self.periodic_x is not None and not self.periodic_x > 0:
             raise InputError(f"should be above zero [m], got {self.periodic_x!r}", where="scene.periodic_x")
         for adjustable in self.adjustable:
@@ -83,6 +76,16 @@ class Scene:
             uses[0].law.number(adjustable.parameter)
             if not adjustable.low < adjustable.high:
                 raise InputError("low should be below high", where=f"adjustable {adjustable.name}")
+
+    def _check_law(self, item: LawUse) -> None:
+        """Raise InputError where a law acts on what is not there, or does not say what it acts on."""
+        for name in item.bodies or ():
+            if name not in self._by_id:
+                raise InputError(f"acts on body {name!r}, which the scene does not have", where=f"law {item.name}")
+        if item.law.kind == "constraint" and item.name in ("pin", "drive") and item.bodies is None:
+            raise InputError("needs `body`, the one it acts on", where=f"law {item.name}")
+        if item.law.kind == "link":
+            self._check_link(item)
 
     def _check_link(self, item: LawUse) -> None:
         """Raise InputError where a hinge or rod does not name what it joins."""
@@ -186,11 +189,11 @@ class Scene:
     def _by_id(self) -> dict[str, Body]:
         return {body.id: body for body in self.bodies}
 
-    @property
+    @cached_property
     def ids(self) -> tuple[str, ...]:
         return tuple(body.id for body in self.bodies)
 
-    @property
+    @cached_property
     def swimmer(self) -> tuple[int, ...]:
         """Rows of the swimmer's disks, head first (all swimmers, one behind the other)."""
         return tuple(i for i, b in enumerate(self.bodies) if b.role in ("head", "tail"))
@@ -413,7 +416,18 @@ class Scene:
 
     def with_laws(self, *items: LawUse) -> Scene:
         """The scene with these laws added."""
-        return replace(self, laws=(*self.laws, *items))
+        for item in items:
+            self._check_law(item)
+        return self.having_laws((*self.laws, *items))
+
+    def having_laws(self, laws: tuple[LawUse, ...]) -> Scene:
+        """The same bodies with these laws, which are not checked again: those of the scene with other numbers.
+
+        A fit does this before every run.
+        """
+        scene = object.__new__(Scene)
+        vars(scene).update(vars(self), laws=laws)  # what is worked out once is worked out from the bodies
+        return scene
 
     def with_actuator(self, kind: str, value: float, *, bodies: Iterable[str] | None = None) -> Scene:
         """The scene whose drives follow their command with a fault: "lag", "delay" [s], "saturation" or "deadband".
@@ -454,7 +468,7 @@ class Scene:
                 chosen = tuple(b for b in acts if b in wanted)
                 if chosen:
                     laws.append(replace(item, bodies=chosen).with_values(**{parameter: value}))
-        return replace(self, laws=tuple(laws))
+        return self.having_laws(tuple(laws))
 
     def with_initial(self, states: Mapping[str, Sequence[float]]) -> Scene:
         """The scene with the states (x, y, vx, vy) of some bodies replaced."""

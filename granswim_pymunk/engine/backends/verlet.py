@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -30,6 +29,9 @@ class Verlet(Native):
     def __init__(self, plan: Plan, offsets: Offsets | None = None, motion: Motion | None = None) -> None:
         """See ``Backend``."""
         super().__init__(plan, offsets, motion)
+        if not self.impulse:
+            # Chipmunk raises it to the power of dt in each step, for overlaps of which it finds none
+            self.world.space.collision_bias = 0.0
         self._turning = any(spins(item.law) for item in self.uses.items) or bool(len(self.joints.links.rows))
 
     def step_function(self, kernel: Kernel) -> int:
@@ -116,8 +118,8 @@ class Verlet(Native):
             joint = held and old.law.kind == "constraint"
             if (old.law.kind not in KIND_ORDER or surface or joint) and old.values != new.values:
                 return False
-        scene = replace(self.scene, laws=laws)
-        uses = uses_of(scene, self.order)
+        scene = self.scene.having_laws(laws)
+        uses = self.uses.of(before, laws) or uses_of(scene, self.order)
         if uses.reach(scene) != self.uses.reach(self.scene):
             return False
         known, b = self.state.laws, self.state.bodies
