@@ -331,9 +331,13 @@ class Beginning:
 
 @dataclass
 class Predictor:
-    """Simulates recordings under a hypothesis and looks at them as the camera does."""
+    """Simulates recordings under a hypothesis and looks at them as the camera does.
+
+    short : its runs are so short that threads gain nothing, see ``steps.short``
+    """
 
     dt: Mapping[str, float]
+    short: bool = False
     runs: int = 0
     failures: list[str] = field(default_factory=list)
     _last: _Last = field(default_factory=lambda: _Last(), repr=False)
@@ -346,7 +350,7 @@ class Predictor:
         dt = {name: times * dt for name, dt in self.dt.items()}
         found = self._others.get(times)
         if found is None or found.dt != dt:
-            found = self._others[times] = Predictor(dt, _kept=self._kept, _counted=self)
+            found = self._others[times] = Predictor(dt, self.short, _kept=self._kept, _counted=self)
         return found
 
     def __call__(

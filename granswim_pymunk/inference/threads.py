@@ -21,15 +21,15 @@ class ContextPool(ThreadPoolExecutor):
         run = cast(Callable[..., Found], copy_context().run)
         return super().submit(run, fn, *args, **kwargs)
 
-    def spread(self, fn: Callable[[Asked], Found], items: Iterable[Asked]) -> list[Found]:
+    def spread(self, fn: Callable[[Asked], Found], items: Iterable[Asked], alone: bool = False) -> list[Found]:
         """What ``fn`` makes of each, in their order: for jobs so short that handing one over takes as long.
 
         Each thread gets every k-th, the caller the first of them. k is how many cores there are for each piece of work
-        that is ``at_work``: where that keeps all of them busy, nothing is handed over.
+        that is ``at_work``: where that keeps all of them busy, or ``alone`` says so, nothing is handed over.
         """
         every = list(items)
         among = min(self._max_workers // max(_WORK.count, 1), len(every))
-        if among < 2:
+        if alone or among < 2:
             return [fn(item) for item in every]
 
         def those(first: int) -> list[Found]:

@@ -113,7 +113,7 @@ def side_by_side(fitter: Fitter, jobs: Sequence[Callable[[Fitter], Found]]) -> l
             return job(own)
 
     try:
-        return list(_FITS.map(done, jobs))
+        return [done(job) for job in jobs] if fitter.predictor.short else list(_FITS.map(done, jobs))
     finally:
         gone.set()  # whoever waits no longer, as at Ctrl-C, does not wait for the fits that are under way
 
@@ -590,7 +590,7 @@ class Fitter(Follower):
             beginnings += [(v, dict(base.starts)) for v in grid]
         jobs: list[Callable[[Fitter], Fit]] = [gradually]
         if len(beginnings) > 1:
-            chi2 = POOL.spread(lambda b: self._chi2(hypothesis, *b), beginnings)
+            chi2 = POOL.spread(lambda b: self._chi2(hypothesis, *b), beginnings, self.predictor.short)
             nearest = [beginnings[k] for k in np.argsort(chi2)[:3]]
             jobs += [partial(begun, values=values, starts=starts) for values, starts in nearest]
         return min(side_by_side(self, jobs), key=lambda fit: fit.chi2)
@@ -660,7 +660,10 @@ class Fitter(Follower):
             if last and self.stop():
                 raise TimeUp
             values, at = unpack(z)
-            seen = POOL.spread(lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases)
+            seen = POOL.spread(
+                lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases,
+                self.predictor.short,
+            )  # fmt: skip
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
             found = seen_of(values)
             if float(found @ found) < best[0]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -166,8 +166,8 @@ class Follower:
     ) -> list[Run]:
         """All segments in turn, or ``together``; each begins with the spins that the one before it ends with."""
         if not hypothesis.turns(case):
-            how: Callable[..., Iterable[Run]] = POOL.spread if together else map
-            return list(how(lambda part: self._follow(case, hypothesis, values, part), parts))
+            alone = self.predictor.short or not together
+            return POOL.spread(lambda part: self._follow(case, hypothesis, values, part), parts, alone)
         runs: list[Run] = []
         spin = self.spin.get(case.name)
         for part in parts:
@@ -286,7 +286,9 @@ class Follower:
             columns.append(-k - 1)
             changes.append((np.asarray(values, dtype=float), moved, current().fits.step * scale))
         # the compiled loops release the GIL; threads change no bit of the result
-        found = POOL.spread(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes)
+        found = POOL.spread(
+            lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes, self.predictor.short
+        )
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
     def _value_steps(
@@ -444,7 +446,8 @@ class _Moved:
     def _all(self, groups: Sequence[list[Move]]) -> Iterator[tuple[Move, dict[int, Run]]]:
         """Every move with its runs by segment; one by one where a run of several fails."""
         # the compiled loops release the GIL; threads change no bit of the result
-        for group, runs in zip(groups, POOL.spread(self._run, groups), strict=True):
+        found = POOL.spread(self._run, groups, self.follower.predictor.short)
+        for group, runs in zip(groups, found, strict=True):
             lost = len(group) > 1 and any(run.predicted is None for run in runs.values())
             for move in group:
                 yield move, self._run([move]) if lost else runs

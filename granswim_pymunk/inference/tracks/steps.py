@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -66,6 +66,13 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
             steps = _no_finer(case, described, steps, spacing)
         result[case.name] = spacing / steps
     return result
+
+
+def short(cases: Sequence[Case], dt: Mapping[str, float]) -> bool:
+    """Whether no run takes as many steps as threads need to gain anything (``WorkCriteria.alone``)."""
+    learnt = [c for c in cases if c.training.any()]
+    steps = (len(c.recording.scene.bodies) * (c.t[c.training][-1] - c.t[0]) / dt[c.name] for c in learnt)
+    return max(steps, default=0.0) < current().work.alone
 
 
 def advised(case: Case) -> float:

@@ -43,7 +43,7 @@ from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
 from .signatures import Bank, Signature, make_bank
-from .steps import advised, shifts, time_steps
+from .steps import advised, shifts, short, time_steps
 from .usual import beyond_usual, is_usual, usual_errors
 from .whom import whom
 
@@ -102,7 +102,8 @@ def study_of(
 ) -> Study:  # fmt: skip
     cases = [shortened(cut_at_kicks(scored_before_jumps(case))) for case in prepare_all(recordings, hold_out)]
     training = [c for c in cases if not c.held_out]
-    predictor = Predictor(time_steps(cases))
+    dt = time_steps(cases)
+    predictor = Predictor(dt, short(cases, dt))
     refits = current().refits
     stages = refits.stages if max(len(c.t) for c in training) > refits.staged else (1.0,)
     fitter = Fitter(cases, predictor, stop=lambda: late(current().budget.fits))
