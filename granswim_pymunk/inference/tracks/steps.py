@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -68,11 +68,13 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
     return result
 
 
-def short(cases: Sequence[Case], dt: Mapping[str, float]) -> bool:
-    """Whether no run takes as many steps as threads need to gain anything (``WorkCriteria.alone``)."""
-    learnt = [c for c in cases if c.training.any()]
-    steps = (len(c.recording.scene.bodies) * (c.t[c.training][-1] - c.t[0]) / dt[c.name] for c in learnt)
-    return max(steps, default=0.0) < current().work.alone
+def short(fitter: Fitter) -> bool:
+    """Whether no run, from segment to segment, takes as many steps as threads need (``WorkCriteria.alone``)."""
+    longest = 0.0
+    for case in fitter.cases:
+        lasts = max(float(np.ptp(case.t[s.frames])) for s in fitter.segments[case.name])
+        longest = max(longest, len(case.recording.scene.bodies) * lasts / fitter.predictor.dt[case.name])
+    return longest < current().work.alone
 
 
 def advised(case: Case) -> float:

@@ -102,11 +102,11 @@ def study_of(
 ) -> Study:  # fmt: skip
     cases = [shortened(cut_at_kicks(scored_before_jumps(case))) for case in prepare_all(recordings, hold_out)]
     training = [c for c in cases if not c.held_out]
-    dt = time_steps(cases)
-    predictor = Predictor(dt, short(cases, dt))
+    predictor = Predictor(time_steps(cases))
     refits = current().refits
     stages = refits.stages if max(len(c.t) for c in training) > refits.staged else (1.0,)
     fitter = Fitter(cases, predictor, stop=lambda: late(current().budget.fits))
+    predictor.short = short(fitter)
     inner = InnerSplit.make(training, predictor, lambda: late(current().budget.fits))
     terms = adjustable_terms(cases), believed_terms(cases)
     study = Study(cases, training, predictor, fitter, inner, stages, *terms, rng, progress, late)
