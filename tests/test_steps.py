@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from granswim_pymunk import Body, Scene, use
-from granswim_pymunk.inference.tracks import diagnose_tracks
 from granswim_pymunk.inference.criteria import DEFAULT
 from granswim_pymunk.inference.data import Case, prepare
-from granswim_pymunk.inference.tracks.steps import advised, time_steps
+from granswim_pymunk.inference.hypothesis import Predictor
+from granswim_pymunk.inference.tracks import diagnose_tracks
+from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.steps import advised, short, time_steps
 from granswim_pymunk.recording import Recording, film
 from granswim_pymunk.scene import Time
 from granswim_pymunk.walls import Wall
@@ -80,3 +82,15 @@ def test_a_scene_with_other_numbers_is_the_scene_with_them():
     assert all(getattr(other, f.name) is getattr(scene, f.name) for f in fields(Scene) if f.name != "laws")
     # it takes over what was worked out: that has to hang on the bodies alone
     assert {n for n, v in vars(Scene).items() if isinstance(v, cached_property)} == {"_by_id", "ids", "swimmer"}
+
+
+def test_a_scene_that_begins_later_is_the_scene_with_another_start():
+    scene = ball(use("linear_drag", c=0.1), time=Time(dt=1e-3))
+    assert scene.starting_at(2.0) == replace(scene, time=replace(scene.time, start=2.0))
+    assert scene.time.start == 0.0
+
+
+@pytest.mark.parametrize("step, alone", [(1e-3, True), (1e-5, False)])
+def test_short_runs_stay_in_one_thread(step, alone):
+    case = one(ball(), 0.02)
+    assert short(Fitter([case], Predictor({case.name: step}))) is alone

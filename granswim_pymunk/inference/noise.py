@@ -54,25 +54,51 @@ def _filter(series, frames, size, memory, back, out):
     series, out (n, c), NaN where not seen; frames (n,) their numbers. ``back``: from the whitened series to the series.
     Returns half the logarithm of the determinant of the covariance, summed over all columns.
     """
+    n, width = series.shape
+    # gains hang on which frames are seen alone: columns that follow one with the same ones share them
+    of = np.zeros(width, dtype=np.int64)
+    first = np.zeros(width, dtype=np.int64)
+    groups = 0
+    for c in range(width):
+        same = c > 0
+        for k in range(n if same else 0):
+            if math.isnan(series[k, c]) != math.isnan(series[k, c - 1]):
+                same = False
+                break
+        if not same:
+            first[groups] = c
+            groups += 1
+        of[c] = groups - 1
+    kept = np.ones((n, groups))
+    root = np.ones((n, groups))
+    gain = np.zeros((n, groups))
+    for g in range(groups):
+        variance, last = size * size, frames[0]
+        for k in range(n):
+            if math.isnan(series[k, first[g]]):
+                continue
+            lasts = math.exp(-(frames[k] - last) / memory)
+            variance = lasts * lasts * variance + size * size * (1.0 - lasts * lasts)
+            last = frames[k]
+            kept[k, g], root[k, g], gain[k, g] = lasts, math.sqrt(1.0 + variance), variance / (1.0 + variance)
+            variance *= 1.0 - gain[k, g]
+    logs = np.log(root)
     total = 0.0
-    for c in range(series.shape[1]):
-        mean, variance, last = 0.0, size * size, frames[0]
-        for k in range(series.shape[0]):
-            out[k, c] = np.nan
+    for c in range(width):
+        for k in range(n):
+            total += logs[k, of[c]]
+    mean = np.zeros(width)
+    for k in range(n):
+        for c in range(width):
             value = series[k, c]
             if math.isnan(value):
+                out[k, c] = np.nan
                 continue
-            kept = math.exp(-(frames[k] - last) / memory)
-            mean *= kept
-            variance = kept * kept * variance + size * size * (1.0 - kept * kept)
-            last = frames[k]
-            root = math.sqrt(1.0 + variance)
-            error = value * root if back else value - mean
-            out[k, c] = mean + error if back else error / root
-            total += math.log(root)
-            gain = variance / (1.0 + variance)
-            mean += gain * error
-            variance *= 1.0 - gain
+            g = of[c]
+            mean[c] *= kept[k, g]
+            error = value * root[k, g] if back else value - mean[c]
+            out[k, c] = mean[c] + error if back else error / root[k, g]
+            mean[c] += gain[k, g] * error
     return total
 
 

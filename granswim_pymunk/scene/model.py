@@ -425,8 +425,16 @@ class Scene:
 
         A fit does this before every run.
         """
+        return self._but(laws=laws)
+
+    def starting_at(self, t: float) -> Scene:
+        """The same scene from another time [s] on."""
+        return self._but(time=replace(self.time, start=t))
+
+    def _but(self, **other: Any) -> Scene:
+        """With other laws or times, which are not checked; what is worked out once is worked out from the bodies."""
         scene = object.__new__(Scene)
-        vars(scene).update(vars(self), laws=laws)  # what is worked out once is worked out from the bodies
+        vars(scene).update(vars(self), **other)
         return scene
 
     def with_actuator(self, kind: str, value: float, *, bodies: Iterable[str] | None = None) -> Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -184,7 +184,7 @@ class Backend(ABC):
     def begin_at(self, t: float) -> None:
         """The scene begins at this time [s]."""
         if t != self.scene.time.start:
-            self.scene = replace(self.scene, time=replace(self.scene.time, start=float(t)))
+            self.scene = self.scene.starting_at(float(t))
         self.state.numbers["t_start"] = t
 
     # ---- bodies ---------------------------------------------------------------------------------
