@@ -20,7 +20,6 @@ from ..linear import project
 from ..noise import LikelyNoise, Noise
 from .fit import Fitter
 from .fitted import Fit, spin_at
-from .follow import POOL
 from .segments import find_impacts, make_segments
 
 
@@ -333,7 +332,7 @@ def _predicted(
         along = [errors @ axes[0], -errors @ axes[0]]
         along += list((errors @ rng.normal(size=(errors.shape[1], criteria.starts))).T)
         with np.errstate(over="ignore", invalid="ignore"):
-            bent = np.mean(POOL.spread(bend, along, fitter.predictor.short), axis=0)
+            bent = np.mean(fitter.spread(bend, along), axis=0)
         bent = np.where(np.isfinite(bent), bent, np.inf)
     # what hangs on a start that no frame tells, as of a body that came later, says nothing either
     untold = j2 - (j2 @ vt[kept].T) @ vt[kept]

@@ -25,7 +25,7 @@ from ..linear import errors_of
 from ..start import Pendulum
 from ..threads import ContextPool, at_work
 from .fitted import Fit, huber, information_of, passed_at, weight_roots
-from .follow import POOL, Follower, Slow
+from .follow import Follower, Slow
 from .segments import Segment, cut_in_pieces, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
 
@@ -590,7 +590,7 @@ class Fitter(Follower):
             beginnings += [(v, dict(base.starts)) for v in grid]
         jobs: list[Callable[[Fitter], Fit]] = [gradually]
         if len(beginnings) > 1:
-            chi2 = POOL.spread(lambda b: self._chi2(hypothesis, *b), beginnings, self.predictor.short)
+            chi2 = self.spread(lambda b: self._chi2(hypothesis, *b), beginnings)
             nearest = [beginnings[k] for k in np.argsort(chi2)[:3]]
             jobs += [partial(begun, values=values, starts=starts) for values, starts in nearest]
         return min(side_by_side(self, jobs), key=lambda fit: fit.chi2)
@@ -660,10 +660,7 @@ class Fitter(Follower):
             if last and self.stop():
                 raise TimeUp
             values, at = unpack(z)
-            seen = POOL.spread(
-                lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases,
-                self.predictor.short,
-            )  # fmt: skip
+            seen = self.spread(lambda c: self.innovations(c, hypothesis, values, at[c.name], parts[c.name])[0], cases)
             last.update(z=np.array(z), seen=dict(zip(parts, seen, strict=True)))
             found = seen_of(values)
             if float(found @ found) < best[0]:

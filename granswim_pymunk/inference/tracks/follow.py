@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -15,7 +15,7 @@ from ..criteria import SegmentCriteria, current
 from ..data import Case
 from ..hypothesis import Beginning, Failed, Free, Hypothesis, Predictor
 from ..start import StartBody, first_numbers, number_scales
-from ..threads import ContextPool
+from ..threads import Asked, ContextPool, Found
 from .bearing import bearing, coloured, looks_around, together
 from .fitted import Fit
 from .segments import Segment, cut_by_growth, follower, make_segments
@@ -121,6 +121,10 @@ class Follower:
         other.predictor = self.predictor.with_steps(times)
         return other
 
+    def spread(self, fn: Callable[[Asked], Found], items: Iterable[Asked]) -> list[Found]:
+        """What ``fn`` makes of each, side by side where runs are long enough, see ``ContextPool.spread``."""
+        return POOL.spread(fn, items, self.predictor.short)
+
     def _segments(self, case: Case, criteria: SegmentCriteria, whole: bool) -> tuple[Segment, ...]:
         """Cut at impacts, or where chaos has made too much of a small error of the start."""
         frames = self.frames[case.name]
@@ -166,8 +170,8 @@ class Follower:
     ) -> list[Run]:
         """All segments in turn, or ``together``; each begins with the spins that the one before it ends with."""
         if not hypothesis.turns(case):
-            alone = self.predictor.short or not together
-            return POOL.spread(lambda part: self._follow(case, hypothesis, values, part), parts, alone)
+            how: Callable[..., Iterable[Run]] = self.spread if together else map
+            return list(how(lambda part: self._follow(case, hypothesis, values, part), parts))
         runs: list[Run] = []
         spin = self.spin.get(case.name)
         for part in parts:
@@ -286,9 +290,7 @@ class Follower:
             columns.append(-k - 1)
             changes.append((np.asarray(values, dtype=float), moved, current().fits.step * scale))
         # the compiled loops release the GIL; threads change no bit of the result
-        found = POOL.spread(
-            lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes, self.predictor.short
-        )
+        found = self.spread(lambda c: self.innovations(case, hypothesis, c[0], c[1], frames)[0], changes)
         return columns, [(here - other) / c[2] for other, c in zip(found, changes, strict=True)]
 
     def _value_steps(
@@ -446,8 +448,7 @@ class _Moved:
     def _all(self, groups: Sequence[list[Move]]) -> Iterator[tuple[Move, dict[int, Run]]]:
         """Every move with its runs by segment; one by one where a run of several fails."""
         # the compiled loops release the GIL; threads change no bit of the result
-        found = POOL.spread(self._run, groups, self.follower.predictor.short)
-        for group, runs in zip(groups, found, strict=True):
+        for group, runs in zip(groups, self.follower.spread(self._run, groups), strict=True):
             lost = len(group) > 1 and any(run.predicted is None for run in runs.values())
             for move in group:
                 yield move, self._run([move]) if lost else runs
