@@ -7,7 +7,17 @@ import pytest
 
 from granswim_pymunk.inference.explained import Explained
 from granswim_pymunk.inference.hypothesis import Free
-from granswim_pymunk.inference.judge import Claim, Form, Judgement, Mismatch, Weighed, best_form, judge, without_laws
+from granswim_pymunk.inference.judge import (
+    Claim,
+    Form,
+    Judgement,
+    Mismatch,
+    Weighed,
+    best_form,
+    judge,
+    unexplained,
+    without_laws,
+)
 from granswim_pymunk.inference.model import HeldOut, Left, ObservationModel
 from granswim_pymunk.inference.pipeline import diagnose_by, first_that_explains
 from granswim_pymunk.inference.places import Place
@@ -336,6 +346,34 @@ def test_names_are_asked_again_where_held_out_data_turn_down_the_form_that_took_
     else:
         assert looked[3:] == ["flexible_speed"]  # the last look is at what is told
         assert found["verdict"] == "unmodelled" and "flexible_speed than without" in found["notes"][-1]
+
+
+def test_what_is_real_and_has_no_explanation_is_no_noise():
+    nothing = Judgement("unmodelled", Claim((), ""))
+    assert unexplained(nothing)
+    assert not unexplained(replace(nothing, claim=NAMED)) and not unexplained(replace(nothing, verdict="no_mismatch"))
+
+
+@pytest.mark.parametrize("leads, asked", [(0.3, ["quadratic_drag"]), (0.9, [])])
+def test_a_law_that_training_data_ask_for_less_is_named_where_the_first_explains_too_little(leads, asked):
+    looked = []
+
+    class Behind(Toy):
+        def runners_up(self, judged):
+            assert judged.claim is NAMED
+            for name in ("quadratic_drag", "cubic_drag"):
+                looked.append(name)
+                yield Claim((Law(name, name),), "")
+
+        def weigh(self, claim):
+            return Weighed(share(leads if claim.laws[0].label == "linear_drag p=0" else 0.9), ())
+
+    model = Behind()
+    found = first_that_explains(model, NAMED)
+    assert looked == asked and found.verdict == "missing_physics"
+    assert [t.mechanism for t in found.claim.laws] == (asked or ["linear_drag"])
+    if asked:
+        assert "quadratic_drag, which these data ask for less than for it, does" in model.notes[-1]
 
 
 @pytest.mark.parametrize("good", ["quadratic_drag", "cubic_drag", ""])

@@ -260,6 +260,11 @@ def judge(claim: Claim, weighed: Weighed, mismatch: Mismatch, plain: Claim, note
     return not_named(claim, weighed, plain)
 
 
+def unexplained(judged: Judgement) -> bool:
+    """Whether a mismatch is real and nothing was found for it: more than noise, however little shows in one place."""
+    return judged.verdict == "unmodelled" and not judged.claim.laws
+
+
 def not_named(claim: Claim, weighed: Weighed, plain: Claim) -> Judgement:
     """What is told where the laws of a claim are no explanation: the best form without a name, if one helps."""
     share = 0.0 if weighed.named is None else weighed.named.share

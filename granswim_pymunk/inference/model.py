@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -181,6 +181,10 @@ class ObservationModel(ABC):
 
     def alike(self, judged: Judgement) -> Sequence[Claim]:
         """Laws that training data cannot tell from what was claimed, one or two of them, best first."""
+        return ()
+
+    def runners_up(self, judged: Judgement) -> Iterable[Claim]:
+        """Other laws that training data ask for by themselves, though less than for what was claimed, best first."""
         return ()
 
     def alike_in_slow_noise(self, judged: Judgement) -> Sequence[Claim]:

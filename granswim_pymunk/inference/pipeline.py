@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from ..laws import has_role
@@ -64,27 +65,33 @@ def judged_by_training(model: ObservationModel, claim: Claim) -> Judgement:
 
 
 def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
-    """The judgement of a claim, or of the first law that fits cannot tell from it and that explains enough.
+    """The judgement of a claim, or of the first other law that explains enough.
 
     Of a class the search names the simplest. Where that explains too little of blocks that it was not fitted to, it is
-    not that one, and the others of the class are asked by the same rules before nothing is named.
+    not that one, and the others of the class are asked by the same rules before nothing is named, and then those that
+    training data ask for less.
     """
     told = len(model.notes)
     judged = model.settle(judged_by_training(model, claim))
     if judged.verdict != "unmodelled" or not claim.laws or claim.nameless:
         return judged
-    others, why = model.alike(replace(judged, claim=claim)), model.notes[told:]
-    if not others:
-        return judged
-    for other in others:
+    why, claimed, asked = model.notes[told:], replace(judged, claim=claim), False
+    from_it, for_it = ("them", "for them") if len(claim.laws) > 1 else ("it", "for it")
+    others = chain(
+        ((other, f"which fits cannot tell from {from_it}") for other in model.alike(claimed)),
+        ((other, f"which these data ask for less than {for_it}") for other in model.runners_up(claimed)),
+    )
+    for other, which in others:
+        asked = True
         del model.notes[told:]
         found = judged_by_training(model, other)
         found = found if found.verdict == "unmodelled" else model.settle(found)
         if found.claim.laws and found.verdict != "unmodelled":
-            from_it, does = "them" if len(claim.laws) > 1 else "it", "do" if len(other.laws) > 1 else "does"
-            told_apart = f"{other.label}, which fits cannot tell from {from_it}, {does}"
+            told_apart = f"{other.label}, {which}, {'do' if len(other.laws) > 1 else 'does'}"
             model.notes[told:told] = [f"{why[-1]}; {told_apart}"] if why else []
             return found
+    if not asked:
+        return judged
     # what the model keeps of its last look belongs to the first claim again
     del model.notes[told:]
     return model.settle(judged_by_training(model, claim))

@@ -14,7 +14,7 @@ from ..criteria import current
 from ..criteria.packings import Sizes
 from ..explained import Explained
 from ..hypothesis import Free
-from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge, not_named
+from ..judge import Claim, Form, Judgement, Mismatch, Remains, Weighed, judge, not_named, unexplained
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..pipeline import diagnose_by
 from ..places import Place
@@ -212,7 +212,7 @@ class Packings(ObservationModel):
         finding: Finding = judged.claim.fit
         if judged.withdrawn:
             self.goodness = goodness(self.state, finding.revised, len(finding.revised.u))
-        complete = self.goodness[0] > current().verdict.alarm
+        complete = self.goodness[0] > current().verdict.alarm and not unexplained(judged)
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None)
         errors = errors_of(finding, self.state.means, self.state.training)

@@ -39,6 +39,7 @@ from ..judge import (
     named_verdict,
     not_named,
     remains_of,
+    unexplained,
 )
 from ..mechanisms import CLAIMED, NOTHING, UNKNOWN, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
@@ -878,13 +879,11 @@ class Tracks(ObservationModel):
 
     def _left(self, judged: Judgement) -> tuple[Left, bool]:
         """What is left, and whether that is more than noise in what was learnt from: held-out data move no interval."""
-        # a mismatch that is real and was not explained is more than noise, however little of it shows in one place
         quiet, kicked = self._between_kicks(judged.claim.fit).passes, self.study.kicked
         named = judged.verdict not in ("no_mismatch", "recalibrate")
         if named and quiet and kicked and not self._more_to_see(judged.claim.fit):
             return Left(False, remains_of_kicks(kicked)), False
-        complete = quiet and not kicked
-        complete = complete and (bool(judged.claim.laws) or judged.verdict != "unmodelled")
+        complete = quiet and not kicked and not unexplained(judged)
         off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
         if off.shares:
             self.notes.append(str(off))

@@ -14,7 +14,7 @@ from ...recording import Recording
 from ..criteria import current
 from ..data import divided
 from ..hypothesis import Failed, Hypothesis, Term, adjustable_terms
-from ..judge import Remains
+from ..judge import Judgement, Remains, unexplained
 from ..kept import Store
 from ..mechanisms import NOTHING
 from ..places import Place
@@ -454,7 +454,7 @@ def places_of(search: Search, answer: Answer, predicted: Mapping[str, Prediction
 
 
 def left_of(
-    search: Search, answer: Answer, predicted: Mapping[str, Prediction], verdict: str, excess: Mapping[str, float],
+    search: Search, answer: Answer, predicted: Mapping[str, Prediction], judged: Judgement, excess: Mapping[str, float],
     discrepancy: Discrepancy | None, trials: Sequence[BedTrial], level: float,
 ) -> tuple[bool, Remains | None]:  # fmt: skip
     """Whether what the revised scene leaves of training windows passes for that of replicates, and what it is."""
@@ -462,9 +462,10 @@ def left_of(
     if rows is None:
         return False, None
     judge = answer.judge if answer.found is not None else search.likelihood
-    if discrepancy is None and like_replicates(search.likelihood, judge, rows, search.used, excess["revised"]):
+    noise = discrepancy is None and not unexplained(judged)
+    if noise and like_replicates(search.likelihood, judge, rows, search.used, excess["revised"]):
         return True, None
-    if verdict in ("no_mismatch", "recalibrate"):
+    if judged.verdict in ("no_mismatch", "recalibrate"):
         return False, None
     looks = looks_like(search, answer, rows, trials, level) if discrepancy is None else NOTHING
     remains = remains_in(search.likelihood, judge, rows, search.used, looks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,6 +40,7 @@ from .experiment import propose
 from .judge import Discrepancy, errors, moved_away, noise_floor, predictive_check, rivals_of
 from .likelihood import Prediction, WindowLikelihood
 from .plan import Plan
+from .search import Answer
 from .trial import BedTrial
 from .verdict import body_map, chance_of_law, entry_of, place_of, revised_scene
 from .weigh import before_of, explained_by_scale, explained_by_trial, rival_gains, weighed
@@ -97,6 +98,7 @@ class Windows(ObservationModel):
         self.form: BedTrial | None = None
         self.discrepancy: Discrepancy | None = None
         self.scale: BedTrial | None = None
+        self.leading: list[BedTrial] = []
 
     @property
     def plain(self) -> Claim:
@@ -120,18 +122,32 @@ class Windows(ObservationModel):
 
     def search(self, null: Null | None) -> Claim:
         search, p = self.state, self.null.p
-        self.trials, leading = leading_laws(search, self.trials, self.chance, p, self.notes)
+        self.trials, self.leading = leading_laws(search, self.trials, self.chance, p, self.notes)
         self.progress("refining what was found", 0.78)
         self.alone = without_law(search)
-        answer = refined(
-            search, self.alone, leading, self.trials, self.signatures, self.start.wrong is None, self.rng, self.notes
-        )  # fmt: skip
+        answer = self._refined(self.leading)
         if answer.unexplained > current().windows.search.unexplained and p <= current().verdict.alarm:
             self.form, ahead = beyond_names(search, answer, self.trials, self.notes)
             if self.form is not None and ahead:
                 self.trials = [self.form, *self.trials]
                 answer = by_form(search, self.form, answer.unexplained)
         return Claim(tuple(answer.laws), answer)
+
+    def _refined(self, leading: Sequence[BedTrial]) -> Answer:
+        alone = self.start.wrong is None
+        return refined(self.state, self.alone, leading, self.trials, self.signatures, alone, self.rng, self.notes)
+
+    def runners_up(self, judged: Judgement) -> Iterator[Claim]:
+        """Those beyond the nulls that come next, each refined as if it led."""
+        taken = {law.label for law in judged.claim.laws}
+        for trial in self.leading:
+            if self.state.clock.late(current().windows.budget.second):
+                return
+            if trial.label not in taken:
+                self.progress(f"{trial.label} in its place", 0.87)
+                answer = self._refined([trial])
+                if answer.laws:
+                    yield Claim(tuple(answer.laws), answer)
 
     def weigh(self, claim: Claim) -> Weighed:
         self.progress("what explains", 0.87)
@@ -212,7 +228,7 @@ class Windows(ObservationModel):
             search,
             answer,
             self.predicted,
-            judged.verdict,
+            judged,
             self.excess,
             self.discrepancy,
             self.trials,
