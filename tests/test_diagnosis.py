@@ -893,6 +893,8 @@ def test_a_fit_that_was_caught_gains_nothing_by_any_law():
     """Whatever helps a fit out of a minimum would seem to be a law; the fit without one is begun there again."""
 
     class Basin:
+        predictor = Predictor({})
+
         def apart(self):
             return copy(self)
 

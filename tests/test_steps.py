@@ -58,8 +58,9 @@ def test_a_slow_camera_is_followed_in_few_steps():
 
 @pytest.mark.parametrize("belief", [
     ball(second=True), ball(time=Time(dt=1e-3)), ball(walls=(Wall((-9.0, -60.0), (40.0, -60.0)),)),
+    replace(ball(), gravity=(0.0, 0.0), laws=()), replace(ball(), gravity=(0.0, -1.0)),
 ])  # fmt: skip
-def test_what_may_meet_or_has_a_step_of_its_own_keeps_it(belief):
+def test_what_may_meet_or_rub_or_has_a_step_of_its_own_keeps_it(belief):
     assert per_frame(one(belief, 0.02)) == round(1 / RATE / advised(one(belief, 0.02)))
 
 

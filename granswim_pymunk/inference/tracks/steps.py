@@ -8,8 +8,9 @@ import numpy as np
 
 from ...engine import advise_dt
 from ...scene import Scene
+from ..candidates import flies
 from ..criteria import current
-from ..data import Case
+from ..data import Case, falls
 from ..hypothesis import Failed, Hypothesis, Predictor
 from ..linear import project
 from ..start import StartBody, describe_starts, first_numbers, states
@@ -62,7 +63,7 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
         steps, spacing = _advised(case, described)
         if any(item.law.kind == "pair" for item in scene.laws_as("contact")):
             steps = _fine_enough(case, described, steps, spacing)
-        elif scene.time.dt is None and _alone(scene):
+        elif scene.time.dt is None and _in_flight(scene):
             steps = _no_finer(case, described, steps, spacing)
         result[case.name] = spacing / steps
     return result
@@ -96,9 +97,12 @@ def _advised(case: Case, described: tuple[StartBody, ...]) -> tuple[int, float]:
     return max(int(np.ceil(spacing / dt)), least), spacing
 
 
-def _alone(scene: Scene) -> bool:
-    """Whether nothing meets and nothing is commanded: then no law is faster than what is seen of it."""
-    return len(scene.bodies) == 1 and not scene.walls and not scene.inputs
+def _in_flight(scene: Scene) -> bool:
+    """Whether a body falls or flies and nothing meets, holds or drives it: no law of it is faster than it is seen.
+
+    On a table there may be a friction, which is as fast as it stops a body.
+    """
+    return len(scene.bodies) == 1 and not scene.inputs and falls(scene) and flies(scene)
 
 
 def _no_finer(case: Case, described: tuple[StartBody, ...], steps: int, spacing: float) -> int:
