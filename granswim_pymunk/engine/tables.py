@@ -49,7 +49,7 @@ class Uses:
     def of(self, before: Sequence[LawUse], laws: Sequence[LawUse]) -> Uses | None:
         """The same where the laws ``before`` have other numbers; None where a scene runs others than it lists."""
         place = {id(item): k for k, item in enumerate(before)}
-        if not all(id(item) in place for item in self.items):
+        if len(place) < len(before) or not all(id(item) in place for item in self.items):
             return None
         items = [laws[place[id(item)]] for item in self.items]
         damped = (id(new) for new, old in zip(items, self.items, strict=True) if id(old) in self.damped)
