@@ -373,7 +373,7 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     square to a line, and nobody sees it; over a table a slow one is a drag and a slope. What flies has no substrate.
     """
     rubs = law.damping and "g" in law.arguments
-    if rubs and all(flies(c.recording.scene) for c in cases):
+    if rubs and all(_flies(c.recording.scene) for c in cases):
         return True
     held: set[str] = set()
     for other in all_laws().values():
@@ -388,7 +388,7 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     return bool(held & richer) or (by_weight and law.name in held)
 
 
-def flies(scene: Scene) -> bool:
+def _flies(scene: Scene) -> bool:
     """Whether bodies fall in the picture's plane, or hang from rods, with nothing in it that could bear their weight.
 
     What a command moves is not asked: a load that hangs from a trolley has no substrate, whatever the trolley has.
@@ -495,7 +495,7 @@ def _may_be_tied(law: Law, cases: Sequence[Case]) -> bool:
     if law.role == "tether" and len(names_of(cases)) > 1:
         return False
     held = any(s.laws_as(role) for s in scenes for role in HOLDING)
-    other = any(s.chains or s.periodic_x or s.bed is not None or flies(s) for s in scenes)
+    other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
     return not held and not other and places_about(cases) is not None
 
 

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...engine import advise_dt
-from ...scene import Scene
-from ..candidates import flies
 from ..criteria import current
-from ..data import Case, falls
+from ..data import Case
 from ..hypothesis import Failed, Hypothesis, Predictor
 from ..linear import project
 from ..start import StartBody, describe_starts, first_numbers, states
@@ -59,12 +57,20 @@ def time_steps(cases: Sequence[Case]) -> dict[str, float]:
     """
     result = {}
     for case in cases:
-        scene, described = case.recording.scene, describe_starts(case, case.start)
-        steps, spacing = _advised(case, described)
+        scene = case.recording.scene
+        frames = case.start
+        described = describe_starts(case, frames)
+        placed = states(described, first_numbers(described), scene, float(case.t[0]))
+        moving = scene.with_initial(placed)
+        dt = scene.time.dt or advise_dt(moving)
+        spacing = float(np.median(np.diff(case.t))) if len(case.t) > 1 else dt
+        # a whole number of steps between frames, and never too few; where disks meet, what acts just before they touch
+        # has to be seen
+        criteria = current().fits
+        least = criteria.steps_met if any(i.law.kind == "impulse" for i in scene.laws) else criteria.steps
+        steps = max(int(np.ceil(spacing / dt)), least)
         if any(item.law.kind == "pair" for item in scene.laws_as("contact")):
             steps = _fine_enough(case, described, steps, spacing)
-        elif scene.time.dt is None and _in_flight(scene):
-            steps = _no_finer(case, described, steps, spacing)
         result[case.name] = spacing / steps
     return result
 
@@ -76,65 +82,6 @@ def short(fitter: Fitter) -> bool:
         lasts = max(float(np.ptp(case.t[s.frames])) for s in fitter.segments[case.name])
         longest = max(longest, len(case.recording.scene.bodies) * lasts / fitter.predictor.dt[case.name])
     return longest < current().work.alone
-
-
-def advised(case: Case) -> float:
-    """The step [s] that the laws of the naive scene ask for, whatever is seen of it."""
-    steps, spacing = _advised(case, describe_starts(case, case.start))
-    return spacing / steps
-
-
-def _advised(case: Case, described: tuple[StartBody, ...]) -> tuple[int, float]:
-    """How many steps between two frames the laws ask for, and the time between frames [s]."""
-    scene = case.recording.scene
-    placed = states(described, first_numbers(described), scene, float(case.t[0]))
-    dt = scene.time.dt or advise_dt(scene.with_initial(placed))
-    spacing = float(np.median(np.diff(case.t))) if len(case.t) > 1 else dt
-    # a whole number of steps between frames, and never too few; where disks meet, what acts just before they touch has
-    # to be seen
-    criteria = current().fits
-    least = criteria.steps_met if any(i.law.kind == "impulse" for i in scene.laws) else criteria.steps
-    return max(int(np.ceil(spacing / dt)), least), spacing
-
-
-def _in_flight(scene: Scene) -> bool:
-    """Whether a body falls or flies and nothing meets, holds or drives it: no law of it is faster than it is seen.
-
-    On a table there may be a friction, which is as fast as it stops a body.
-    """
-    return len(scene.bodies) == 1 and not scene.inputs and falls(scene) and flies(scene)
-
-
-def _no_finer(case: Case, described: tuple[StartBody, ...], steps: int, spacing: float) -> int:
-    """How few of the steps between two frames are enough, where a slow camera sees a fast integration.
-
-    Halved while the path is off that with all of them by less than ``FitCriteria.shift``, as the length of that
-    difference in standard deviations of all that is seen: by no more of its standard error can any number of the start
-    or of a law be off. So it is asked at the frames and half a step after them, where a clock that is off would look.
-    What a law that is found needs beyond that it gets in the end, see ``study.finely``.
-    """
-    numbers, begins = first_numbers(described), float(case.t[case.start][0])
-    later = case.t >= begins
-    seen = np.isfinite(case.values)[later]
-
-    def path(steps: int, late: float) -> np.ndarray:
-        predictor, t = Predictor({case.name: spacing / steps}), case.t[later] + late
-        return (predictor(Hypothesis(), case, (), described, numbers, begins, t) / case.sigma)[seen]
-
-    def off(fewer: int) -> float:
-        late = (0.0, 0.5 * spacing / fewer)
-        return max(float(np.linalg.norm(path(fewer, at) - path(steps, at))) for at in late)
-
-    found = steps
-    try:
-        while found > current().fits.steps:
-            fewer = max((found + 1) // 2, current().fits.steps)
-            if not off(fewer) < current().fits.shift:
-                break
-            found = fewer
-    except Failed:
-        pass
-    return found
 
 
 def _fine_enough(case: Case, described: tuple[StartBody, ...], steps: int, spacing: float) -> int:

@@ -43,7 +43,7 @@ from .segments import shortened
 from .sets import SetSearch
 from .settle import in_names_of_apparatus, that_earn_their_place, without_idle_numbers
 from .signatures import Bank, Signature, make_bank
-from .steps import advised, shifts, short, time_steps
+from .steps import shifts, short, time_steps
 from .usual import beyond_usual, is_usual, usual_errors
 from .whom import whom
 
@@ -600,11 +600,7 @@ def finely(
     study: Study, tried: FittedAlone, fitter: Fitter, found: list[Trial], revised: Fit, spread: float
 ) -> tuple[FittedAlone, Fitter, list[Trial], Fit]:
     """What was found, with steps so short that no number hangs on them: halved and fitted again where one does."""
-    left = current().fits.halvings
-    by_laws = {c.name: advised(c) for c in study.cases}
-    while left > 0:
-        # steps that a slow camera let be longer than the laws ask for are halved as often as it takes
-        left -= all(dt <= by_laws[name] for name, dt in study.predictor.dt.items())
+    for _ in range(current().fits.halvings):
         moved = shifts(fitter, revised, spread)
         if moved.max(initial=0.0) < current().fits.shift or study.late(current().budget.settling):
             break
