@@ -34,6 +34,8 @@ def _ends(scene: Scene) -> list[tuple[str, np.ndarray, str | None, np.ndarray]]:
             continue
         on_b = np.array(item.values["anchor_b"])
         result += [(a, on_a, rest[0], on_b), (rest[0], on_b, a, on_a)]
+    if not result:
+        return result
     fixed = {body.id: np.array(body.initial[:2]) for body in scene.bodies if not body.mobile and body.initial}
     return [
         (body, own, None, fixed[other] + there) if other in fixed else (body, own, other, there)
@@ -49,10 +51,10 @@ def angles_of(scene: Scene, xy: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, 
     on a body whose own angle is known; all others are zero.
     """
     angle, spin = np.zeros(xy.shape[:-1]), np.zeros(xy.shape[:-1])
-    if not scene.laws_named("hinge"):
+    ends = [end for end in _ends(scene) if math.hypot(*end[1]) > 0]
+    if not ends:
         return angle, spin
     rows = {body.id: k for k, body in enumerate(scene.bodies)}
-    ends = [end for end in _ends(scene) if math.hypot(*end[1]) > 0]
     known: set[str] = set()
     while True:
         ready = [

@@ -17,6 +17,7 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.proof import bed_cases, prove, real_beds, real_life, windows
 from granswim_pymunk.proof.bed_cases import drawn_number
 from granswim_pymunk.proof.beds import draw_bed, packed
+from granswim_pymunk.proof.cases import Case
 from granswim_pymunk.proof.conceal import conceal, real_kind
 from granswim_pymunk.proof.ideal import EXACT, Errors, Response, Truth
 from granswim_pymunk.proof.prove import DEVELOPMENT_SECRET, full_cases, sliced, table_text
@@ -28,6 +29,7 @@ from granswim_pymunk.proof.setups import Setup, cart, meeting, meetings, pendulu
 from granswim_pymunk.proof.world import Effect, World
 from granswim_pymunk.recording import read_recording
 from granswim_pymunk.scene import Body, Scene
+from granswim_pymunk.validation import real_left
 from granswim_pymunk.validation.real_figures import main as real_figures_command
 
 
@@ -360,6 +362,35 @@ class TestScore:
         assert real_figures_command([str(clean), str(tables[0])]) == 2 and "one kind" in capsys.readouterr().err
         tables[0].write_text("case,setup\nreal-life-1,table\n")
         assert real_figures_command([str(tables[0])]) == 2
+
+
+    def test_a_table_made_before_gets_both_tests(self, tmp_path: Path, monkeypatch, capsys) -> None:
+        """Only what was seen to be left is drawn again: what is fitted takes away and never adds."""
+        rows = [replace(scored(answer("coulomb_substrate", complete=True)), case=f"real-life-{k}", left=left)
+                for k, left in ((1, 12.0), (2, 1.0))]  # fmt: skip
+        truth: dict = {**TRUTH}
+        for key, left in (("left", 2.0), ("left_held", 12.0)):
+            truth[key] = dict.fromkeys(("", "first", "scale", "first+scale"), left)
+        drawn = []
+
+        def case(seed: int, secret: bytes) -> Case:
+            drawn.append(seed)
+            return Case((), truth)
+
+        monkeypatch.setattr(real_left, "real_bodies_case", case)
+        table, out = tmp_path / "old.csv", tmp_path / "new.csv"
+        table.write_text(table_text(rows))
+        asked = ["--series", "52", "--commit", "fb473dd" + "0" * 33, "--out"]
+        assert real_left.main([str(table), *asked, str(out)]) == 0
+        assert drawn == [1] and [(r.left, r.left_held) for r in read_real_rows(out)] == [(2.0, 12.0), (1.0, None)]
+        figures = {f.what: f for f in real_figures(read_real_rows(out))}
+        assert figures["an ideal test sees what is left: said to be incomplete"].n == 0
+        held = figures["the same where the test takes masses and radii as they are believed"]
+        assert (held.hits, held.n) == (0, 1)
+        capsys.readouterr()
+        assert real_left.main([str(tmp_path / "none.csv"), *asked, str(out)]) == 2
+        assert "none.csv" in capsys.readouterr().err
+        assert real_left.main([str(table), *asked, str(table / "new.csv")]) == 2 and drawn == [1]
 
 
 class TestSeries:

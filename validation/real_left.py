@@ -10,22 +10,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.proof.conceal import write_beside
 from granswim_pymunk.proof.prove import table_text
 from granswim_pymunk.proof.real_life import real_bodies_case
-from granswim_pymunk.proof.real_score import RealRow, components_named, read_real_rows
+from granswim_pymunk.proof.real_score import RealRow, read_real_rows, what_is_left
 from granswim_pymunk.proof.seal import series_secret
-
-
-def fitted(row: RealRow, truth: Mapping[str, Any]) -> RealRow:
-    """The row with what is left by the seal ``truth``, once what is stated is fitted, and as it is believed."""
-    parts = "+".join(sorted(components_named(truth, row.named)))
-    return replace(row, left=truth["left"].get(parts), left_held=truth["left_held"].get(parts))
+from granswim_pymunk.validation.output import check_folder
 
 
 def again(rows: list[RealRow], secret: bytes, say: Callable[[str], None]) -> list[RealRow]:
@@ -35,9 +30,9 @@ def again(rows: list[RealRow], secret: bytes, say: Callable[[str], None]) -> lis
         kind, _, seed = row.case.rpartition("-")
         if kind == "real-life" and row.seen:
             say(f"{row.case}, {k + 1} of {len(rows)}")
-            found.append(fitted(row, real_bodies_case(int(seed), secret).truth))
-        else:
-            found.append(row)
+            left, held = what_is_left(real_bodies_case(int(seed), secret).truth, row.named)
+            row = replace(row, left=left, left_held=held)
+        found.append(row)
     return found
 
 
@@ -49,13 +44,14 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
     args = parser.parse_args(argv)
     try:
+        check_folder(args.out)
         rows = read_real_rows(args.table)
         secret = series_secret(args.series, args.commit)
         new = again(rows, secret, lambda text: print(text, file=sys.stderr))
+        write_beside(args.out, table_text(new))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    args.out.write_text(table_text(new), encoding="utf-8")
     return 0
 
 

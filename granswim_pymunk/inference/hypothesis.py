@@ -419,8 +419,10 @@ class Predictor:
             why = f"{FLEW_OFF} {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
-        shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}
-        seen = xy if camera is NO_CAMERA else see(xy, since=t - case.t[0], **shows)
+        seen = xy
+        if camera is not NO_CAMERA:
+            shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}
+            seen = see(xy, since=t - case.t[0], **shows)
         at = {b: k for k, b in enumerate(case.bodies)}
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):
@@ -487,12 +489,12 @@ class Predictor:
         return simulation
 
 
+_BUT_LAWS = tuple(f.name for f in fields(Scene) if f.name != "laws")
+
+
 def _but_for_laws(one: Scene | None, other: Scene) -> bool:
     """Whether two scenes have all but their laws in common, as one that was made of the other by other laws."""
     return one is not None and all(getattr(one, name) is getattr(other, name) for name in _BUT_LAWS)
-
-
-_BUT_LAWS = tuple(f.name for f in fields(Scene) if f.name != "laws")
 
 
 def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...]) -> End:

@@ -76,10 +76,10 @@ def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
     if judged.verdict != "unmodelled" or not claim.laws or claim.nameless:
         return judged
     why, claimed, asked = model.notes[told:], replace(judged, claim=claim), False
-    from_it, for_it = ("them", "for them") if len(claim.laws) > 1 else ("it", "for it")
+    it = "them" if len(claim.laws) > 1 else "it"
     others = chain(
-        ((other, f"which fits cannot tell from {from_it}") for other in model.alike(claimed)),
-        ((other, f"which these data ask for less than {for_it}") for other in model.runners_up(claimed)),
+        ((other, f"which fits cannot tell from {it}") for other in model.alike(claimed)),
+        ((other, f"which these data ask for less than for {it}") for other in model.runners_up(claimed)),
     )
     for other, which in others:
         asked = True

@@ -76,7 +76,12 @@ class RealRow:
     @property
     def seen(self) -> bool:
         """Whether an ideal test sees what is left."""
-        return self.left is not None and stats.norm.sf(self.left) < SURE
+        return _sees(self.left)
+
+    @property
+    def seen_held(self) -> bool:
+        """The same where the test takes masses and radii as they are believed."""
+        return _sees(self.left if self.left_held is None else self.left_held)
 
     def as_dict(self) -> dict[str, Any]:
         """As a line of a table."""
@@ -92,6 +97,10 @@ class RealRow:
             "ideal": "" if self.ideal is None else sum(self.ideal), "alone": int(self.alone),
             "heldout": self.heldout, "seconds": short(self.seconds), "failed": self.failed,
         }  # fmt: skip
+
+
+def _sees(left: float | None) -> bool:
+    return left is not None and bool(stats.norm.sf(left) < SURE)
 
 
 def nuisances(truth: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
@@ -119,11 +128,17 @@ def _near_each(truth: Mapping[str, Any]) -> list[set[str]]:
     return [_near(e["name"], by, truth) for e, by in zip(truth["effects"], rivals, strict=False)]
 
 
-def components_named(truth: Mapping[str, Any], named: Sequence[str]) -> list[str]:
+def _components_named(truth: Mapping[str, Any], named: Sequence[str]) -> list[str]:
     """What was drawn and has a name that is right for it: ``first``, ``second``, ``tilt``, ``scale``, ``mass``."""
     names = set(named)
     effects = [p for p, near in zip(("first", "second"), _near_each(truth), strict=False) if near & names]
     return effects + [p for p, right in nuisances(truth).items() if set(right) & names]
+
+
+def what_is_left(truth: Mapping[str, Any], named: Sequence[str]) -> tuple[float | None, float | None]:
+    """``RealRow.left`` and ``left_held`` by the seal, where these names are given; None where it does not know."""
+    parts = "+".join(sorted(_components_named(truth, named)))
+    return truth.get("left", {}).get(parts), truth.get("left_held", {}).get(parts)
 
 
 def score_real(result: Mapping[str, Any]) -> RealRow:
@@ -153,8 +168,7 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
     strange = strange if positive else ()
     if not names:
         right = in_class = not strange and kind != "failed"
-    parts = components_named(truth, named)
-    left, held = (truth.get(key, {}).get("+".join(sorted(parts))) for key in ("left", "left_held"))
+    left, held = what_is_left(truth, named)
     covered, ideal = (_covered(truth, mechanisms, by) for by in ("believed", "ideal"))
     fit = verdict.get("explained") or {}
     return RealRow(
@@ -163,7 +177,7 @@ def score_real(result: Mapping[str, Any]) -> RealRow:
         verdict=kind, named=named if positive else (), right_name=bool(right), right_class=bool(in_class),
         complete=verdict.get("complete"), share=fit.get("share"), strange=strange,
         entries=len(named) if positive else 0, left=left, left_held=held, covered=covered or (), ideal=ideal,
-        alone=len(names) < 2 or "second" in parts, heldout=str(verdict.get("heldout") or ""),
+        alone=len(names) < 2 or "second" in _components_named(truth, named), heldout=str(verdict.get("heldout") or ""),
         seconds=result["seconds"], failed=result.get("failed", ""),
     )  # fmt: skip
 
@@ -213,6 +227,8 @@ def real_figures(rows: Sequence[RealRow]) -> list[Figure]:
         counted("names neither drawn nor equivalent, of all entries", "at most 10 %",
                 [True] * strange + [False] * (entries - strange), 0.1, False),
         counted("an ideal test sees what is left: said to be incomplete", "at least 80 %", seen, 0.8, True),
+        replace(counted("the same where the test takes masses and radii as they are believed", "nothing",
+                        [r.complete is False for r in told if r.seen_held], 0.0, True), reached=None),
         counted("nulls with a mechanism that is no nuisance drawn", "at most 5 %", [bool(r.strange) for r in nulls],
                 0.05, False),
         counted("95 % intervals that hold the truth, no second effect or a named one", "at least 85 %", alone, 0.85,
