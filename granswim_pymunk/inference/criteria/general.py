@@ -103,8 +103,9 @@ class WorkCriteria:
     body_start [s] : of a core, that a body's start takes: estimated, drawn, taken apart from its neighbours. Measured
     start_up [s] : of a core, that a run takes to begin. Measured
     predictions [bytes] : that are kept in memory. Choice;  stretches : of recordings that a fit keeps cut up. Choice
-    alone : steps times bodies of the longest run, below which all is done in one thread. Measured, on two cores: of
-        runs of 3000 two threads make 1.16 of the time that one takes, of 20,000 0.93, of 46,000 0.77
+    alone : steps times bodies of the longest run, below which all is done in one thread. Measured, ``granswim
+        diagnose`` held to one core against two: of runs of 3000 (four pucks) two threads make 1.16 of the time that
+        one takes, of 20,000 (a cart) 0.93, of 46,000 (the shipped pendulum) 0.77
     least : of a budget, that each further look at a kind of recording gets where nothing is left of it. Choice
     """
 
